@@ -1,0 +1,1 @@
+"""The command ``torsight``: one light module per command; heavy imports stay inside the functions."""

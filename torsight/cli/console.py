@@ -1,0 +1,57 @@
+"""What the terminal shows: progress bars where someone watches, plain lines where not."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Iterator
+
+from torsight.core.progress import Progress
+
+
+@contextlib.contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """Give a progress callable that draws bars with the time left on a terminal and is quiet elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda _step, _done, _total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    tasks: dict[str, TaskID] = {}
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+
+        def report(step: str, done: float, total: float | None) -> None:
+            if step not in tasks:
+                tasks[step] = bars.add_task(step, total=total)
+            bars.update(tasks[step], completed=done, total=total)
+
+        yield report
+
+
+@contextlib.contextmanager
+def progress_lines(every_s: float = 5.0) -> Iterator[Progress]:
+    """Give a progress callable for logs: one line per step and, in long ones, one every few seconds."""
+    last: dict[str, float] = {}
+
+    def report(step: str, done: float, total: float | None) -> None:
+        now = time.monotonic()
+        finished = total is not None and done >= total
+        if step in last and not finished and now - last[step] < every_s:
+            return
+        if last.get(step) == float("inf"):
+            return
+        share = f" {100.0 * done / total:3.0f} %" if total else ""
+        say(f"  {step}{share}")
+        last[step] = float("inf") if finished else now
+
+    yield report
+
+
+def say(text: str) -> None:
+    """Print one line for the person at the terminal (standard error; results go to files)."""
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

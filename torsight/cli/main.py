@@ -1,0 +1,108 @@
+"""Entry point: the commands, how errors are told, and the exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+from typing import TYPE_CHECKING, Final
+
+import typer
+
+from torsight.core.errors import TorsightError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+COMMANDS: Final = (
+    "demo",
+    "run",
+    "track",
+    "sync",
+    "fit",
+    "discover",
+    "simulate",
+    "predict",
+    "render",
+)
+"""Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
+
+app = typer.Typer(
+    name="torsight",
+    help="From a film of two sticks to a trusted model of the torsion actuator.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(value: bool) -> None:  # noqa: FBT001 - typer's callback signature
+    if value:
+        from torsight import __version__
+
+        typer.echo(f"torsight {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    *,
+    version: bool = typer.Option(
+        default=False, help="Print the version and leave.", callback=_version, is_eager=True, is_flag=True
+    ),
+    debug: bool = typer.Option(default=False, help="Show the traceback of an error.", is_flag=True),
+) -> None:
+    """Torsight measures the angle of a torsion actuator on film and finds what its model lacks."""
+
+
+for _name in COMMANDS:
+    _module = importlib.import_module(f"torsight.cli.{_name}")
+    app.command(_name)(getattr(_module, _name))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; leaves with the exit codes of the contract (0, 2, 3, 4; 130 after Ctrl-C)."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    try:
+        code = app(args=words, prog_name="torsight", standalone_mode=False)
+    except TorsightError as error:
+        _tell(error, debug=debug)
+        code = error.exit_code
+    except KeyboardInterrupt:
+        sys.stderr.write("torsight: interrupted; what was finished is on disk\n")
+        code = 130
+    except Exception as error:
+        code = _other(error, debug=debug)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _tell(error: Exception, *, debug: bool) -> None:
+    if debug:
+        traceback.print_exception(error)
+    sys.stderr.write(f"torsight: {error}\n")
+
+
+def _other(error: Exception, *, debug: bool) -> int:
+    """Tell wrong usage (exit 2) as typer's parser words it; pass on what is a defect of ours."""
+    show = getattr(error, "show", None)
+    if callable(show):
+        show()
+        return int(getattr(error, "exit_code", 2))
+    if type(error).__name__ == "Abort":
+        return 130
+    if isinstance(error, MemoryError):
+        _tell(error, debug=debug)
+        return 3
+    if debug:
+        traceback.print_exception(error)
+    sys.stderr.write(
+        f"torsight: internal error, {type(error).__name__}: {error}; please report it with the output of --debug\n"
+    )
+    return 70
+
+
+if __name__ == "__main__":
+    main()

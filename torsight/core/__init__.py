@@ -1,0 +1,1 @@
+"""Frozen objects that cross the stages, errors, storage and provenance."""

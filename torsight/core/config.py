@@ -1,0 +1,76 @@
+"""Typed values out of a TOML table, each refusal naming file, key, value and limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from torsight.core.errors import ConfigError
+
+
+def get_table(content: Mapping[str, Any], key: str, *, where: str, required: bool = False) -> Mapping[str, Any]:
+    """Return the sub-table ``key`` (empty where it is absent and not required).
+
+    Raises
+    ------
+    ConfigError
+        When it is required and absent, or no table.
+    """
+    if key not in content:
+        if required:
+            raise ConfigError(f"has no table [{key}]", where=where, do="add it")
+        return {}
+    table = content[key]
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"'{key}' is not a table", where=where, value=repr(table), limit=f"[{key}] with keys")
+    return table
+
+
+def get_number(
+    table: Mapping[str, Any],
+    key: str,
+    *,
+    where: str,
+    default: float | None = None,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    hint: str | None = None,
+) -> float:
+    """Return a finite number within [lower, upper].
+
+    Raises
+    ------
+    ConfigError
+        When it is absent without a default, is no number, or out of range; ``hint`` says what to do then.
+    """
+    value = table.get(key, default)
+    if value is None:
+        raise ConfigError(f"has no key '{key}'", where=where, do="add it")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ConfigError(f"'{key}' is not a number", where=where, value=repr(value), limit="a finite number", do=hint)
+    if not lower <= value <= upper:
+        raise ConfigError(
+            f"'{key}' is out of range", where=where, value=f"{value:g}", limit=f"{lower:g} to {upper:g}", do=hint
+        )
+    return float(value)
+
+
+def get_text(
+    table: Mapping[str, Any], key: str, *, where: str, default: str | None = None, choices: tuple[str, ...] = ()
+) -> str:
+    """Return a string, one of ``choices`` where given.
+
+    Raises
+    ------
+    ConfigError
+        When it is absent without a default, no string, or none of the choices.
+    """
+    value = table.get(key, default)
+    if value is None:
+        raise ConfigError(f"has no key '{key}'", where=where, do="add it")
+    if not isinstance(value, str):
+        raise ConfigError(f"'{key}' is not a text", where=where, value=repr(value), limit="a text in quotes")
+    if choices and value not in choices:
+        raise ConfigError(f"'{key}' is not known", where=where, value=repr(value), limit=", ".join(choices))
+    return value

@@ -1,0 +1,89 @@
+"""The kinds of failure and how each is told.
+
+Every error that a user can cause is a :class:`TorsightError`. Its message says what is wrong, where, which value
+was met, which is allowed and what to do. The command line prints it on one line and leaves with its exit code.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class TorsightError(Exception):
+    """Base of all errors that Torsight raises on purpose.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, as a clause.
+    where : str, optional
+        File, line, row, frame, column or key.
+    value : object, optional
+        The value that was met.
+    limit : str, optional
+        The value or range that is allowed.
+    do : str, optional
+        What the user can do about it.
+    """
+
+    exit_code: ClassVar[int] = 4
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        value: object = None,
+        limit: str | None = None,
+        do: str | None = None,
+    ) -> None:
+        self.what = what
+        self.where = where
+        self.value = value
+        self.limit = limit
+        self.do = do
+        super().__init__(what)
+
+    def __str__(self) -> str:
+        parts = [f"{self.where}: {self.what}" if self.where else self.what]
+        if self.value is not None:
+            parts.append(f"found {self.value}")
+        if self.limit is not None:
+            parts.append(f"allowed {self.limit}")
+        if self.do is not None:
+            parts.append(self.do)
+        return "; ".join(parts)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        # Errors come back from worker processes: keep the keyword-only fields.
+        return (_rebuild, (type(self), self.what, self.where, self.value, self.limit, self.do))
+
+
+def _rebuild(
+    kind: type[TorsightError], what: str, where: str | None, value: object, limit: str | None, do: str | None
+) -> TorsightError:
+    return kind(what, where=where, value=value, limit=limit, do=do)
+
+
+class ConfigError(TorsightError, ValueError):
+    """Wrong usage or configuration: an unknown key, a value out of range, a missing option (exit code 2)."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class InputError(TorsightError, ValueError):
+    """An input file that cannot be used: missing, unreadable, without a needed column (exit code 3)."""
+
+    exit_code: ClassVar[int] = 3
+
+
+class OutputError(TorsightError, OSError):
+    """An output that cannot be written: no right to the folder, a full disk (exit code 3)."""
+
+    exit_code: ClassVar[int] = 3
+
+
+class NoResultError(TorsightError, RuntimeError):
+    """The inputs are fine but no result could be had: no marker, no motion, no convergence (exit code 4)."""
+
+    exit_code: ClassVar[int] = 4

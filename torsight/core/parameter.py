@@ -1,0 +1,71 @@
+"""A number of a model with its unit, bounds, prior and the value at which it vanishes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of a model, in the unit that its name ends in.
+
+    Attributes
+    ----------
+    name : str
+        Public name, the same in code, files and report; ends in its unit (``tau_c_mnm``, ``lag_s``).
+    value : float
+        Start value, nominal value or fitted value.
+    unit : str
+        Unit for display (``"mN·m"``, ``"°C"``, ``""`` for a plain number).
+    lower, upper : float
+        Bounds; infinite where there is none.
+    sigma : float or None
+        One standard deviation of the prior around ``value``; None means no prior.
+    null : float or None
+        Value at which an effect's parameter leaves the plain model unchanged.
+    fixed : bool
+        True where the value is taken as exact.
+    """
+
+    name: str
+    value: float
+    unit: str
+    lower: float = -math.inf
+    upper: float = math.inf
+    sigma: float | None = None
+    null: float | None = None
+    fixed: bool = False
+
+    def at(self, value: float) -> Parameter:
+        """Return the same parameter with another value."""
+        return replace(self, value=value)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A fitted value with its standard deviation and 95 % interval, all in ``unit``.
+
+    ``sigma`` is NaN and the interval infinite where the record says nothing about the parameter.
+    """
+
+    value: float
+    sigma: float
+    ci95: tuple[float, float]
+    unit: str
+    fixed: bool = False
+
+    def to_json(self) -> dict[str, object]:
+        """Return the form that stands in the JSON outputs (non-finite numbers become null)."""
+        lo, hi = self.ci95
+        return {
+            "value": _finite(self.value),
+            "sigma": _finite(self.sigma),
+            "ci95": [_finite(lo), _finite(hi)],
+            "unit": self.unit,
+            "fixed": self.fixed,
+        }
+
+
+def _finite(number: float) -> float | None:
+    return float(number) if math.isfinite(number) else None

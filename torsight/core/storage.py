@@ -1,0 +1,281 @@
+"""Files that are whole or not there: atomic writes, tables, JSON and TOML.
+
+Everything that Torsight writes goes through :func:`atomic_path`: the bytes are written beside the target, flushed to
+the disk and renamed, so that a killed run leaves the old file or the new one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import json
+import math
+import os
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from torsight.core.errors import ConfigError, InputError, OutputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA: Final = 1
+"""Version of the JSON outputs."""
+
+CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
+PARQUET_SUFFIXES: Final = (".parquet", ".pq")
+
+
+@contextlib.contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Give a path to write to that becomes ``path`` when the block ends without an error.
+
+    Raises
+    ------
+    OutputError
+        When the folder cannot be made or written, or the disk is full; an older ``path`` stays as it was.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise _not_written(path, error) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, (InputError, OutputError)):
+            raise
+        raise _not_written(path, error) from error
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _not_written(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"cannot be written ({error.strerror or error})",
+        where=str(path),
+        do="choose another --out folder, or free space and rights there; earlier files are untouched",
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically, UTF-8."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON object with ``"schema"`` in front; numbers that are not finite become null."""
+    write_text(path, json_text({"schema": SCHEMA, **content}))
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return the text of a JSON object: plain types, non-finite numbers as null, a newline at the end."""
+    return json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object that Torsight wrote.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is no JSON object, or has another schema.
+    """
+    text = read_text(path)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not JSON ({error})", where=str(path), do="make the file again") from error
+    if not isinstance(content, dict):
+        raise InputError("is not a JSON object", where=str(path), value=type(content).__name__, limit="an object")
+    if content.get("schema") != SCHEMA:
+        raise InputError(
+            "has another schema",
+            where=f"{path}, key schema",
+            value=repr(content.get("schema")),
+            limit=str(SCHEMA),
+            do="make the file again with this version of torsight",
+        )
+    return content
+
+
+def read_text(path: Path) -> str:
+    """Read a UTF-8 text file (with or without a byte order mark).
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is a folder, cannot be read or is not UTF-8.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise missing_file(path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8"
+        ) from error
+
+
+def missing_file(path: Path) -> InputError:
+    """Return the error for a file that is not there, naming the nearest name in its folder."""
+    near: list[str] = []
+    with contextlib.suppress(OSError):
+        near = difflib.get_close_matches(path.name, [item.name for item in path.parent.iterdir()], n=1)
+    hint = f"did you mean {near[0]}?" if near else "check the path"
+    return InputError("no such file", where=str(path), do=hint)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or unreadable.
+    ConfigError
+        When it is not TOML; the message carries line and column.
+    """
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ConfigError(f"is not TOML ({error})", where=str(path), do="mend that line") from error
+
+
+def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
+    """Refuse a key that is not known, naming the nearest one that is.
+
+    Raises
+    ------
+    ConfigError
+        For the first key outside ``allowed``.
+    """
+    for key in table:
+        if key not in allowed:
+            near = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
+            raise ConfigError(
+                f"unknown key '{key}'",
+                where=where,
+                limit=", ".join(allowed),
+                do=f"did you mean '{near[0]}'?" if near else "remove it",
+            )
+
+
+def is_parquet(path: Path) -> bool:
+    """Return whether a table at this path is Parquet (by suffix)."""
+    return path.suffix.lower() in PARQUET_SUFFIXES
+
+
+def write_table(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns of equal length as CSV or, by suffix, as Parquet.
+
+    CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1.
+    """
+    import pandas as pd
+
+    data = {name: _column(values) for name, values in columns.items()}
+    table = pd.DataFrame(data)
+    with atomic_path(path) as temporary:
+        if is_parquet(path):
+            table.to_parquet(temporary, index=False)
+        else:
+            table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
+
+
+def _column(values: Any) -> Any:
+    array = np.asarray(values)
+    return array.astype(np.int8) if array.dtype == np.bool_ else array
+
+
+def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a CSV or Parquet table that Torsight or another lab's script wrote.
+
+    Parameters
+    ----------
+    path : Path
+        The file; the suffix decides the format.
+    required : sequence of str
+        Columns that must be there and hold numbers (an empty field is NaN).
+
+    Returns
+    -------
+    pandas.DataFrame
+        All columns, the required ones as float64.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, empty, malformed, without a required column, or has a field that is no number; the
+        message names the row and the column.
+    """
+    import pandas as pd
+
+    if not path.exists():
+        raise missing_file(path)
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    try:
+        table = pd.read_parquet(path) if is_parquet(path) else pd.read_csv(path, encoding="utf-8-sig")
+    except pd.errors.EmptyDataError as error:
+        raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
+    except (pd.errors.ParserError, UnicodeDecodeError, OSError, ValueError) as error:
+        first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise InputError(f"is not a readable table ({first_line})", where=str(path)) from error
+    table.columns = [str(name).strip() for name in table.columns]
+    for name in required:
+        if name not in table.columns:
+            near = difflib.get_close_matches(name, list(table.columns), n=1)
+            raise InputError(
+                f"has no column '{name}'",
+                where=str(path),
+                value=", ".join(table.columns[:12]),
+                do=f"rename '{near[0]}'" if near else "add the column",
+            )
+        numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
+        wrong = numbers.isna() & table[name].notna()
+        if wrong.any():
+            row = int(np.flatnonzero(wrong.to_numpy())[0])
+            raise InputError(
+                "is not a number",
+                where=f"{path}, row {row + 2}, column {name}",
+                value=repr(table[name].iloc[row]),
+                limit="a number or an empty field",
+                do="mend that row",
+            )
+        table[name] = numbers
+    if len(table) == 0:
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    return table

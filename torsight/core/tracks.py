@@ -1,0 +1,87 @@
+"""What the tracker hands on: marker positions, and the angle made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
+"""The order of the four markers wherever an axis has length four."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkerTracks:
+    """Positions of the four markers in every frame of one film.
+
+    Attributes
+    ----------
+    frame : (n,) int64
+        Frame number, from 0, none missing.
+    time_s : (n,) float64
+        Time of the frame on the film's clock.
+    position_px : (n, 4, 2) float64
+        x to the right and y down, pixel centres at whole numbers, order of :data:`MARKERS`; NaN where not valid.
+    covariance_px2 : (n, 4, 2, 2) float64
+        Covariance of each position; NaN where not valid.
+    valid : (n, 4) bool
+        Whether the position was measured in this frame.
+    size_px : (int, int)
+        Width and height of the picture.
+    """
+
+    frame: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    position_px: NDArray[np.float64]
+    covariance_px2: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    size_px: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        n = len(self.frame)
+        shapes = {
+            "time_s": (self.time_s.shape, (n,)),
+            "position_px": (self.position_px.shape, (n, 4, 2)),
+            "covariance_px2": (self.covariance_px2.shape, (n, 4, 2, 2)),
+            "valid": (self.valid.shape, (n, 4)),
+        }
+        for name, (shape, expected) in shapes.items():
+            if shape != expected:
+                msg = f"{name} has shape {shape}, expected {expected}"
+                raise ValueError(msg)
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StickAngles:
+    """The actuator angle: orientation of the moving stick against the base stick.
+
+    Attributes
+    ----------
+    frame : (n,) int64
+        Frame number, from 0, none missing.
+    time_s : (n,) float64
+        Time of the frame on the film's clock.
+    angle_rad : (n,) float64
+        Positive counter-clockwise as the picture is displayed, unwrapped; NaN where not valid.
+    sigma_rad : (n,) float64
+        One standard deviation of ``angle_rad``; NaN where not valid.
+    valid : (n,) bool
+        Whether the angle is known in this frame.
+    branch_certain : (n,) bool
+        False after a gap over which the whole turn could not be decided by the motion on both sides.
+    """
+
+    frame: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    sigma_rad: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    branch_certain: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.frame)
