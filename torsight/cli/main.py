@@ -37,7 +37,7 @@ app = typer.Typer(
 )
 
 
-def _version(value: bool) -> None:  # noqa: FBT001 - typer's callback signature
+def _version(value: bool) -> None:
     if value:
         from torsight import __version__
 
@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.stderr.write("torsight: interrupted; what was finished is on disk\n")
         code = 130
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - the last resort: no traceback reaches a user
         code = _other(error, debug=debug)
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -1,0 +1,39 @@
+"""``torsight demo``: film a synthetic rig with an effect that the model lacks, and find it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def demo(
+    *,
+    out: Annotated[Path, typer.Option(help="Folder for the film and the results.")] = Path("demo"),
+    view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,
+) -> None:
+    """Film a synthetic rig and do everything that `torsight run` does on the film.
+
+    Example: torsight demo --out demo
+    """
+    from torsight.cli.console import progress_lines, say
+    from torsight.cli.experiment import read_experiment
+    from torsight.cli.run import run_experiment
+    from torsight.cli.summary import summary
+    from torsight.synthetic import demo_scene, render_scene
+
+    film = out / "rig"
+    with progress_lines() as progress:
+        say(f"Filming a synthetic rig into {film}")
+        render_scene(demo_scene(), out=film, progress=progress)
+        say("Measuring and modelling, as 'torsight run' does with any film")
+        folder = run_experiment(read_experiment(film / "experiment.toml"), out=out, progress=progress)
+    say("")
+    for line in summary(folder):
+        say(line)
+    say(f"What was hidden   {film / 'truth.toml'} tells, for comparison")
+    if view:
+        from torsight.cli.view import view as open_view
+
+        open_view(folder)

@@ -1,0 +1,174 @@
+"""``EXPERIMENT.toml``: which film, log, camera and actuator belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.core.config import get_number, get_table, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.storage import check_keys, missing_file, read_toml
+
+KEYS: Final[Mapping[str, tuple[str, ...]]] = {
+    "video": ("path", "timestamps", "fps"),
+    "camera": ("file",),
+    "markers": ("file", "base", "moving", "kind"),
+    "temperature": ("path",),
+    "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events"),
+    "actuator": ("file",),
+    "output": ("dir",),
+    "discovery": ("seed",),
+}
+"""Tables of ``EXPERIMENT.toml`` and their keys."""
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One experiment with every path resolved.
+
+    Attributes
+    ----------
+    video : str
+        Film, folder or glob of pictures; the left one of a stereo pair.
+    video_right : str or None
+        The right film of a stereo pair.
+    timestamps : Path or None
+        Table of frame times.
+    fps : float or None
+        Frame rate of a folder of pictures.
+    camera, markers_file : Path or None
+        ``CAMERA.toml``; ``MARKERS.toml``.
+    markers : mapping
+        Marker positions given in the experiment itself; empty where there are none.
+    temperature, actuator : Path
+        Temperature log and characterised values.
+    sync : mapping
+        Settings of the clock.
+    output : Path
+        Folder for the results.
+    seed : int
+        Seed of every random choice.
+    """
+
+    video: str
+    video_right: str | None
+    timestamps: Path | None
+    fps: float | None
+    camera: Path | None
+    markers_file: Path | None
+    markers: Mapping[str, Any]
+    temperature: Path
+    actuator: Path
+    sync: Mapping[str, Any]
+    output: Path
+    seed: int
+
+    def inputs(self) -> list[Path]:
+        """Return every file that the experiment reads (films given as a glob are expanded)."""
+        found: list[Path] = []
+        for source in (self.video, self.video_right):
+            if source is not None:
+                path = Path(source)
+                found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
+        optional = (self.timestamps, self.camera, self.markers_file)
+        return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator]
+
+    def to_configuration(self) -> dict[str, Any]:
+        """Return the configuration as used, in the shape of the TOML file."""
+        video: dict[str, Any] = {"path": self.video if self.video_right is None else [self.video, self.video_right]}
+        content: dict[str, dict[str, Any]] = {
+            "video": video,
+            "camera": {} if self.camera is None else {"file": str(self.camera)},
+            "markers": dict(self.markers) if self.markers_file is None else {"file": str(self.markers_file)},
+            "temperature": {"path": str(self.temperature)},
+            "sync": dict(self.sync),
+            "actuator": {"file": str(self.actuator)},
+            "output": {"dir": str(self.output)},
+            "discovery": {"seed": self.seed},
+        }
+        if self.timestamps is not None:
+            video["timestamps"] = str(self.timestamps)
+        if self.fps is not None:
+            video["fps"] = self.fps
+        return {name: table for name, table in content.items() if table}
+
+
+def read_experiment(path: Path) -> Experiment:
+    """Read ``EXPERIMENT.toml``; relative paths are relative to it.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key (the nearest known one is named), a missing one, or a value of the wrong kind.
+    InputError
+        When the file, or a file that it names, is missing.
+    """
+    return experiment_from(read_toml(path), where=str(path), folder=path.parent)
+
+
+def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> Experiment:
+    """Build an experiment from the content of its file; see :func:`read_experiment`."""
+    check_keys(content, tuple(KEYS), where=where)
+    tables = {
+        name: get_table(content, name, where=where, required=name in ("video", "temperature", "actuator"))
+        for name in KEYS
+    }
+    places = {name: f"{where}, [{name}]" for name in KEYS}
+    for name, table in tables.items():
+        check_keys(table, KEYS[name], where=places[name])
+    left, right = _films(tables["video"], where=places["video"], folder=folder)
+
+    def named(table: str, key: str) -> Path | None:
+        if key not in tables[table]:
+            return None
+        return _existing(folder / get_text(tables[table], key, where=places[table]))
+
+    temperature, actuator = named("temperature", "path"), named("actuator", "file")
+    if temperature is None or actuator is None:
+        missing = places["temperature"] if temperature is None else places["actuator"]
+        raise ConfigError("names no file", where=missing, do="add 'path' to [temperature], 'file' to [actuator]")
+    fps = tables["video"].get("fps")
+    sync = dict(tables["sync"])
+    if "led_events" in sync:
+        sync["led_events"] = str(_existing(folder / get_text(sync, "led_events", where=places["sync"])))
+    return Experiment(
+        video=left,
+        video_right=right,
+        timestamps=named("video", "timestamps"),
+        fps=None if fps is None else get_number(tables["video"], "fps", where=places["video"], lower=1e-3),
+        camera=named("camera", "file"),
+        markers_file=named("markers", "file"),
+        markers={key: value for key, value in tables["markers"].items() if key != "file"},
+        temperature=temperature,
+        actuator=actuator,
+        sync=sync,
+        output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
+        seed=int(get_number(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0)),
+    )
+
+
+def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, str | None]:
+    value = table.get("path")
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or len(names) not in (1, 2) or not all(isinstance(name, str) for name in names):
+        raise ConfigError(
+            "'path' names no film",
+            where=where,
+            value=repr(value),
+            limit="a text, or a list of two for left and right",
+        )
+    found: list[str] = []
+    for name in names:
+        path = folder / name
+        if not any(character in path.name for character in "*?["):
+            _existing(path)
+        found.append(str(path))
+    return found[0], found[1] if len(found) == 2 else None
+
+
+def _existing(path: Path) -> Path:
+    if not path.exists():
+        raise missing_file(path)
+    return path

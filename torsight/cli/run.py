@@ -1,0 +1,190 @@
+"""``torsight run``: every stage on one experiment, from the film to the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from torsight.core.errors import ConfigError, InputError
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.cli.experiment import Experiment
+
+
+def run(
+    experiment: Annotated[Path | None, typer.Argument(metavar="EXPERIMENT.toml", help="What belongs together.")] = None,
+    *,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
+    from_: Annotated[
+        Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Do a finished run again.")
+    ] = None,
+) -> None:
+    """Track, synchronise, fit, discover; leave a report and a recording.
+
+    Example: torsight run experiment.toml --out results
+    """
+    from torsight.cli.console import progress_lines, say
+    from torsight.cli.experiment import read_experiment
+    from torsight.cli.summary import summary
+
+    if (experiment is None) == (from_ is None):
+        raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
+    chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
+    with progress_lines() as progress:
+        folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
+    say("")
+    for line in summary(folder):
+        say(line)
+    if view:
+        from torsight.cli.view import view as open_view
+
+        open_view(folder)
+
+
+def again(path: Path) -> Experiment:
+    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since.
+
+    Raises
+    ------
+    InputError
+        When the file is no provenance, or an input is missing or has other bytes.
+    """
+    from torsight.cli.experiment import experiment_from
+    from torsight.core.provenance import file_hash
+    from torsight.core.storage import read_json
+
+    content = read_json(path)
+    recorded, configuration = content.get("inputs"), content.get("configuration")
+    if not isinstance(recorded, dict) or not isinstance(configuration, dict):
+        raise InputError("is no provenance of a run", where=str(path), do="name the provenance.json of 'torsight run'")
+    for name, expected in recorded.items():
+        found = file_hash(Path(name))
+        if found != expected:
+            raise InputError(
+                "has changed since the run",
+                where=name,
+                value=found[:12],
+                limit=f"{str(expected)[:12]} (SHA-256)",
+            )
+    return experiment_from(configuration, where=f"{path}, configuration", folder=Path())
+
+
+def run_experiment(
+    experiment: Experiment, *, out: Path | None = None, resume: bool = False, progress: Progress = silent
+) -> Path:
+    """Run every stage of one experiment and return the folder of the results.
+
+    With ``resume`` the stages that an interrupted run of the same inputs had finished are not done again, and an
+    unfinished track goes on from its last checkpoint.
+    """
+    from torsight.core.provenance import provenance
+    from torsight.core.storage import write_json
+
+    folder = out or experiment.output
+    origin = provenance(
+        command="torsight run",
+        inputs=experiment.inputs(),
+        configuration=experiment.to_configuration(),
+        seed=experiment.seed,
+    )
+    state = _State(folder, origin=origin, resume=resume)
+    for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):
+        if name not in state.finished:
+            work()
+            state.finish(name)
+    write_json(folder / "provenance.json", origin)
+    progress("recording and report", 0, 1)
+    _show(experiment, folder)
+    progress("recording and report", 1, 1)
+    state.close()
+    return folder
+
+
+def _stages(
+    experiment: Experiment, folder: Path, *, resume: bool, progress: Progress
+) -> list[tuple[str, Callable[[], Any]]]:
+    from torsight.cli.discover import discover_to_folder
+    from torsight.cli.fit import fit_to_folder
+    from torsight.cli.sync import sync_to_folder
+    from torsight.cli.track import track_to_folder
+
+    merged = folder / "merged.csv"
+    return [
+        (
+            "track",
+            lambda: track_to_folder(
+                experiment.video,
+                right=experiment.video_right,
+                camera=experiment.camera,
+                markers=experiment.markers_file or (experiment.markers or None),
+                timestamps=experiment.timestamps,
+                fps=experiment.fps,
+                out=folder,
+                resume=resume,
+                progress=progress,
+            ),
+        ),
+        (
+            "sync",
+            lambda: sync_to_folder(
+                folder / "angle.csv",
+                experiment.temperature,
+                settings=experiment.sync,
+                out=folder,
+                progress=progress,
+            ),
+        ),
+        ("fit", lambda: fit_to_folder(merged, experiment.actuator, out=folder, progress=progress)),
+        (
+            "discover",
+            lambda: discover_to_folder(
+                merged, experiment.actuator, out=folder, seed=experiment.seed, progress=progress
+            ),
+        ),
+    ]
+
+
+def _show(experiment: Experiment, folder: Path) -> None:
+    from torsight.report import write_report
+    from torsight.viewer import write_recording
+
+    write_recording(folder, film=Path(experiment.video))
+    write_report(folder)
+
+
+class _State:
+    """Which stages of a run are finished, kept in the folder while the run lasts."""
+
+    def __init__(self, folder: Path, *, origin: dict[str, Any], resume: bool) -> None:
+        import json
+
+        self._path = folder / ".run.json"
+        self._key = {name: origin[name] for name in ("inputs", "configuration", "seed")}
+        self.same = False
+        self.finished: list[str] = []
+        if resume and self._path.exists():
+            try:
+                earlier = json.loads(self._path.read_text(encoding="utf-8"))
+                self.same = earlier["key"] == self._key
+                self.finished = list(earlier["finished"]) if self.same else []
+            except (ValueError, KeyError, TypeError, OSError):
+                self.finished = []
+        self._write()
+
+    def finish(self, stage: str) -> None:
+        self.finished.append(stage)
+        self._write()
+
+    def close(self) -> None:
+        self._path.unlink(missing_ok=True)
+
+    def _write(self) -> None:
+        from torsight.core.storage import json_text, write_text
+
+        write_text(self._path, json_text({"key": self._key, "finished": self.finished}))
