@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.config import get_number
+from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
 from torsight.core.storage import check_keys, read_toml
 
@@ -104,12 +104,12 @@ def read_camera(path: Path) -> Camera:
     check_keys(content, ("intrinsics", "pose", "planes", "right", "calibration"), where=str(path))
     if "intrinsics" not in content:
         raise ConfigError("has no table [intrinsics]", where=str(path), do="make it with 'torsight calibrate'")
-    intrinsics = _intrinsics(_table(content, "intrinsics", path), where=f"{path}, [intrinsics]")
+    intrinsics = _intrinsics(get_table(content, "intrinsics", where=str(path)), where=f"{path}, [intrinsics]")
     pose = None
     if "pose" in content:
-        table = _table(content, "pose", path)
+        table = get_table(content, "pose", where=str(path))
         check_keys(table, ("rvec", "tvec_mm"), where=f"{path}, [pose]")
-        planes = _table(content, "planes", path) if "planes" in content else {}
+        planes = get_table(content, "planes", where=str(path))
         check_keys(planes, ("base_z_mm", "moving_z_mm"), where=f"{path}, [planes]")
         pose = Pose(
             rvec=_numbers(table, "rvec", 3, where=f"{path}, [pose]"),
@@ -119,13 +119,14 @@ def read_camera(path: Path) -> Camera:
         )
     right = None
     if "right" in content:
-        table = _table(content, "right", path)
+        table = get_table(content, "right", where=str(path))
         check_keys(table, ("intrinsics", "from_left"), where=f"{path}, [right]")
-        motion = _table(table, "from_left", path, prefix="right.")
+        motion = get_table(table, "from_left", where=f"{path}, [right]", required=True)
         check_keys(motion, ("rvec", "tvec_mm"), where=f"{path}, [right.from_left]")
         right = RightCamera(
             intrinsics=_intrinsics(
-                _table(table, "intrinsics", path, prefix="right."), where=f"{path}, [right.intrinsics]"
+                get_table(table, "intrinsics", where=f"{path}, [right]", required=True),
+                where=f"{path}, [right.intrinsics]",
             ),
             rvec=_numbers(motion, "rvec", 3, where=f"{path}, [right.from_left]"),
             tvec_mm=_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]"),
@@ -171,13 +172,6 @@ def _intrinsics(table: Mapping[str, Any], *, where: str) -> Intrinsics:
     distortion = _numbers(table, "distortion", 5, where=where) if "distortion" in table else np.zeros(5)
     width, height = (int(get_number(table, key, where=where, lower=1)) for key in ("width", "height"))
     return Intrinsics(size_px=(width, height), matrix=matrix, distortion=distortion)
-
-
-def _table(content: Mapping[str, Any], key: str, path: Path, prefix: str = "") -> Mapping[str, Any]:
-    table = content.get(key)
-    if not isinstance(table, Mapping):
-        raise ConfigError(f"needs a table [{prefix}{key}]", where=str(path))
-    return table
 
 
 def _numbers(table: Mapping[str, Any], key: str, count: int, *, where: str) -> NDArray[np.float64]:
