@@ -1,0 +1,80 @@
+"""The experiment file: paths relative to it, unknown keys named, and back again from provenance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from torsight.cli.experiment import experiment_from, read_experiment
+from torsight.core.errors import ConfigError, InputError
+
+WHOLE = """
+[video]
+path = "film.mp4"
+[camera]
+file = "camera.toml"
+[markers]
+base = [[1, 2], [3, 4]]
+moving = [[5, 6], [7, 8]]
+[temperature]
+path = "temps.csv"
+[sync]
+offset_s = 3.0
+[actuator]
+file = "actuator.toml"
+[discovery]
+seed = 4
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("film.mp4", "right.mp4", "camera.toml", "temps.csv", "actuator.toml"):
+        (tmp_path / name).write_bytes(name.encode())
+    return tmp_path
+
+
+def _write(folder: Path, text: str) -> Path:
+    path = folder / "experiment.toml"
+    path.write_text(text)
+    return path
+
+
+def test_paths_are_relative_to_the_file(folder: Path) -> None:
+    experiment = read_experiment(_write(folder, WHOLE))
+    assert experiment.video == str(folder / "film.mp4")
+    assert experiment.output == folder / "results"
+    assert experiment.seed == 4
+    assert experiment.markers["moving"] == [[5, 6], [7, 8]]
+    assert experiment.inputs()[0] == folder / "film.mp4"
+
+
+def test_the_configuration_as_used_gives_the_same_experiment(folder: Path) -> None:
+    experiment = read_experiment(_write(folder, WHOLE))
+    again = experiment_from(experiment.to_configuration(), where="provenance.json", folder=Path())
+    assert again == experiment
+
+
+def test_a_stereo_pair(folder: Path) -> None:
+    text = WHOLE.replace('path = "film.mp4"', 'path = ["film.mp4", "right.mp4"]')
+    assert read_experiment(_write(folder, text)).video_right == str(folder / "right.mp4")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "words"),
+    [
+        ("[temperature]", "[tempratures]", ConfigError, "unknown key 'tempratures'.*did you mean 'temperature'"),
+        ("offset_s", "ofset_s", ConfigError, r"\[sync\]: unknown key 'ofset_s'.*did you mean 'offset_s'"),
+        ('path = "film.mp4"', "", ConfigError, r"\[video\]: 'path' names no film"),
+        ('path = "film.mp4"', 'path = ["a", "b", "c"]', ConfigError, "a list of two for left and right"),
+        ('path = "film.mp4"', 'path = "flim.mp4"', InputError, r"no such file; did you mean film\.mp4"),
+        ('path = "temps.csv"', "", ConfigError, r"\[temperature\]: names no file"),
+        ('file = "actuator.toml"', "file = 3", ConfigError, "'file' is not a text"),
+        ("seed = 4", "seed = -1", ConfigError, "'seed' is out of range; found -1"),
+        ("[camera]\n", "[camera\n", ConfigError, "is not TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(folder: Path, old: str, new: str, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        read_experiment(_write(folder, WHOLE.replace(old, new)))

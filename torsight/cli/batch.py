@@ -1,0 +1,39 @@
+"""``torsight batch``: many experiments, one table of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def batch(
+    sources: Annotated[list[str], typer.Argument(metavar="FOLDER_OR_GLOB…", help="Where the experiments are.")],
+    *,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    jobs: Annotated[int, typer.Option(help="Processes on this machine; -1 is one per core.")] = -1,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
+    ] = None,
+) -> None:
+    """Run many experiments and put their results into one table and one page of small pictures.
+
+    A second call does only what is missing or has changed.
+
+    Example: torsight batch campaign/ --out results
+    """
+    from torsight.cli.campaign import find_experiments, run_campaign, tasks, write_results
+    from torsight.cli.console import progress_lines, say
+    from torsight.report import write_gallery
+
+    todo = tasks(find_experiments(sources), out)
+    with progress_lines() as progress:
+        rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
+    page = write_gallery(rows, out)
+    done = sum(row["status"] == "done" for row in rows)
+    for row in rows:
+        if row["status"] == "failed":
+            say(f"failed: {row['name']}: {row['message']}")
+    write_results(rows, out)
+    say(f"{done} of {len(rows)} experiments done; table {out / 'results.csv'}, page {page}")

@@ -1,0 +1,242 @@
+"""Many experiments: the same run for each, one table of results, one page of small pictures.
+
+A campaign is a set of independent tasks: one experiment in, one folder and one row of the table out. They run on the
+processes of this machine (joblib) or on a Dask cluster that already runs. A task that fails leaves a row that says
+why; a task whose results are there and whose inputs have not changed since is not done again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
+from torsight.core.progress import Progress, silent
+
+RESULT_COLUMNS: Final = (
+    "name",
+    "status",
+    "message",
+    "frames",
+    "valid_share",
+    "angle_min_deg",
+    "angle_max_deg",
+    "angle_sigma_deg",
+    "offset_s",
+    "tau_c_mnm",
+    "tau_c_lo_mnm",
+    "tau_c_hi_mnm",
+    "verdict",
+    "effects",
+    "rmse_before_deg",
+    "rmse_after_deg",
+    "noise_floor_deg",
+    "folder",
+)
+"""Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One experiment file and the folder for its results."""
+
+    name: str
+    experiment: Path
+    folder: Path
+
+
+def find_experiments(sources: Iterable[str]) -> list[Path]:
+    """Return every experiment file in folders (searched to all depths) and globs, sorted, each once.
+
+    Raises
+    ------
+    InputError
+        When a source names nothing.
+    """
+    found: list[Path] = []
+    for source in sources:
+        path = Path(source)
+        if path.is_dir():
+            files = [item for item in path.rglob("*.toml") if item.stem == "experiment" or "experiment" in item.stem]
+        elif path.exists():
+            files = [path]
+        else:
+            files = [item / "experiment.toml" if item.is_dir() else item for item in _glob(path)]
+        if not files:
+            raise InputError(
+                "holds no experiment", where=source, do="name folders with an experiment.toml, or the files themselves"
+            )
+        found += files
+    return sorted({item.resolve() for item in found})
+
+
+def _glob(path: Path) -> list[Path]:
+    anchor = Path(path.anchor) if path.is_absolute() else Path()
+    pattern = str(path.relative_to(path.anchor)) if path.is_absolute() else str(path)
+    return sorted(anchor.glob(pattern))
+
+
+def tasks(experiments: Sequence[Path], out: Path) -> list[Task]:
+    """Return one task per experiment with names that are short, readable and different."""
+    stems = [_name(path) for path in experiments]
+    made: list[Task] = []
+    seen: dict[str, int] = {}
+    for path, stem in zip(experiments, stems, strict=True):
+        seen[stem] = seen.get(stem, 0) + 1
+        name = stem if stems.count(stem) == 1 else f"{stem}-{seen[stem]}"
+        made.append(Task(name=name, experiment=path, folder=out / name))
+    return made
+
+
+def _name(path: Path) -> str:
+    stem = path.parent.name if path.stem == "experiment" else path.stem
+    return re.sub(r"[^\w.-]+", "_", stem) or "experiment"
+
+
+def run_task(task: Task) -> dict[str, Any]:
+    """Do one experiment, or read its results where they stand; never raises a :class:`TorsightError`."""
+    from torsight.cli.experiment import read_experiment
+    from torsight.cli.run import run_experiment
+
+    try:
+        experiment = read_experiment(task.experiment)
+        if not is_current(task, experiment.to_configuration(), experiment.inputs()):
+            run_experiment(experiment, out=task.folder, resume=True)
+        return {"name": task.name, "status": "done", "message": "", **result_row(task.folder)}
+    except TorsightError as error:
+        return {"name": task.name, "status": "failed", "message": str(error), "folder": str(task.folder)}
+
+
+def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
+    """Return whether the folder holds a whole run of exactly these inputs and settings."""
+    from torsight.core.provenance import provenance
+    from torsight.core.storage import json_text, read_json
+
+    path = task.folder / "provenance.json"
+    if not path.exists() or not (task.folder / "report.html").exists():
+        return False
+    recorded = read_json(path)
+    now = provenance(command="torsight run", inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
+    keys = ("inputs", "configuration", "versions")
+    return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
+
+
+def result_row(folder: Path) -> dict[str, Any]:
+    """Return one row of the table of results from the files of a finished run."""
+    import numpy as np
+
+    from torsight.core.storage import read_json
+    from torsight.core.tables import read_angles
+    from torsight.core.units import DEG
+
+    angles = read_angles(folder / "angle.csv")
+    discovery, clock = read_json(folder / "discovery.json"), read_json(folder / "sync.json")
+    known_deg = angles.angle_rad[angles.valid] / DEG
+    friction = discovery["parameters"]["tau_c_mnm"]
+    return {
+        "frames": len(angles),
+        "valid_share": float(angles.valid.mean()),
+        "angle_min_deg": float(known_deg.min()),
+        "angle_max_deg": float(known_deg.max()),
+        "angle_sigma_deg": float(np.median(angles.sigma_rad[angles.valid]) / DEG),
+        "offset_s": clock["offset_s"]["value"],
+        "tau_c_mnm": friction["value"],
+        "tau_c_lo_mnm": friction["ci95"][0],
+        "tau_c_hi_mnm": friction["ci95"][1],
+        "verdict": discovery["verdict"],
+        "effects": " ".join(effect["id"] for effect in discovery["effects"]),
+        "rmse_before_deg": discovery["before"]["rmse_held_out_deg"],
+        "rmse_after_deg": discovery["after"]["rmse_held_out_deg"],
+        "noise_floor_deg": discovery["noise_floor_deg"],
+        "folder": str(folder),
+    }
+
+
+def run_campaign(
+    todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
+) -> list[dict[str, Any]]:
+    """Do every task and return the rows in the order of the tasks.
+
+    Parameters
+    ----------
+    todo : sequence of Task
+        The experiments.
+    jobs : int
+        Processes on this machine; -1 for one per core.
+    scheduler : str, optional
+        Address of a running Dask scheduler that does the tasks instead.
+    progress : Progress
+        Told after each task.
+    """
+    rows: dict[str, dict[str, Any]] = {}
+
+    def finished(row: dict[str, Any]) -> None:
+        rows[row["name"]] = row
+        progress("experiments", len(rows), len(todo))
+
+    progress("experiments", 0, len(todo))
+    (_on_cluster if scheduler else _on_this_machine)(todo, finished, jobs=jobs, scheduler=scheduler or "")
+    return [rows[task.name] for task in todo]
+
+
+def _on_this_machine(
+    todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str
+) -> None:
+    from joblib import Parallel, delayed
+
+    del scheduler
+    pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+    for row in pool(delayed(run_task)(task) for task in todo):
+        finished(row)
+
+
+def _on_cluster(todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str) -> None:
+    del jobs
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise ConfigError(
+            "--scheduler needs Dask", where="torsight batch", do="install it with: pip install 'torsight[cluster]'"
+        ) from error
+    try:
+        client: Any = Client(scheduler, timeout="10s")  # type: ignore[no-untyped-call] - distributed has no types
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"
+        ) from error
+    with client:
+        futures = client.map(run_task, todo, pure=False)
+        done: Any = as_completed(futures, with_results=True)  # type: ignore[no-untyped-call] - distributed has no types
+        for _future, row in done:
+            finished(row)
+
+
+def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
+    """Write the table of results as CSV and Parquet.
+
+    Raises
+    ------
+    NoResultError
+        When every experiment failed; the table is written all the same.
+    """
+    import numpy as np
+
+    from torsight.core.storage import write_table
+
+    text = ("name", "status", "message", "verdict", "effects", "folder")
+    columns = {name: [row.get(name, "" if name in text else np.nan) for row in rows] for name in RESULT_COLUMNS}
+    numbers = {
+        name: values if name in text else np.array([np.nan if v is None else v for v in values], dtype=float)
+        for name, values in columns.items()
+    }
+    write_table(out / "results.csv", numbers)
+    write_table(out / "results.parquet", numbers)
+    failed = [row for row in rows if row["status"] == "failed"]
+    if failed and len(failed) == len(rows):
+        raise NoResultError(
+            f"all {len(rows)} experiments failed, the first ({failed[0]['name']}) with: {failed[0]['message']}",
+            where=str(out / "results.csv"),
+        )
