@@ -1,0 +1,33 @@
+"""``torsight init``: files to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from torsight.core.errors import ConfigError
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(help="Where the files shall stand.")] = Path(),
+    *,
+    force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
+) -> None:
+    """Write an experiment.toml and an actuator.toml with comments to start from.
+
+    Example: torsight init my-rig
+    """
+    from torsight.cli.console import say
+    from torsight.core.storage import write_text
+
+    templates = Path(__file__).parent / "templates"
+    targets = {template: folder / template.name for template in sorted(templates.glob("*.toml"))}
+    for target in targets.values():
+        if target.exists() and not force:
+            raise ConfigError("is there already", where=str(target), do="give another folder, or --force")
+    for template, target in targets.items():
+        write_text(target, template.read_text(encoding="utf-8"))
+        say(f"wrote {target}")
+    say(f"Fill them in, then: torsight run {folder / 'experiment.toml'}")
