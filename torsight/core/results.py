@@ -59,19 +59,13 @@ def read_results(folder: Path) -> RunResults:
         When the folder is missing, holds none of the files, or one of them is damaged.
     """
     if not folder.is_dir():
-        raise InputError(
-            "no such folder", where=str(folder), do="name the folder that 'torsight run --out' filled"
-        )
+        raise InputError("no such folder", where=str(folder), do="name the folder that 'torsight run --out' filled")
     tables = {
         name: read_table(folder / f"{name}.csv", required=columns)
         for name, columns in TABLES.items()
         if (folder / f"{name}.csv").exists()
     }
-    documents = {
-        name: read_json(folder / f"{name}.json")
-        for name in DOCUMENTS
-        if (folder / f"{name}.json").exists()
-    }
+    documents = {name: read_json(folder / f"{name}.json") for name in DOCUMENTS if (folder / f"{name}.json").exists()}
     if not tables and not documents:
         raise InputError(
             "holds no results",

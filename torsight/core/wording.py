@@ -1,0 +1,80 @@
+"""How results are said in plain words; the report and the viewer say them alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def effect_name(identifier: str) -> str:
+    """Return an effect's or variable's id as words: ``sensor_lag`` becomes ``sensor lag``."""
+    return identifier.replace("_", " ")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number with ``digits`` significant digits, a true minus sign, and – where it is not known."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if magnitude < -4 or magnitude > 5:
+        return f"{value:.{digits - 1}e}".replace("-", "−")
+    return f"{value:.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
+
+
+def decimals_for(sigma: float | None, *, most: int = 6) -> int | None:
+    """Return how many decimals show two digits of an uncertainty; None where there is none."""
+    if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
+        return None
+    return min(max(0, 1 - math.floor(math.log10(sigma))), most)
+
+
+def estimate(parameter: Mapping[str, Any]) -> str:
+    """Return ``0.793 mN·m (95 %: 0.772 to 0.814)`` for a parameter of the JSON outputs."""
+    unit = f" {parameter['unit']}" if parameter.get("unit") else ""
+    decimals = decimals_for(parameter.get("sigma"))
+    value = fixed(parameter.get("value"), decimals)
+    low, high = parameter.get("ci95") or (None, None)
+    if low is None or high is None:
+        return f"{value}{unit}"
+    return f"{value}{unit} (95 %: {fixed(low, decimals)} to {fixed(high, decimals)})"
+
+
+def fixed(value: float | None, decimals: int | None) -> str:
+    """Return a number with a count of decimals, or with three digits where the count is None."""
+    if decimals is None or value is None or not math.isfinite(value):
+        return number(value)
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def explanations(discovery: Mapping[str, Any]) -> list[str]:
+    """Return the explanations of an ambiguous answer as words, the accepted one first, each once."""
+    accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
+    sets: list[Sequence[str]] = [accepted] if accepted else []
+    sets += [[one] if isinstance(one, str) else list(one) for one in discovery.get("alternatives") or []]
+    return list(dict.fromkeys(" with ".join(effect_name(item) for item in one) for one in sets if one))
+
+
+def verdict_sentence(discovery: Mapping[str, Any]) -> str:
+    """Return the verdict of ``discovery.json`` as one plain sentence."""
+    verdict = discovery.get("verdict")
+    names = [effect_name(str(effect["id"])) for effect in discovery.get("effects") or []]
+    if verdict == "none":
+        return "Nothing is missing from the model that this record can show."
+    if verdict == "identified" and names:
+        return f"The model lacked {listed(names)}."
+    if verdict == "ambiguous":
+        options = explanations(discovery)
+        return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."
+    drivers = [effect_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
+    depends = f" It depends on {listed(drivers)}." if drivers else ""
+    return "Something real is missing that no known effect explains." + depends
+
+
+def listed(words: Sequence[str], *, last: str = "and") -> str:
+    """Return ``a, b and c``."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,0 +1,103 @@
+"""Characterised values beside fitted ones: how far a fit pulled a parameter, in standard deviations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torsight.core.errors import TorsightError
+from torsight.core.results import RunResults
+from torsight.core.storage import read_toml
+from torsight.core.wording import decimals_for, fixed
+
+REACH = 6.0
+"""Half-width of the small picture, in standard deviations of the prior."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A characterised value and its standard deviation, in the parameter's own unit."""
+
+    value: float
+    sigma: float | None
+
+    def words(self) -> str:
+        """Return ``60.0 ± 1.8``."""
+        if self.sigma is None:
+            return f"{self.value:g}, taken as exact"
+        decimals = decimals_for(self.sigma)
+        return f"{fixed(self.value, decimals)} ± {fixed(self.sigma, decimals)}"
+
+    def pull(self, fitted: Mapping[str, Any] | None) -> float | None:
+        """Return how many standard deviations the fit lies from the characterised value."""
+        value = None if fitted is None else fitted.get("value")
+        if value is None or self.sigma is None or self.sigma <= 0.0:
+            return None
+        return (float(value) - self.value) / self.sigma
+
+    def picture(self, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> str:
+        """Return a small SVG: the prior's ± 1 and ± 2 sigma, the plain fit, the extended fit with its interval."""
+        if self.sigma is None or self.sigma <= 0.0:
+            return ""
+        pulls = [pull for pull in (self.pull(plain), self.pull(after)) if pull is not None]
+        reach = max([REACH, *(1.15 * abs(pull) for pull in pulls)])
+
+        def place(pull: float) -> float:
+            return 80.0 + 72.0 * max(-1.0, min(1.0, pull / reach))
+
+        parts = [
+            f'<rect class="band prior" x="{place(-width):.1f}" y="2" width="{place(width) - place(-width):.1f}" height="18"/>'
+            for width in (2.0, 1.0)
+        ]
+        parts.append('<path class="grid zero" d="M80 2V20"/>')
+        for fitted, kind, row in ((plain, "before", 7.0), (after, "after", 15.0)):
+            pull = self.pull(fitted)
+            if fitted is None or pull is None:
+                continue
+            low, high = fitted.get("ci95") or (None, None)
+            if low is not None and high is not None and not fitted.get("fixed"):
+                ends = [place((float(end) - self.value) / self.sigma) for end in (low, high)]
+                parts.append(f'<path class="line {kind} thin" d="M{ends[0]:.1f} {row:g}H{ends[1]:.1f}"/>')
+            parts.append(f'<circle class="fill {kind}" cx="{place(pull):.1f}" cy="{row:g}" r="3"/>')
+        return f'<svg class="pull" viewBox="0 0 160 22" aria-hidden="true">{"".join(parts)}</svg>'
+
+
+def priors(results: RunResults) -> dict[str, Prior]:
+    """Return the characterised values: those that the fit tells, else those of the actuator file that was used."""
+    told: dict[str, Prior] = {}
+    for document in (results.fit, results.discovery):
+        for name, value in ((document or {}).get("parameters") or {}).items():
+            if value.get("nominal") is not None:
+                told.setdefault(name, Prior(float(value["nominal"]), _positive(value.get("prior_sigma"))))
+    return told or _from_actuator_file(results)
+
+
+def _from_actuator_file(results: RunResults) -> dict[str, Prior]:
+    configuration = (results.provenance or {}).get("configuration") or {}
+    name = (configuration.get("actuator") or {}).get("file")
+    if not isinstance(name, str):
+        return {}
+    try:
+        content = read_toml(Path(name))
+    except TorsightError:
+        # The report may be made again where the actuator file is no longer at hand.
+        return {}
+    sigmas = content.get("uncertainty") or {}
+    values = {
+        key: value
+        for table, keys in content.items()
+        if table != "uncertainty" and isinstance(keys, Mapping)
+        for key, value in keys.items()
+    }
+    return {
+        key: Prior(float(value), _positive(sigmas.get(key)))
+        for key, value in values.items()
+        if isinstance(value, (int, float)) and math.isfinite(value)
+    }
+
+
+def _positive(sigma: Any) -> float | None:
+    return float(sigma) if isinstance(sigma, (int, float)) and sigma > 0 else None

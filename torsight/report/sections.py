@@ -1,0 +1,371 @@
+"""The report's words and tables, taken from the JSON results; every function gives an empty answer where one is absent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from torsight.core.results import RunResults
+from torsight.core.wording import effect_name, estimate, explanations, fixed, number
+from torsight.report.priors import Prior, priors
+
+FILES: Final = {
+    "angle.csv": "angle of every frame",
+    "markers.csv": "positions of the four markers",
+    "merged.csv": "angle and temperatures on one clock",
+    "curves.csv": "the curves and residuals of this page",
+    "track.json": "account of the tracking",
+    "sync.json": "the two clocks",
+    "fit.json": "the plain model's fit",
+    "discovery.json": "what was missing",
+    "model.json": "the model, for torsight predict",
+    "recording.rrd": "the run to look at, for torsight view",
+    "provenance.json": "versions, inputs, configuration",
+}
+
+
+class Tile(NamedTuple):
+    """A big number with its unit and a line about it."""
+
+    label: str
+    value: str
+    unit: str
+    note: str
+
+
+def lead(results: RunResults) -> str:
+    """Return the sentence under the headline: what the extension did to the error."""
+    discovery = results.discovery or {}
+    before = (discovery.get("before") or {}).get("rmse_held_out_deg")
+    after = (discovery.get("after") or {}).get("rmse_held_out_deg")
+    floor = discovery.get("noise_floor_deg")
+    ends = f" The noise floor of the record is {number(floor, 2)}°." if floor is not None else ""
+    if before is None:
+        return ends.strip()
+    if not discovery.get("effects") and discovery.get("verdict") == "none":
+        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+    if after is None:
+        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+    means = "The learned closure takes" if discovery.get("verdict") == "unknown" else "The extended model takes"
+    return (
+        f"{means} the error on half-cycles that the fit did not see from {error(before)} to {error(after)} rms.{ends}"
+    )
+
+
+def error(value_deg: float) -> str:
+    """Return an error with three digits, or two below one degree."""
+    return f"{number(value_deg, 3 if value_deg >= 1.0 else 2)}°"
+
+
+def tiles(results: RunResults) -> list[Tile]:
+    """Return the big numbers at the head of the page."""
+    found: list[Tile] = []
+    angle = measured_angle(results)
+    if len(angle):
+        found.append(
+            Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")
+        )
+    friction = best_parameters(results).get("tau_c_mnm")
+    if friction is not None:
+        words, _, interval = estimate(friction).partition(" (")
+        value, _, unit = words.partition(" ")
+        found.append(Tile("Friction torque", value, unit, interval.rstrip(")") or "no interval"))
+    discovery = results.discovery
+    if discovery is not None:
+        found.append(_missing_tile(discovery))
+        found += _error_tiles(discovery)
+    if results.angle is not None:
+        valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
+        found.append(Tile("Frames measured", f"{100.0 * valid.mean():.1f}", "%", f"{int(valid.sum())} of {len(valid)}"))
+    return found
+
+
+def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
+    effects = discovery.get("effects") or []
+    verdict = str(discovery.get("verdict"))
+    if verdict == "none" or (not effects and verdict != "unknown" and verdict != "ambiguous"):
+        return Tile("Missing effect", "none", "", "that this record can show")
+    if verdict == "ambiguous":
+        return Tile("Missing effect", f"1 of {max(2, len(explanations(discovery)))}", "", "explanations fit alike")
+    if verdict == "unknown":
+        return Tile("Missing effect", "unnamed", "", "a learned closure stands in")
+    names = ", ".join(effect_name(str(effect["id"])) for effect in effects)
+    chance = effects[0].get("probability")
+    return Tile("Missing effect", names, "", "" if chance is None else f"probability {float(chance):.3f}")
+
+
+def _error_tiles(discovery: Mapping[str, Any]) -> list[Tile]:
+    before, after = (discovery.get(name) or {} for name in ("before", "after"))
+    floor = discovery.get("noise_floor_deg")
+    seen = "rmse_held_out_deg"
+    note = "rms on half-cycles that the fit did not see"
+    if before.get(seen) is None:
+        seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
+    found = []
+    if before.get(seen) is not None:
+        value = error(before[seen])[:-1]
+        if after.get(seen) is not None and discovery.get("verdict") != "none":
+            value = f"{value} → {error(after[seen])[:-1]}"
+        found.append(Tile("Error", value, "°", note))
+    if floor is not None:
+        found.append(Tile("Noise floor", number(floor, 2), "°", "no model can do better on this record"))
+    return found
+
+
+def measured_angle(results: RunResults) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the measured angles that are known, deg."""
+    for table in (results.angle, results.merged, results.curves):
+        if table is not None:
+            values = table["angle_deg"].to_numpy(dtype=np.float64)
+            if "valid" in table.columns:
+                values = values[table["valid"].to_numpy(dtype=np.float64) > 0.5]
+            return np.asarray(values[np.isfinite(values)])
+    return np.empty(0)
+
+
+def best_parameters(results: RunResults) -> dict[str, Any]:
+    """Return the parameters of the extended model, or of the plain one where there is no other."""
+    for document in (results.discovery, results.fit):
+        if document is not None and document.get("parameters"):
+            return dict(document["parameters"])
+    return {}
+
+
+def missing(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the missing effect shows."""
+    discovery = results.discovery
+    if discovery is None:
+        return {}
+    effects = [
+        {
+            "name": effect_name(str(effect["id"])),
+            "id": effect["id"],
+            "family": effect_name(str(effect.get("family", ""))),
+            "probability": effect.get("probability"),
+            "parameters": [(name, estimate(value)) for name, value in (effect.get("parameters") or {}).items()],
+        }
+        for effect in discovery.get("effects") or []
+    ]
+    largest = max((float(item["share"]) for item in discovery.get("drivers") or []), default=0.0)
+    drivers = [
+        {
+            "name": item["variable"],
+            "percent": 100.0 * float(item["share"]),
+            "length": 100.0 * float(item["share"]) / largest if largest > 0 else 0.0,
+        }
+        for item in discovery.get("drivers") or []
+    ]
+    scores = [
+        (label, [(discovery.get(name) or {}).get(key) for name in ("before", "after")])
+        for label, key in (
+            ("rms on the half-cycles that were fitted (°)", "rmse_train_deg"),
+            ("rms on half-cycles that were not seen (°)", "rmse_held_out_deg"),
+            ("R² on half-cycles that were not seen", "r2_held_out"),
+        )
+    ]
+    return {
+        "verdict": discovery.get("verdict"),
+        "effects": effects,
+        "drivers": drivers,
+        "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],
+        "next": plain_items(discovery.get("next_experiment")),
+        "scores": [(label, *(_score(value) for value in values)) for label, values in scores],
+        "held_out": ", ".join(str(int(one) + 1) for one in discovery.get("held_out") or []),
+    }
+
+
+def _score(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.5f}" if 0.9 < value < 1.0 else number(value)
+
+
+def plain_items(value: Any) -> list[tuple[str, str]]:
+    """Return a JSON value as rows of name and words, nested names joined by a dot."""
+    if value is None or value in ({}, []):
+        return []
+    if isinstance(value, Mapping):
+        rows: list[tuple[str, str]] = []
+        for name, item in value.items():
+            if isinstance(item, Mapping):
+                rows += [(f"{name}.{inner}", words) for inner, words in plain_items(item)]
+            else:
+                rows.append((str(name), _words(item)))
+        return rows
+    return [("", _words(value))]
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_words(item)}" for name, item in value.items())
+    if isinstance(value, (list, tuple)):
+        separator = "; " if any(isinstance(item, (Mapping, list)) for item in value) else ", "
+        return separator.join(_words(item) for item in value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "–" if value is None else str(value)
+
+
+def parameter_table(results: RunResults) -> dict[str, Any]:
+    """Return the table of parameters: characterised, plain fit, extended fit, and how far each was pulled."""
+    plain = dict((results.fit or {}).get("parameters") or {})
+    extended = dict((results.discovery or {}).get("parameters") or {})
+    known = priors(results)
+    own = {
+        name: value
+        for effect in (results.discovery or {}).get("effects") or []
+        for name, value in (effect.get("parameters") or {}).items()
+    }
+    rows = []
+    for name in dict.fromkeys([*plain, *extended, *own]):
+        after = extended.get(name, own.get(name))
+        rows.append(_row(name, known.get(name), plain.get(name), after))
+    return {"rows": rows, "pulled": any(row["prior"] for row in rows)}
+
+
+def _row(
+    name: str, prior: Prior | None, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    shown = after or plain or {}
+    pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
+    return {
+        "name": name,
+        "unit": shown.get("unit") or "",
+        "fixed": bool(shown.get("fixed")),
+        "prior": "" if prior is None else prior.words(),
+        "plain": "" if plain is None else estimate({**plain, "unit": ""}),
+        "after": "" if after is None else estimate({**after, "unit": ""}),
+        "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
+        "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
+        "picture": "" if prior is None else prior.picture(plain, after),
+    }
+
+
+def fit_lines(results: RunResults) -> list[tuple[str, str]]:
+    """Return the plain fit's own account."""
+    fit = results.fit
+    if fit is None:
+        return []
+    lines = [
+        ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
+        ("R²", _score(fit.get("r2"))),
+        ("case of the cooling", f"({fit.get('case')})"),
+    ]
+    for name in ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg"):
+        lines.append((name, f"{fixed(fit.get(name), 1)}°"))
+    return lines
+
+
+def tracking(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the tracking shows."""
+    track = results.track or {}
+    events = [
+        (
+            number(event.get("time_s"), 5),
+            str(event.get("frame", "")),
+            str(event.get("kind", "")),
+            str(event.get("text")),
+        )
+        for event in track.get("events") or []
+    ]
+    advice = track.get("advice") or []
+    left_out = {"events", "advice", "schema"}
+    return {
+        "events": events[:200],
+        "more_events": max(0, len(events) - 200),
+        "advice": [advice] if isinstance(advice, str) else [_words(one) for one in advice],
+        "account": plain_items({name: value for name, value in track.items() if name not in left_out})[:40],
+    }
+
+
+def clocks(results: RunResults) -> list[tuple[str, str]]:
+    """Return the lines on the two clocks."""
+    sync = results.sync
+    if sync is None:
+        return []
+    lines = []
+    for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
+        part = sync.get(name) or {}
+        low, high = part.get("ci95") or (None, None)
+        interval = "interval unknown" if low is None or high is None else f"95 %: {number(low)} to {number(high)}"
+        lines.append((label, f"{number(part.get('value'), 4)} {unit} ({interval})"))
+    lines.append(("evidence", str(sync.get("method", "not said"))))
+    lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
+    return lines
+
+
+def unsure(results: RunResults) -> list[str]:
+    """Return what the run could not be sure of, in sentences."""
+    found: list[str] = []
+    if results.angle is not None:
+        valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
+        if not valid.all():
+            found.append(f"The angle is not known in {int((~valid).sum())} of {len(valid)} frames.")
+        if "branch_certain" in results.angle.columns:
+            certain = results.angle["branch_certain"].to_numpy(dtype=float) > 0.5
+            if not certain.all():
+                found.append(f"In {int((~certain).sum())} frames after a gap the whole turn rests on a guess.")
+    if results.sync is not None:
+        for name in ("offset_s", "drift_ppm"):
+            ci95 = (results.sync.get(name) or {}).get("ci95") or [None, None]
+            if None in ci95:
+                found.append(f"This record does not fix the clocks' {name}.")
+    if results.fit is not None and results.fit.get("converged") is False:
+        found.append("The fit of the plain model did not converge.")
+    found += _unsure_of_model(results)
+    for document in (results.track, results.sync, results.fit, results.discovery):
+        for key in ("notes", "warnings", "not_sure"):
+            extra = (document or {}).get(key) or []
+            found += [extra] if isinstance(extra, str) else [_words(one) for one in extra]
+    return list(dict.fromkeys(found))
+
+
+def _unsure_of_model(results: RunResults) -> list[str]:
+    discovery = results.discovery
+    if discovery is None:
+        return []
+    found = []
+    if discovery.get("verdict") == "ambiguous":
+        found.append(f"This record cannot tell apart: {'; '.join(explanations(discovery))}.")
+    if discovery.get("verdict") == "unknown":
+        found.append("The closure is learned from this record; outside its temperatures and rates it is a guess.")
+    if not discovery.get("held_out"):
+        found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
+    for effect in discovery.get("effects") or []:
+        chance = effect.get("probability")
+        if chance is not None and chance < 0.95:
+            found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
+    known = priors(results)
+    for name, value in (discovery.get("parameters") or {}).items():
+        if not value.get("fixed") and None in (value.get("ci95") or [None]):
+            found.append(f"The record says nothing about {name}.")
+        pull = known[name].pull(value) if name in known else None
+        if pull is not None and abs(pull) > 3.0 and name != "tau_c_mnm":
+            found.append(f"The record contradicts the characterised {name} by {abs(pull):.1f} standard deviations.")
+    return found
+
+
+def origin(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the provenance shows."""
+    content = results.provenance
+    if content is None:
+        return {}
+    return {
+        "command": content.get("command"),
+        "seed": content.get("seed"),
+        "versions": list((content.get("versions") or {}).items()),
+        "inputs": [(name, str(value)) for name, value in (content.get("inputs") or {}).items()],
+        "configuration": plain_items(content.get("configuration")),
+    }
+
+
+def files(folder: Path) -> list[tuple[str, str]]:
+    """Return the result files that lie beside the page."""
+    return [(name, words) for name, words in FILES.items() if (folder / name).exists()]
+
+
+def _deg(value: float) -> str:
+    return f"{value:.1f}°".replace("-", "−")
