@@ -1,0 +1,176 @@
+"""Joint refits: base parameters and the parameters of any set of effects, from several starts.
+
+Base parameters swallow most of many effects, so a candidate is never judged on the residual of the base fit: every set
+of effects is fitted together with all base parameters, and sets are compared at their own optima.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.parameter import Parameter
+from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.solver import Array, Solution, Space, solve
+
+EffectSet = tuple[str, ...]
+"""Ids of the effects that are switched on, in the order of the problem's candidates."""
+
+WORKERS: Final = 2
+_SCOUT_ITERATIONS: Final = 2
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The optimum of one set of effects.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Ids of the effects that are switched on.
+    parameters : tuple of Parameter
+        Base parameters, then the effects' own; the columns of the Jacobian.
+    solution : Solution
+        The optimum.
+    """
+
+    effects: EffectSet
+    parameters: tuple[Parameter, ...]
+    solution: Solution
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter name to fitted value."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.solution.x, strict=True)}
+
+    @property
+    def cost(self) -> float:
+        """The objective: information in the residual plus the priors' share."""
+        return self.solution.cost
+
+
+class Fitter:
+    """Fits sets of effects to one problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model.
+    weight : (n,) array
+        Information per sample, see :func:`torsight.discovery.noise.information`.
+    """
+
+    def __init__(self, problem: Problem, weight: NDArray[np.float64]) -> None:
+        self.problem = problem
+        self.weight = weight
+        self.candidates: dict[str, Candidate] = {candidate.id: candidate for candidate in problem.candidates}
+
+    def ordered(self, effects: Iterable[str]) -> EffectSet:
+        """Return the ids in the order of the candidates."""
+        chosen = set(effects)
+        return tuple(name for name in self.candidates if name in chosen)
+
+    def parameters(self, effects: EffectSet) -> tuple[Parameter, ...]:
+        """Return the free parameters of a set of effects, base parameters first."""
+        own = (parameter for name in effects for parameter in self.candidates[name].parameters)
+        return (*self.problem.parameters, *own)
+
+    def fit(
+        self,
+        effects: EffectSet,
+        starts: Sequence[Mapping[str, float]],
+        *,
+        weight: Array | None = None,
+        max_iterations: int = 12,
+        keep: int = 2,
+    ) -> Fit:
+        """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end."""
+        parameters = self.parameters(effects)
+        space = space_of(parameters)
+        used = self.weight if weight is None else weight
+
+        def model(x: Array) -> Array:
+            return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
+
+        def run(start: Array, iterations: int) -> Solution:
+            return solve(
+                model, start, observed=self.problem.observed, weight=used, space=space, max_iterations=iterations
+            )
+
+        points = [np.array([start[p.name] for p in parameters]) for start in starts]
+        if len(points) > 1:
+            scouts = sorted((run(point, _SCOUT_ITERATIONS) for point in points), key=lambda found: found.cost)
+            points = [scout.x for scout in _distinct(scouts, space)[:keep]]
+        solutions = [run(point, max_iterations) for point in points]
+        return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
+
+    def base(self) -> Fit:
+        """Fit the base model alone, from the priors' means."""
+        return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
+
+    def extend(self, parent: Fit, name: str, *, weight: Array | None = None) -> Fit:
+        """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
+
+        The second matters where a strong effect has pulled the base parameters far off.
+        """
+        effects = self.ordered((*parent.effects, name))
+        away = {p.name: p.value for p in self.problem.parameters}
+        starts = []
+        for point in self.candidates[name].starting_points():
+            starts.append({**parent.values, **point})
+            starts.append({**parent.values, **away, **point})
+        starts.append({**parent.values, **self.candidates[name].null_point()})
+        return self.fit(effects, starts, weight=weight)
+
+    def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
+        """Fit the same set again from its optimum, after the weights have changed or samples were left out."""
+        return self.fit(fit.effects, [fit.values], weight=weight, max_iterations=max_iterations)
+
+
+def space_of(parameters: Sequence[Parameter]) -> Space:
+    """Return bounds, scales and priors of parameters as arrays."""
+    sigma = np.array([np.inf if p.sigma is None else p.sigma for p in parameters])
+    return Space(
+        lower=np.array([p.lower for p in parameters]),
+        upper=np.array([p.upper for p in parameters]),
+        scale=np.array([_scale(p) for p in parameters]),
+        prior_mean=np.array([p.value for p in parameters]),
+        prior_sigma=sigma,
+    )
+
+
+def _scale(parameter: Parameter) -> float:
+    """Return a change of the parameter that matters: its prior, its distance from its null, or a share of its range."""
+    if parameter.sigma is not None:
+        return parameter.sigma
+    span = parameter.upper - parameter.lower
+    distance = abs(parameter.value - parameter.null) if parameter.null is not None else abs(parameter.value) / 4.0
+    if distance > 0.0:
+        return min(distance, span / 4.0)
+    return span / 20.0 if np.isfinite(span) else 1.0
+
+
+def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
+    """Leave out solutions that have run to the same place as a better one."""
+    kept: list[Solution] = []
+    for solution in solutions:
+        near = (np.all(np.abs(solution.x - other.x) < 0.3 * space.scale) for other in kept)
+        if not any(near):
+            kept.append(solution)
+    return kept
+
+
+def in_parallel(work: Sequence[_T], function: object, *, workers: int = WORKERS) -> list[_R]:
+    """Return ``function`` of each item in order; results do not depend on the number of workers."""
+    assert callable(function)
+    if workers < 2 or len(work) < 2:
+        return [function(item) for item in work]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(function, work))

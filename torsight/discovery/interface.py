@@ -1,0 +1,130 @@
+"""What the engine asks of a model: nothing of its physics, only these few things.
+
+A *problem* is one record of measurements together with a model of it. The model has base parameters, some of them
+known beforehand with an error (their priors), and *candidates*: effects that the model may lack, each with parameters
+of its own and a null value at which it vanishes. The record falls into *blocks* (half-cycles, cycles, runs) that can be
+held out whole, and into stretches of motion and of rest.
+
+Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.engine.find_missing`: the torsion
+actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is linear in its parameters
+(:mod:`torsight.discovery.linear_problem`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.parameter import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One effect that the model may lack.
+
+    Attributes
+    ----------
+    id : str
+        Name under which it is reported.
+    family : str
+        Where it acts (``"temperature"``, ``"friction"``, ...); for the report.
+    parameters : tuple of Parameter
+        Its parameters with bounds; ``null`` of at least one is the value at which the effect vanishes. Names are
+        unique over all candidates and base parameters of the problem.
+    starts : tuple of mapping
+        Points from which its fit starts (parameter name to value); without any, the parameters' own values.
+    """
+
+    id: str
+    family: str
+    parameters: tuple[Parameter, ...]
+    starts: tuple[Mapping[str, float], ...] = ()
+
+    def starting_points(self) -> tuple[Mapping[str, float], ...]:
+        """Return the points from which the fit starts, each complete."""
+        own = {parameter.name: parameter.value for parameter in self.parameters}
+        return tuple({**own, **start} for start in self.starts) or (own,)
+
+    def null_point(self) -> dict[str, float]:
+        """Return the parameters with the effect switched off."""
+        return {p.name: p.value if p.null is None else p.null for p in self.parameters}
+
+
+@runtime_checkable
+class Problem(Protocol):
+    """A record and a model of it, as the engine sees them.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        The base model's free parameters; ``sigma`` is the standard deviation of the prior around ``value``.
+    candidates : tuple of Candidate
+        Effects that the model may lack.
+    time_s : (n,) float64
+        Time of the samples (or another coordinate along which neighbours are correlated).
+    observed, sigma : (n,) float64
+        Measured values and the standard deviation of their reading noise.
+    valid : (n,) bool
+        Samples that count.
+    block : (n,) int
+        Which block a sample belongs to, from 0.
+    rest : (n,) bool
+        True where what is measured stands still for a while: such a stretch carries one piece of information,
+        however many samples it has. All False where there is no such thing.
+    drivers : mapping of str to (n,) array
+        Variables that an effect without a name may depend on.
+    resolution : float
+        Size of a difference, in units of ``observed``, below which nobody would miss an effect.
+    """
+
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    time_s: NDArray[np.float64]
+    observed: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    rest: NDArray[np.bool_]
+    drivers: Mapping[str, NDArray[np.float64]]
+    resolution: float
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
+        """Return the model's values (n,) with the effects named switched on.
+
+        ``values`` holds every base parameter and every parameter of these effects. Must depend on its arguments alone.
+        """
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
+        """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes.
+
+        Zeros where the inputs are known.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Closure:
+    """What a learned stand-in for a missing effect without a name is made of; see :mod:`torsight.discovery.closure`.
+
+    Attributes
+    ----------
+    features : tuple of str
+        Names of the features.
+    weights : tuple of float
+        One per feature; the correction is the sum of weight · feature.
+    drivers : tuple of (str, float)
+        Variable and its share of what is explained, strongest first.
+    held_out_gain : float
+        Share of the residual's mean square that it removes on blocks it has not seen (0 to 1).
+    settings : mapping
+        Numbers that are needed to make the features again from other data.
+    """
+
+    features: tuple[str, ...]
+    weights: tuple[float, ...]
+    drivers: tuple[tuple[str, float], ...]
+    held_out_gain: float
+    settings: Mapping[str, object] = field(default_factory=dict)

@@ -1,0 +1,103 @@
+"""How much the best of all candidates gains where nothing is missing.
+
+The more candidates are tried, the more the luckiest gains on noise alone. The threshold is a quantile of that gain: noise
+of the record's own sizes and correlation is drawn, and each candidate takes from it what its directions (its effect at
+every start, and the derivatives there, less what the fitted parameters can imitate) allow. Everything is linear in the
+noise, so thousands of draws cost little and no refit.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.signal import lfilter
+
+from torsight.discovery.fitting import Fit, Fitter, space_of
+from torsight.discovery.noise import Scales, Stretches
+from torsight.discovery.solver import Array, Space, jacobian
+
+LEAST_GAIN: Final = 20.0
+"""No gain below this is believed, whatever the draws say: the noise of a real rig is never quite that of a formula."""
+_DRAWS: Final = 400
+
+
+def gain_threshold(
+    fitter: Fitter, fit: Fit, *, stretches: Stretches, scales: Scales, seed: int, level: float = 0.99
+) -> float:
+    """Return the gain that the best of all further candidates exceeds by chance with probability 1 − ``level``."""
+    root = np.sqrt(fitter.weight)
+    known = _orthonormal(_with_priors(fit, root), rank_from=1e-9)
+    bases = [basis for basis in _directions(fitter, fit, root, known) if basis.shape[1]]
+    if not bases:
+        return LEAST_GAIN
+    rng = np.random.default_rng(seed)
+    best = np.zeros(_DRAWS)
+    for first in range(0, _DRAWS, 50):
+        count = min(50, _DRAWS - first)
+        noise = np.stack([_draw(rng, stretches, scales, len(root)) for _ in range(count)], axis=1) * root[:, None]
+        gains = np.array([np.sum((basis.T @ noise) ** 2, axis=0) for basis in bases])
+        best[first : first + count] = gains.max(axis=0)
+    return max(LEAST_GAIN, float(np.quantile(best, level)))
+
+
+def _with_priors(fit: Fit, root: Array) -> Array:
+    """Return the weighted Jacobian; columns that a prior holds are shrunk by what it holds."""
+    space = space_of(fit.parameters)
+    weighted = fit.solution.jacobian * root[:, None]
+    strength = np.sum(weighted**2, axis=0)
+    return np.asarray(weighted[:, strength > space.prior_information])
+
+
+def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array) -> list[Array]:
+    bases = []
+    for candidate in fitter.problem.candidates:
+        if candidate.id in fit.effects:
+            continue
+        effects = fitter.ordered((*fit.effects, candidate.id))
+        for start in candidate.starting_points():
+            columns = _effect_columns(fitter, fit, effects, start) * root[:, None]
+            columns -= known @ (known.T @ columns)
+            bases.append(_orthonormal(columns, rank_from=1e-3))
+    return bases
+
+
+def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: object) -> Array:
+    """Return the effect at a start point and its derivatives there, (n, 1 + parameters)."""
+    assert isinstance(start, dict)
+    names = tuple(start)
+    chosen = {p.name: p for p in fitter.parameters(effects)}
+    own = space_of([chosen[name] for name in names])
+
+    def model(x: Array) -> Array:
+        values = {**fit.values, **dict(zip(names, x.tolist(), strict=True))}
+        return fitter.problem.predict(values, effects)
+
+    space = Space(own.lower, own.upper, own.scale, own.prior_mean, own.prior_sigma)
+    x = space.clip(np.array([start[name] for name in names], np.float64))
+    at_x = model(x)
+    return np.column_stack([at_x - fit.solution.prediction, jacobian(model, x, at_x=at_x, space=space)])
+
+
+def _orthonormal(columns: Array, *, rank_from: float) -> Array:
+    norms = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norms > 1e-12 * max(1.0, norms.max(initial=0.0))]
+    if not columns.shape[1]:
+        return np.zeros((len(columns), 0))
+    left, singular, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    return np.asarray(left[:, singular > rank_from * singular[0]])
+
+
+def _draw(rng: np.random.Generator, stretches: Stretches, scales: Scales, size: int) -> Array:
+    """Return noise of the record's kind: one level per rest, a first-order process per stretch of motion."""
+    noise = np.zeros(size)
+    tau = max(scales.correlation_samples, 1.0)
+    phi = (tau - 1.0) / (tau + 1.0)
+    for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
+        if rest:
+            noise[a:b] = scales.rest * rng.standard_normal()
+        else:
+            white = rng.standard_normal(b - a)
+            white[1:] *= np.sqrt(1.0 - phi * phi)
+            noise[a:b] = scales.motion * lfilter([1.0], [1.0, -phi], white)
+    return noise

@@ -1,0 +1,175 @@
+"""Weighted least squares with priors and bounds: Levenberg–Marquardt on a projected step.
+
+Minimises  Σ w_i (y_i − f_i(x))² + Σ ((x_j − μ_j)/s_j)²  within bounds. The weights are in units of information (one
+over variance and correlation time), so that the two sums are comparable and the optimum is the most probable point.
+Derivatives are one-sided differences; a stepping model has kinks, so the steps are a set share of each parameter's
+scale and not the square root of the machine's precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STEP_SHARE: Final = 0.02
+"""Difference step as a share of a parameter's scale."""
+_TOLERANCE: Final = 1e-4
+"""A step that promises less than this share of the cost, or of one unit of information, ends the search."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """The parameters of a fit as arrays, all (m,): bounds, scale and prior (infinite deviation: none)."""
+
+    lower: Array
+    upper: Array
+    scale: Array
+    prior_mean: Array
+    prior_sigma: Array
+
+    def clip(self, x: Array) -> Array:
+        """Return the nearest point within the bounds."""
+        return np.clip(x, self.lower, self.upper)
+
+    def prior_residual(self, x: Array) -> Array:
+        """Return the distance from the priors in standard deviations."""
+        return (x - self.prior_mean) / self.prior_sigma
+
+    @property
+    def prior_information(self) -> Array:
+        """One over the priors' variances."""
+        return 1.0 / self.prior_sigma**2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """An optimum.
+
+    Attributes
+    ----------
+    x : (m,) float64
+        Parameters.
+    prediction : (n,) float64
+        Model values there.
+    jacobian : (n, m) float64
+        Derivatives of the prediction there.
+    cost, data_cost : float
+        The objective, and its first sum.
+    converged : bool
+        False where the evaluations ran out first.
+    """
+
+    x: Array
+    prediction: Array
+    jacobian: Array
+    cost: float
+    data_cost: float
+    converged: bool
+
+
+def jacobian(function: Callable[[Array], Array], x: Array, *, at_x: Array, space: Space) -> Array:
+    """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``."""
+    columns = np.empty((len(at_x), len(x)))
+    for j, scale in enumerate(space.scale):
+        step = STEP_SHARE * scale
+        if x[j] + step > space.upper[j]:
+            step = -min(step, max(x[j] - space.lower[j], 1e-12 * scale))
+        moved = x.copy()
+        moved[j] += step
+        columns[:, j] = (function(moved) - at_x) / step
+    return columns
+
+
+def costs(residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[float, float]:
+    """Return the objective and its data part."""
+    data = float(np.dot(weight, residual * residual))
+    return data + float(np.sum(space.prior_residual(x) ** 2)), data
+
+
+def solve(
+    function: Callable[[Array], Array],
+    start: Array,
+    *,
+    observed: Array,
+    weight: Array,
+    space: Space,
+    max_iterations: int = 12,
+) -> Solution:
+    """Find the optimum next to ``start``.
+
+    Parameters
+    ----------
+    function : callable
+        Model values (n,) from parameters (m,).
+    start : (m,) array
+        Where to begin; moved into the bounds.
+    observed, weight : (n,) array
+        Measured values; information per sample (0 leaves a sample out, and ``observed`` may be NaN there).
+    space : Space
+        Bounds, scales and priors.
+    max_iterations : int
+        Accepted steps at most.
+    """
+    y = np.where(weight > 0.0, observed, 0.0)
+    x = space.clip(np.asarray(start, np.float64))
+    prediction = function(x)
+    cost, data_cost = costs(y - prediction, x, weight=weight, space=space)
+    derivative = jacobian(function, x, at_x=prediction, space=space)
+    damping = 1e-3
+    for _ in range(max_iterations):
+        normal, gradient = _normal(derivative, y - prediction, x, weight=weight, space=space)
+        found = False
+        while damping < 1e6:
+            step, promised = _step(normal, gradient, x, damping=damping, space=space)
+            if promised < _TOLERANCE * max(1.0, 1e-2 * cost):
+                return Solution(x, prediction, derivative, cost, data_cost, converged=True)
+            trial = space.clip(x + step)
+            trial_prediction = function(trial)
+            trial_cost, trial_data = costs(y - trial_prediction, trial, weight=weight, space=space)
+            if trial_cost < cost:
+                found = True
+                break
+            damping = max(damping * 8.0, 1e-2)
+        if not found:
+            return Solution(x, prediction, derivative, cost, data_cost, converged=True)
+        damping = max(damping * (0.1 if cost - trial_cost > 0.5 * promised else 2.0), 1e-6)
+        x, prediction, cost, data_cost = trial, trial_prediction, trial_cost, trial_data
+        derivative = jacobian(function, x, at_x=prediction, space=space)
+    return Solution(x, prediction, derivative, cost, data_cost, converged=False)
+
+
+def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[Array, Array]:
+    weighted = derivative * weight[:, None]
+    normal = derivative.T @ weighted
+    normal[np.diag_indices_from(normal)] += space.prior_information
+    return normal, weighted.T @ residual - space.prior_information * (x - space.prior_mean)
+
+
+def _step(normal: Array, gradient: Array, x: Array, *, damping: float, space: Space) -> tuple[Array, float]:
+    """Return the damped step, with parameters that a bound stops held there, and the decrease that it promises."""
+    tight = 1e-9 * space.scale
+    free = ~(((x <= space.lower + tight) & (gradient < 0.0)) | ((x >= space.upper - tight) & (gradient > 0.0)))
+    step = np.zeros_like(x)
+    for _ in range(len(x)):
+        if not free.any():
+            return np.zeros_like(x), 0.0
+        index = np.flatnonzero(free)
+        matrix = normal[np.ix_(index, index)]
+        # 1/scale² keeps a direction that the record says nothing about from running away.
+        ridge = damping * (np.diag(matrix) + 1e-6 / space.scale[index] ** 2) + 1e-9 / space.scale[index] ** 2
+        step[:] = 0.0
+        step[index] = np.linalg.solve(matrix + np.diag(ridge), gradient[index])
+        beyond = free & ((x + step < space.lower - tight) | (x + step > space.upper + tight))
+        at_bound = beyond & ((x <= space.lower + tight) | (x >= space.upper - tight))
+        if not at_bound.any():
+            break
+        free &= ~at_bound
+    step = space.clip(x + step) - x
+    promised = float(2.0 * gradient @ step - step @ normal @ step)
+    return step, promised
