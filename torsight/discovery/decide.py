@@ -1,0 +1,152 @@
+"""From fitted sets of effects to a verdict.
+
+A set is believed where every member earns its place twice: by a gain above what the luckiest candidate takes from noise,
+and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains most of what
+was to explain, or leaves little more than the floor); otherwise something real is missing that has no name here. Sets
+that explain the record within a small cost of the best are rivals and are all told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from torsight.discovery.fitting import EffectSet, space_of
+from torsight.discovery.noise import residual_scales
+from torsight.discovery.null import gain_threshold
+from torsight.discovery.search import Contender, Field, Settings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What is named and why.
+
+    Attributes
+    ----------
+    chosen : Contender
+        The set that is named, or the base model.
+    best : Contender
+        The best set that earned its place, whether or not it is adequate.
+    rivals : tuple of Contender
+        Other sets that explain the record as well as ``chosen``.
+    probability : dict
+        Posterior weight of each set among the chosen and its rivals.
+    threshold : float
+        The gain that the luckiest candidate takes from noise.
+    share_explained : float
+        Share of the base model's excess that ``best`` explains.
+    excess : float
+        Root mean square of the base model's residual over the floor, both in information.
+    left : float
+        The same of ``best``.
+    """
+
+    chosen: Contender
+    best: Contender
+    rivals: tuple[Contender, ...]
+    probability: dict[EffectSet, float]
+    threshold: float
+    share_explained: float
+    excess: float
+    left: float
+
+
+def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = True) -> Decision:
+    """Choose among the contenders of a search."""
+    threshold = gain_threshold(
+        field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed
+    )
+    judge = _Judge(field, settings, threshold, can_hold_out)
+    best = field.base
+    for size in range(1, settings.most_effects + 1):
+        for contender in field.of_size(size):
+            if contender.cost < best.cost and judge.earned(contender):
+                best = contender
+                break
+    chosen = best if judge.adequate(best) else field.base
+    rivals = tuple(judge.rivals(chosen)) if chosen is not field.base else ()
+    return Decision(
+        chosen=chosen,
+        best=best,
+        rivals=rivals,
+        probability=_weights([chosen, *rivals]),
+        threshold=threshold,
+        share_explained=judge.share(best),
+        excess=judge.over_floor(field.base),
+        left=judge.over_floor(best),
+    )
+
+
+class _Judge:
+    def __init__(self, field: Field, settings: Settings, threshold: float, can_hold_out: bool) -> None:
+        self._field = field
+        self._settings = settings
+        self._threshold = threshold
+        self._can_hold_out = can_hold_out
+        rows = field.fitter.weight > 0.0
+        self._floor = float(np.dot(field.fitter.weight[rows], field.floor[rows] ** 2))
+
+    def earned(self, contender: Contender) -> bool:
+        """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
+        for name in contender.effects:
+            without = self._field.contenders.get(tuple(e for e in contender.effects if e != name))
+            if without is None or not self._better(contender, without):
+                return False
+        return True
+
+    def _better(self, contender: Contender, without: Contender) -> bool:
+        if without.cost - contender.cost < self._threshold:
+            return False
+        if not self._can_hold_out:
+            return True
+        keep = 1.0 - self._settings.least_held_out_gain
+        return contender.held_out.information < keep * without.held_out.information
+
+    def share(self, contender: Contender) -> float:
+        """Return the share of the base model's excess cost that a set explains."""
+        excess = self._field.base.cost - self._floor
+        return (self._field.base.cost - contender.cost) / excess if excess > 0.0 else 0.0
+
+    def over_floor(self, contender: Contender) -> float:
+        """Return how many times the floor a set leaves."""
+        return float(np.sqrt(contender.fit.solution.data_cost / self._floor))
+
+    def adequate(self, contender: Contender) -> bool:
+        """Return whether a set explains enough to be called by its name."""
+        if not contender.effects:
+            return True
+        near = self.over_floor(contender) <= self._settings.near_floor
+        return near or self.share(contender) >= self._settings.share_explained
+
+    def rivals(self, chosen: Contender) -> list[Contender]:
+        """Return the other sets of the same size that explain the record as well."""
+        limit = chosen.cost + self._settings.rival_gain
+        return [
+            c
+            for c in self._field.of_size(len(chosen.effects))
+            if c is not chosen and c.cost <= limit and self.earned(c) and self.adequate(c)
+        ]
+
+
+def _weights(contenders: list[Contender]) -> dict[EffectSet, float]:
+    cost = np.array([c.cost for c in contenders])
+    weight = np.exp(-0.5 * (cost - cost.min()))
+    return {c.effects: float(w) for c, w in zip(contenders, weight / weight.sum(), strict=True)}
+
+
+def standard_deviations(field: Field, contender: Contender) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the parameters' standard deviations (m,), inflated for the residual's correlation.
+
+    The weights already count pieces of information and not samples; what is added is the set's own residual where it
+    is larger than the one that the weights come from.
+    """
+    fit, weight = contender.fit, field.fitter.weight
+    residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
+    own = residual_scales(residual, field.stretches)
+    inflation = max(1.0, own.motion / field.scales.motion if np.isfinite(own.motion) else 1.0) ** 2
+    space = space_of(fit.parameters)
+    derivative = fit.solution.jacobian
+    information = derivative.T @ (derivative * weight[:, None]) / inflation
+    information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))

@@ -1,0 +1,192 @@
+"""Which sets of effects are worth comparing: a beam over joint refits, all at the same weights in the end.
+
+Every single candidate is fitted together with the base. The best few are each extended by every other candidate (pairs
+among the best), and so on up to :attr:`Settings.most_effects`. Weights follow the best residual so far, because what a
+sample is worth depends on the error that remains; whatever is compared is refitted at the last weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from torsight.core.progress import Progress
+from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
+from torsight.discovery.interface import Problem
+from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
+from torsight.discovery.solver import Array
+from torsight.discovery.validate import HeldOut, held_out_by_step
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How the engine decides; the defaults are those that the blind suite was run with.
+
+    Attributes
+    ----------
+    most_effects : int
+        Largest set that is tried.
+    beam : int
+        Sets per size that are extended.
+    least_held_out_gain : float
+        Share of the held-out squared error that an effect must remove.
+    rival_gain : float
+        Sets within this cost of the best explain the record as well.
+    share_explained : float
+        A set is named where it explains this share of what was to explain ...
+    near_floor : float
+        ... or leaves less than this many times the floor.
+    """
+
+    most_effects: int = 3
+    beam: int = 3
+    least_held_out_gain: float = 0.02
+    rival_gain: float = 12.0
+    share_explained: float = 0.7
+    near_floor: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contender:
+    """A fitted set of effects and how it predicts blocks it has not seen."""
+
+    fit: Fit
+    held_out: HeldOut
+
+    @property
+    def effects(self) -> EffectSet:
+        """Ids of the effects."""
+        return self.fit.effects
+
+    @property
+    def cost(self) -> float:
+        """The objective at the search's weights."""
+        return self.fit.cost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Field:
+    """All contenders at the same weights.
+
+    Attributes
+    ----------
+    fitter : Fitter
+        With the weights.
+    stretches : Stretches
+        Motion and rests of the record.
+    scales : Scales
+        Sizes of the residual that the weights come from.
+    floor : (n,) float64
+        Standard deviation per sample that no model can undercut.
+    contenders : dict
+        Effects to contender; the base model under the empty set.
+    """
+
+    fitter: Fitter
+    stretches: Stretches
+    scales: Scales
+    floor: Array
+    contenders: dict[EffectSet, Contender]
+
+    @property
+    def base(self) -> Contender:
+        """The base model."""
+        return self.contenders[()]
+
+    def of_size(self, size: int) -> list[Contender]:
+        """Return the contenders with so many effects, best first."""
+        found = [c for effects, c in self.contenders.items() if len(effects) == size]
+        return sorted(found, key=lambda c: (c.cost, c.effects))
+
+
+class Search:
+    """Fits what has to be compared; see :meth:`run`."""
+
+    def __init__(self, problem: Problem, *, settings: Settings, progress: Progress) -> None:
+        self._problem = problem
+        self._settings = settings
+        self._progress = progress
+        self._stretches = Stretches.of(problem)
+        self._floor = np.maximum(problem.sigma, reading_noise(problem, self._stretches))
+        self._scales = first_scales(problem, self._stretches)
+        self._fits: dict[EffectSet, Fit] = {}
+        self._fitter = Fitter(problem, self._weights())
+
+    def run(self) -> Field:
+        """Return the base model, every single candidate and the sets that grew out of the best ones."""
+        self._fit_base()
+        for size in range(1, self._settings.most_effects + 1):
+            self._grow(size)
+            self._reweight()
+            if size > 1 and not self._worth(size):
+                break
+        fits = list(self._fits.values())
+        held_out: list[HeldOut] = in_parallel(fits, partial(held_out_by_step, self._fitter))
+        contenders = {fit.effects: Contender(fit, score) for fit, score in zip(fits, held_out, strict=True)}
+        return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
+
+    def _fit_base(self) -> None:
+        fit = self._fitter.base()
+        for _ in range(2):
+            self._know_input_noise(fit)
+            self._follow(fit)
+            fit = self._fitter.refit(fit)
+        self._fits = {(): fit}
+
+    def _grow(self, size: int) -> None:
+        parents = self._ranked(size - 1)[: self._settings.beam]
+        work: dict[EffectSet, tuple[Fit, str]] = {}
+        for parent in parents:
+            for name in self._fitter.candidates:
+                effects = self._fitter.ordered((*parent.effects, name))
+                if len(effects) == size and effects not in work:
+                    work[effects] = (parent, name)
+        self._progress(f"sets of {size}", 0, len(work))
+        found: list[Fit] = in_parallel(list(work.values()), self._extend)
+        self._progress(f"sets of {size}", len(work), len(work))
+        self._fits |= {fit.effects: fit for fit in found}
+
+    def _extend(self, item: tuple[Fit, str]) -> Fit:
+        parent, name = item
+        single = self._fits.get((name,))
+        if single is None:
+            return self._fitter.extend(parent, name)
+        own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
+        base = {p.name: single.values[p.name] for p in self._problem.parameters}
+        starts = [{**parent.values, **own}, {**parent.values, **base, **own}]
+        return self._fitter.fit(self._fitter.ordered((*parent.effects, name)), starts, keep=1)
+
+    def _ranked(self, size: int) -> list[Fit]:
+        return sorted((f for f in self._fits.values() if len(f.effects) == size), key=lambda f: (f.cost, f.effects))
+
+    def _best(self) -> Fit:
+        # A further effect has to earn more than the luckiest candidate does by chance.
+        return min(self._fits.values(), key=lambda f: (f.cost + 30.0 * len(f.effects), f.effects))
+
+    def _worth(self, size: int) -> bool:
+        return self._ranked(size)[0].cost + 30.0 < self._ranked(size - 1)[0].cost
+
+    def _reweight(self) -> None:
+        """Take the weights from the best residual and refit, at them, what may still matter."""
+        best = self._best()
+        self._know_input_noise(best)
+        self._follow(best)
+        kept = [*self._ranked(0), *self._ranked(1)]
+        for size in range(2, self._settings.most_effects + 1):
+            kept += self._ranked(size)[: 3 * self._settings.beam]
+        refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
+        self._fits = {fit.effects: fit for fit in refitted}
+
+    def _know_input_noise(self, fit: Fit) -> None:
+        reading = np.maximum(self._problem.sigma, reading_noise(self._problem, self._stretches))
+        self._floor = np.hypot(reading, self._problem.input_noise(fit.values, fit.effects))
+
+    def _follow(self, fit: Fit) -> None:
+        residual = np.where(self._problem.valid, self._problem.observed - fit.solution.prediction, 0.0)
+        self._scales = residual_scales(residual, self._stretches)
+        self._fitter = Fitter(self._problem, self._weights())
+
+    def _weights(self) -> Array:
+        return information(self._problem, self._stretches, self._scales)
