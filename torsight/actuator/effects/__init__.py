@@ -1,0 +1,91 @@
+"""Effects that the quasi-static model lacks: one file each, found by folder.
+
+A module ``effects/<id>.py`` declares ``EFFECT``, an :class:`Effect`. Adding one touches nothing else: models, fits, the
+discovery, the model file and the common test find it here.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from torsight.actuator.ports import Ports
+from torsight.core.errors import ConfigError
+from torsight.core.parameter import Parameter
+
+ActsOn = Literal["temperature", "phase", "torque", "friction", "reading"]
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One effect as a declaration.
+
+    Attributes
+    ----------
+    id : str
+        Name in files, code and report; the module's name.
+    family : str
+        Kind of mechanism that rival effects share (``sensor``, ``heat``, ``friction``, ``material``, ``camera``).
+    acts_on : str
+        Where it acts: temperature, phase, torque, friction or reading.
+    title : str
+        A few plain words.
+    parameters : tuple of Parameter
+        With unit, bounds, start value and the null value at which the effect vanishes; names are unique over all
+        effects.
+    apply : callable
+        Pure function from ports and values (public units) to ports.
+    starts : tuple of mappings
+        Further starting points of a fit, by parameter name.
+    scan : (str, int) or None
+        A parameter whose starts must be scanned over its bounds, and in how many steps.
+    is_clock : bool
+        True for an error between two recorders' clocks: it is not applied in predictions.
+    describe : callable or None
+        Further values that people read, from the fitted ones (amplitude and phase from a sine and a cosine).
+    remembers : callable or None
+        From values and history: what the record leaves behind for a later one.
+    """
+
+    id: str
+    family: str
+    acts_on: ActsOn
+    title: str
+    parameters: tuple[Parameter, ...]
+    apply: Callable[[Ports, Values], Ports]
+    starts: tuple[Values, ...] = ()
+    scan: tuple[str, int] | None = None
+    is_clock: bool = False
+
+
+@functools.cache
+def load_effects() -> Mapping[str, Effect]:
+    """Return all effects of this folder by id, in the order of their ids."""
+    found = {}
+    for module in sorted(pkgutil.iter_modules(__path__), key=lambda item: item.name):
+        effect = importlib.import_module(f"{__name__}.{module.name}").EFFECT
+        if effect.id != module.name:
+            msg = f"effects/{module.name}.py declares the id {effect.id}"
+            raise ValueError(msg)
+        found[effect.id] = effect
+    return found
+
+
+def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
+    """Return effects by id.
+
+    Raises
+    ------
+    ConfigError
+        For an id that no file declares.
+    """
+    known = load_effects()
+    for name in ids:
+        if name not in known:
+            raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(known))
+    return tuple(known[name] for name in sorted(set(ids)))

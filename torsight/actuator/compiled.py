@@ -1,0 +1,15 @@
+"""The decorator of compiled functions, with types kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go."""
+    return cast("F", njit(cache=True, nogil=True)(function))

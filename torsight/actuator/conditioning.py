@@ -1,0 +1,199 @@
+"""A noisy temperature made fit to drive a one-way transformation, with its corners kept.
+
+A transformation only advances, so the upward peaks of noise push it on and bias the angle. A low-pass filter would cure
+that and round the corners of the temperature, where an incomplete transformation ends. Here the noise is measured
+first, by differences of third order at several strides (so that noise that was interpolated onto a faster clock is
+found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets the value and slope
+of a local quadratic over a window on its left, on its right or around it. Each kind of window grows until the
+intervals of its estimates no longer meet (Goldenshluger and Nemirovski 1997; Katkovnik 1999): it stops at a corner by
+itself; the kind that ends with the smallest variance is used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.compiled import compiled
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE_C: Final = 0.005
+"""Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
+_THRESHOLD: Final = 2.2
+_MAX_STRIDE_S: Final = 2.0
+_MAX_WINDOW_S: Final = 60.0
+_MAX_WINDOW: Final = 1500
+# Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
+_SELECTION: Final = 1.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditioned:
+    """A temperature that may drive the model.
+
+    Attributes
+    ----------
+    temp_c : (n,) float64
+        Temperature without noise; the very input where its noise is negligible.
+    sigma_c : (n,) float64
+        One standard deviation of what noise is left.
+    noise_c : float
+        Noise of the input (standard deviation).
+    """
+
+    temp_c: Array
+    sigma_c: Array
+    noise_c: float
+
+
+def condition(time_s: Array, temp_c: Array) -> Conditioned:
+    """Remove the noise of a temperature log and keep its corners.
+
+    Parameters
+    ----------
+    time_s, temp_c : (n,) float64
+        Finite; times increasing, not necessarily at one rate.
+    """
+    noise, correlation = measure_noise(time_s, temp_c)
+    if noise <= NEGLIGIBLE_C or len(temp_c) < 16:
+        return Conditioned(temp_c, np.full(len(temp_c), noise), noise)
+    value, _, sigma = _smooth(time_s, temp_c, noise * math.sqrt(correlation), correlation)
+    return Conditioned(value, sigma, noise)
+
+
+def temperature_rate(time_s: Array, temp_c: Array) -> Array:
+    """Return dT/dt in °C/s by the same local fits, for effects that need the slope of a measured temperature."""
+    if len(temp_c) < 16:
+        return np.asarray(np.gradient(temp_c, time_s)) if len(temp_c) > 1 else np.zeros(len(temp_c))
+    noise, correlation = measure_noise(time_s, temp_c)
+    # Rounding to a last digit is noise to a slope even where it is none to the value.
+    noise = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
+    return _smooth(time_s, temp_c, noise * math.sqrt(correlation), correlation)[1]
+
+
+def resolution(temp_c: Array) -> float:
+    """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
+    steps = np.abs(np.diff(temp_c))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
+
+
+def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
+    """Return the noise's standard deviation in °C and over how many samples it is correlated.
+
+    Third differences do not see lines and parabolas; their median does not see corners. A stride of s samples sees
+    noise whose neighbours within s samples are alike.
+    """
+    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    longest = max(1, int(_MAX_STRIDE_S / interval))
+    strides = sorted({max(1, round(longest ** (i / 8))) for i in range(9)})
+    noises = []
+    for stride in strides:
+        if len(temp_c) < 3 * stride + 8:
+            break
+        third = (
+            temp_c[3 * stride :]
+            - 3.0 * temp_c[2 * stride : -stride]
+            + 3.0 * temp_c[stride : -2 * stride]
+            - temp_c[: -3 * stride]
+        )
+        noises.append(float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0))
+    if not noises:
+        return 0.0, 1.0
+    largest = max(noises)
+    enough = next(s for s, noise in zip(strides, noises, strict=False) if noise >= 0.8 * largest)
+    return largest, float(enough)
+
+
+def _smooth(time_s: Array, temp_c: Array, sigma: float, correlation: float) -> tuple[Array, Array, Array]:
+    interval = float(np.median(np.diff(time_s)))
+    longest = int(min(max(_MAX_WINDOW_S / interval, 16), _MAX_WINDOW))
+    smallest = max(4, int(3 * correlation))
+    sizes = [smallest]
+    while sizes[-1] < longest:
+        sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
+    return _local_fits(time_s / interval, temp_c, sigma, np.array(sizes), interval)
+
+
+@compiled
+def _fit(m: Array) -> tuple[float, float, float, float]:
+    """Return value, slope and their unit variances at the origin of the quadratic with these moments.
+
+    ``m`` holds Σ1, Σt, Σt², Σt³, Σt⁴, Σy, Σty, Σt²y.
+    """
+    a, b, c, d, e = m[0], m[1], m[2], m[3], m[4]
+    # Cofactors of [[a b c] [b c d] [c d e]].
+    c00, c01, c02 = c * e - d * d, c * d - b * e, b * d - c * c
+    c11, c12 = a * e - c * c, b * c - a * d
+    det = a * c00 + b * c01 + c * c02
+    value = (c00 * m[5] + c01 * m[6] + c02 * m[7]) / det
+    slope = (c01 * m[5] + c11 * m[6] + c12 * m[7]) / det
+    return value, slope, c00 / det, c11 / det
+
+
+@compiled
+def _add(m: Array, t: float, y: float) -> None:
+    t2 = t * t
+    m[0] += 1.0
+    m[1] += t
+    m[2] += t2
+    m[3] += t2 * t
+    m[4] += t2 * t2
+    m[5] += y
+    m[6] += t * y
+    m[7] += t2 * y
+
+
+@compiled
+def _local_fits(
+    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], interval_s: float
+) -> tuple[Array, Array, Array]:
+    """Return value, slope per second and sigma of the best local quadratic at every sample."""
+    n = temp_c.size
+    value, slope, left_over = temp_c.copy(), np.zeros(n), np.full(n, sigma)
+    moments, both = np.zeros((2, 8)), np.zeros(8)
+    for k in range(n):
+        moments[:] = 0.0
+        low, high = np.full(3, -np.inf), np.full(3, np.inf)
+        alive = np.array([True, True, True])
+        best_variance = np.inf
+        done = 0
+        for size in sizes:
+            for i in range(done, size):
+                if k - i >= 0:
+                    _add(moments[0], time[k - i] - time[k], temp_c[k - i] - temp_c[k])
+                if k + i < n and i > 0:
+                    _add(moments[1], time[k + i] - time[k], temp_c[k + i] - temp_c[k])
+            done = size
+            for kind in range(3):
+                if not alive[kind]:
+                    continue
+                # Before k (with it), after k (with it), and around it.
+                if (kind != 1 and k - size + 1 < 0) or (kind != 0 and k + size - 1 >= n):
+                    alive[kind] = False
+                    continue
+                if kind == 0:
+                    both[:] = moments[0]
+                elif kind == 1:
+                    both[:] = moments[1]
+                    both[0] += 1.0
+                else:
+                    both[:] = moments[0] + moments[1]
+                y, rate, variance, _ = _fit(both)
+                reach = _THRESHOLD * sigma * np.sqrt(variance)
+                low[kind], high[kind] = max(low[kind], y - reach), min(high[kind], y + reach)
+                if low[kind] > high[kind]:
+                    alive[kind] = False
+                elif variance < best_variance:
+                    best_variance = variance
+                    value[k] = temp_c[k] + y
+                    slope[k] = rate / interval_s
+                    left_over[k] = _SELECTION * sigma * np.sqrt(variance)
+            if not (alive[0] or alive[1] or alive[2]):
+                break
+    return value, slope, left_over

@@ -1,0 +1,229 @@
+"""A record made ready to drive the model: everything that does not depend on a parameter's value.
+
+Temperatures are conditioned at their own rate, half-cycles found, and a fast record is brought to a few rows per
+second (angles averaged over each row's interval), which loses nothing that a quasi-static model could use.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.conditioning import condition
+from torsight.actuator.segments import HalfCycles, half_cycles
+from torsight.core.errors import InputError
+from torsight.core.records import SyncedTable, TemperatureLog
+
+Array = NDArray[np.float64]
+
+ROW_RATE_HZ: Final = 5.0
+"""A record that is faster than this is thinned to about four rows per second for a fit."""
+MAX_GAP_S: Final = 5.0
+"""Temperatures are bridged by a line over gaps up to this; rows in longer gaps do not count."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """Conditioned temperatures, half-cycles, measured angle and start of one record.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Increasing.
+    temp_a_c, temp_b_c : (n,) float64
+        Conditioned temperatures as the sensors read them, finite.
+    temp_sigma_c : (n,) float64
+        What noise is left in the active spring's temperature.
+    noise_c : float
+        Noise of the temperatures before conditioning.
+    cycles : HalfCycles
+        Which spring is driven when.
+    angle_rad, angle_sigma_rad : (n,) float64
+        Measured angle (NaN: none) and its standard deviation.
+    start_angle_rad, start_sigma_rad : float
+        Angle as read at the first row.
+    room_c : float
+        Room temperature: the lowest that the springs come back to.
+    known : (n,) bool
+        False in gaps of the temperature log that are too long to bridge.
+    """
+
+    time_s: Array
+    temp_a_c: Array
+    temp_b_c: Array
+    temp_sigma_c: Array
+    noise_c: float
+    cycles: HalfCycles
+    angle_rad: Array
+    angle_sigma_rad: Array
+    start_angle_rad: float
+    start_sigma_rad: float
+    room_c: float
+    known: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
+    """Return the drive of a merged record.
+
+    Raises
+    ------
+    InputError
+        When it has fewer than 20 rows, no angle, or no temperature.
+    NoResultError
+        When neither spring is heated.
+    """
+    if len(table) < 20:
+        raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
+    if not np.isfinite(table.angle_rad).any():
+        raise InputError("has no angle", where=f"{where}, column angle_deg", do="track the film again")
+    base = _driven(
+        table.time_s, table.temp_a_c, table.temp_b_c, table.heat_a, table.heat_b, row_rate_hz=row_rate_hz, where=where
+    )
+    angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, base.rows)
+    start, start_sigma = start_angle(table.angle_rad, table.angle_sigma_rad)
+    return base.drive(angle, sigma, start, start_sigma)
+
+
+def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
+    """Return the drive of a temperature log alone, at every one of its instants.
+
+    Raises
+    ------
+    InputError, NoResultError
+        As :func:`prepare_table`.
+    """
+    base = _driven(log.time_s, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b, row_rate_hz=math.inf, where=where)
+    nothing = np.full(len(log), np.nan)
+    return base.drive(nothing, nothing, start_angle_rad, 0.0)
+
+
+def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
+    """Return the angle at the start and its sigma: the mean over the rest that the record starts with.
+
+    The rest is taken as long as the angle stays within five sigmas of its median so far.
+    """
+    valid = np.flatnonzero(np.isfinite(angle_rad))
+    angle = angle_rad[valid]
+    sigma = np.where(np.isfinite(sigma_rad[valid]), sigma_rad[valid], 0.0)
+    spread = float(np.median(np.abs(np.diff(angle[:200])))) if len(angle) > 8 else 0.0
+    band = 5.0 * max(float(np.median(sigma[:200])), spread, 1e-5)
+    count = min(4, len(angle))
+    while count < min(len(angle), 4000):
+        step = angle[count : count + max(4, count // 2)]
+        middle = float(np.median(angle[:count]))
+        if abs(float(np.median(step)) - middle) > 0.25 * band or np.mean(np.abs(step - middle) > band) > 0.2:
+            break
+        count += len(step)
+    rest = angle[:count]
+    middle = float(np.median(rest))
+    inside = rest[np.abs(rest - middle) <= band]
+    mean_sigma = max(float(np.median(sigma[:count])), 1.2 * spread)
+    return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Base:
+    rows: NDArray[np.int64]
+    time_s: Array
+    temps: tuple[Array, Array]
+    sigma_c: Array
+    noise_c: float
+    cycles: HalfCycles
+    room_c: float
+    known: NDArray[np.bool_]
+
+    def drive(self, angle: Array, sigma: Array, start: float, start_sigma: float) -> Drive:
+        return Drive(
+            time_s=self.time_s,
+            temp_a_c=self.temps[0],
+            temp_b_c=self.temps[1],
+            temp_sigma_c=self.sigma_c,
+            noise_c=self.noise_c,
+            cycles=self.cycles,
+            angle_rad=np.where(self.known, angle, np.nan),
+            angle_sigma_rad=sigma,
+            start_angle_rad=start,
+            start_sigma_rad=start_sigma,
+            room_c=self.room_c,
+            known=self.known,
+        )
+
+
+def _driven(
+    time_s: Array,
+    temp_a_c: Array,
+    temp_b_c: Array,
+    heat_a: NDArray[np.bool_] | None,
+    heat_b: NDArray[np.bool_] | None,
+    *,
+    row_rate_hz: float,
+    where: str,
+) -> _Base:
+    filled_a, known_a = _bridge(time_s, temp_a_c, where=f"{where}, column temp_a_c")
+    filled_b, known_b = _bridge(time_s, temp_b_c, where=f"{where}, column temp_b_c")
+    smooth = condition(time_s, filled_a), condition(time_s, filled_b)
+    noise = max(smooth[0].noise_c, smooth[1].noise_c)
+    cycles = half_cycles(smooth[0].temp_c, smooth[1].temp_c, heat_a=heat_a, heat_b=heat_b, noise_c=noise, where=where)
+    rows = _kept_rows(time_s, row_rate_hz)
+    thinned = HalfCycles(cycles.active[rows], cycles.half[rows], cycles.springs)
+    sigma = np.where(cycles.active == 0, smooth[0].sigma_c, smooth[1].sigma_c)
+    coldest = [float(np.quantile(item.temp_c, 0.02)) for item in smooth]
+    return _Base(
+        rows=rows,
+        time_s=time_s[rows],
+        temps=(smooth[0].temp_c[rows], smooth[1].temp_c[rows]),
+        sigma_c=sigma[rows],
+        noise_c=noise,
+        cycles=thinned,
+        room_c=min(coldest),
+        known=(known_a & known_b)[rows],
+    )
+
+
+def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the temperature with gaps bridged by lines, and where it is known."""
+    good = np.isfinite(temp_c)
+    if good.all():
+        return temp_c, good
+    if good.sum() < 2:
+        raise InputError("has no temperature", where=where, do="check the column of the log")
+    filled = np.interp(time_s, time_s[good], temp_c[good])
+    before = np.maximum.accumulate(np.where(good, time_s, -np.inf))
+    after = np.minimum.accumulate(np.where(good, time_s, np.inf)[::-1])[::-1]
+    return filled, good | (after - before <= MAX_GAP_S)
+
+
+def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
+    n = len(time_s)
+    interval = float(np.median(np.diff(time_s))) if n > 1 else math.inf
+    every = int(1.0 / (interval * row_rate_hz)) if interval > 0 else 1
+    if every < 2:
+        return np.arange(n)
+    every += 1 - every % 2
+    return np.arange(every // 2, n, every)
+
+
+def _block_means(time_s: Array, angle: Array, sigma: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the mean angle over the rows that each kept row stands for, and its sigma."""
+    if len(rows) == len(time_s):
+        return angle, sigma
+    every = int(rows[1] - rows[0])
+    blocks = rows[:, None] + np.arange(-(every // 2), every // 2 + 1)[None, :]
+    inside = blocks < len(time_s)
+    picked = angle[np.minimum(blocks, len(time_s) - 1)]
+    noise = sigma[np.minimum(blocks, len(time_s) - 1)]
+    good = np.isfinite(picked) & inside
+    count = good.sum(axis=1)
+    enough = np.maximum(count, 1)
+    # A mean over fewer rows than half would not stand for the row's instant.
+    usable = 2 * count > every
+    mean = np.where(usable, np.where(good, picked, 0.0).sum(axis=1) / enough, np.nan)
+    variance = np.where(good, np.nan_to_num(noise) ** 2, 0.0).sum(axis=1) / enough**2
+    return mean, np.where(usable, np.sqrt(variance), np.nan)

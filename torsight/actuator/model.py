@@ -1,0 +1,251 @@
+"""The actuator as a model with parameters: prepare a record once, simulate it for any values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator import kernel
+from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
+from torsight.actuator.effects import Effect, chosen_effects
+from torsight.actuator.ports import History, Ports
+from torsight.actuator.segments import TURN_C
+from torsight.actuator.spec import ActuatorSpec
+from torsight.actuator.springs import Rig
+from torsight.core.parameter import Parameter
+from torsight.core.records import SyncedTable, TemperatureLog
+
+Array = NDArray[np.float64]
+PhaseLaw = Literal["liang_rogers", "tanaka"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulation:
+    """What the model says for every row of a drive.
+
+    Attributes
+    ----------
+    angle_rad : (n,) float64
+        Angle as a camera would read it.
+    phi_rad : (n,) float64
+        Actuator angle φ itself.
+    xi_a, xi_b : (n,) float64
+        Martensite fractions.
+    torque_a_nm, torque_b_nm, friction_nm : (n,) float64
+        Springs' torques, and the friction torque τ_f = τ^B − τ^A (+ stray torque) that holds or brakes.
+    temp_a_c, temp_b_c : (n,) float64
+        Wire temperatures that drove it.
+    """
+
+    angle_rad: Array
+    phi_rad: Array
+    xi_a: Array
+    xi_b: Array
+    torque_a_nm: Array
+    torque_b_nm: Array
+    friction_nm: Array
+    temp_a_c: Array
+    temp_b_c: Array
+
+
+@dataclass(frozen=True)
+class ActuatorModel:
+    """The quasi-static model, plain or with effects.
+
+    Attributes
+    ----------
+    spec : ActuatorSpec
+        Characterised values and their uncertainties.
+    effects : sequence of str
+        Ids of effects that are part of the model; they act in the order of their ids.
+    phase_law : str
+        ``"liang_rogers"`` (the model) or ``"tanaka"``.
+    theta_l_deg : float or None
+        A constant recoverable angle in place of the one that the last winding left.
+    """
+
+    spec: ActuatorSpec
+    effects: Sequence[str] = ()
+    phase_law: PhaseLaw = "liang_rogers"
+    theta_l_deg: float | None = None
+
+    @cached_property
+    def chosen(self) -> tuple[Effect, ...]:
+        """The effects' declarations, in the order in which they act."""
+        return chosen_effects(tuple(self.effects))
+
+    @cached_property
+    def all_parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter, the exact ones (``fixed``) too."""
+        own = self.spec.parameters()
+        return own + tuple(parameter for effect in self.chosen for parameter in effect.parameters)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The free parameters: those with an uncertainty, the friction torque, and the effects' own."""
+        return tuple(parameter for parameter in self.all_parameters if not parameter.fixed)
+
+    def nominal(self) -> dict[str, float]:
+        """Return the start value of every parameter."""
+        return {parameter.name: parameter.value for parameter in self.all_parameters}
+
+    def prepare(self, table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
+        """Return the drive of a merged record: conditioned temperatures, half-cycles, start.
+
+        Raises
+        ------
+        InputError, NoResultError
+            When the record cannot drive a model.
+        """
+        return prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+
+    def prepare_log(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
+        """Return the drive of a temperature log alone, at its own instants.
+
+        Raises
+        ------
+        InputError, NoResultError
+            When the log cannot drive a model.
+        """
+        return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
+
+    def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:
+        """Return the plain model's ports for this drive, with the effects applied."""
+        given = {**self.nominal(), **values}
+        history = history or History()
+        counts = drive.cycles.counts()
+        before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
+        ports = Ports(
+            rig=Rig.from_values(given),
+            time_s=drive.time_s,
+            temp_a_c=drive.temp_a_c,
+            temp_b_c=drive.temp_b_c,
+            active=drive.cycles.active,
+            half=drive.cycles.half,
+            cycle=counts + before,
+            room_c=drive.room_c,
+            history=history,
+            theta_l_scale=np.ones(len(counts)),
+            friction_scale=np.ones(len(drive)),
+        )
+        for effect in self.chosen:
+            if not (effect.is_clock and history.after_record):
+                ports = effect.apply(ports, given)
+        return ports
+
+    def simulate(
+        self, drive: Drive, values: Mapping[str, float] | None = None, *, history: History | None = None
+    ) -> Simulation:
+        """Step through a drive.
+
+        Parameters
+        ----------
+        drive : Drive
+            From :meth:`prepare`.
+        values : mapping of str to float, optional
+            Parameters by public name, in the unit that the name ends in; nominal values where absent.
+        history : History, optional
+            What earlier records left behind.
+        """
+        ports = self.ports(drive, values or {}, history=history)
+        law = self.phase_law == "tanaka"
+        return run_ports(ports, start_angle_rad=drive.start_angle_rad, tanaka=law, theta_l_deg=self.theta_l_deg)
+
+
+def run_ports(
+    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
+) -> Simulation:
+    """Run the kernel on ports, from the angle as read at the first row."""
+    start = _unread(start_angle_rad, ports)
+    is_a = ports.active == 0
+    temp_active = np.where(is_a, ports.temp_a_c, ports.temp_b_c)
+    temp_passive = np.where(is_a, ports.temp_b_c, ports.temp_a_c)
+    direction = kernel.turning_points(temp_active, ports.half, TURN_C)
+    passive_direction = (
+        kernel.turning_points(temp_passive, ports.half, TURN_C) if ports.passive_share > 0.0 else direction
+    )
+    per_s = np.zeros(len(ports.time_s))
+    per_s[1:] = 1.0 / np.diff(ports.time_s)
+    half_turn = 0.5 * ports.rig.theta_p_rad
+    nothing = np.empty(0)
+    tables = [
+        nothing if table is None else table
+        for table in (ports.stiffening_nm, ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
+    ]
+    out = kernel.run(
+        per_s,
+        temp_active,
+        temp_passive,
+        ports.active,
+        ports.half,
+        direction,
+        passive_direction,
+        ports.theta_l_scale,
+        ports.friction_scale,
+        scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
+        *tables,
+        ports.section_weight,
+        ports.section_drop_c,
+        ports.section_drop_share,
+        start + half_turn,
+    )
+    phi = out[0] - half_turn
+    angle = phi
+    for reading in ports.reading:
+        angle = reading(angle, ports.time_s)
+    friction = out[4] - out[3]
+    if ports.stray_nm is not None:
+        friction = friction + np.interp(phi, ports.phi_grid_rad(), ports.stray_nm)
+    return Simulation(
+        angle_rad=angle,
+        phi_rad=phi,
+        xi_a=out[1],
+        xi_b=out[2],
+        torque_a_nm=out[3],
+        torque_b_nm=out[4],
+        friction_nm=friction,
+        temp_a_c=ports.temp_a_c,
+        temp_b_c=ports.temp_b_c,
+    )
+
+
+def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> Array:
+    """Return the kernel's vector of scalars."""
+    rig = ports.rig
+    grid = ports.grid_rad()
+    p = np.zeros(kernel.N_SCALARS)
+    p[kernel.K_A], p[kernel.K_M], p[kernel.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
+    # A fit may try values out of order: a window never closes.
+    p[kernel.A_START], p[kernel.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
+    p[kernel.M_FINISH], p[kernel.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
+    p[kernel.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
+    p[kernel.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
+    p[kernel.THETA_CR], p[kernel.THETA_P] = rig.theta_cr_rad, rig.theta_p_rad
+    p[kernel.TAU_C], p[kernel.VISCOUS] = rig.tau_c_nm, ports.viscous_nms
+    p[kernel.STATIC_EXCESS], p[kernel.STATIC_TIME] = ports.static_excess, ports.static_time_s
+    p[kernel.PASSIVE_SHARE], p[kernel.TANAKA] = ports.passive_share, float(tanaka)
+    p[kernel.ROOM_C] = ports.room_c
+    p[kernel.GRID_START], p[kernel.GRID_STEP] = grid[0], grid[1] - grid[0]
+    p[kernel.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
+    return p
+
+
+def _unread(angle_rad: float, ports: Ports) -> float:
+    """Return φ at the first row from the angle as read there (the readings are near one to one)."""
+    if not ports.reading:
+        return angle_rad
+    phi = angle_rad
+    for _ in range(60):
+        read = np.array([phi])
+        for reading in ports.reading:
+            read = reading(read, ports.time_s[:1])
+        step = angle_rad - float(read[0])
+        phi += step
+        if abs(step) < 1e-14:
+            break
+    return phi

@@ -1,0 +1,142 @@
+"""Where an effect can act on the model: wire temperature, phase, torque, friction, reading.
+
+A :class:`Ports` is what one simulation is made of. The plain model's ports leave everything as it is; an effect is a
+function from ports to ports. Nothing here knows of any effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.springs import Rig
+
+Array = NDArray[np.float64]
+Reading = Callable[[Array, Array], Array]
+
+_GRID_POINTS = 1201
+_GRID_MARGIN = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """What a record leaves behind for a later one.
+
+    Attributes
+    ----------
+    cycles : (int, int)
+        How often A and B had been heated before this record.
+    reading_offset_rad : float
+        Change of the reading that stays (a slipped marker), already in the start angle.
+    after_record : bool
+        True where the simulated log comes after the record that the model was fitted to.
+    """
+
+    cycles: tuple[int, int] = (0, 0)
+    reading_offset_rad: float = 0.0
+    after_record: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ports:
+    """Everything that drives one simulation.
+
+    Attributes
+    ----------
+    rig : Rig
+        The springs' values.
+    time_s : (n,) float64
+        Times of the rows.
+    temp_a_c, temp_b_c : (n,) float64
+        Temperature of either wire.
+    active : (n,) int8
+        0 while A is driven, 1 while B is.
+    half : (n,) int64
+        Number of the half-cycle.
+    cycle : (halves,) int64
+        How often the driven spring had been heated before each half-cycle, the history's cycles included.
+    room_c : float
+        Room temperature.
+    history : History
+        What earlier records left.
+    section_weight, section_drop_c, section_drop_share : (m,) float64
+        Sections of the wire: share, and how much cooler than the sensor: absolute, and of the excess over the room.
+    passive_share : float
+        Share of the passive spring that transforms at its own temperature and stress.
+    theta_l_scale : (halves,) float64
+        Factor on the recoverable angle.
+    friction_scale : (n,) float64
+        Factor on the friction torque.
+    viscous_nms : float
+        Friction torque per rad/s.
+    static_excess, static_time_s : float
+        By which share friction after a long rest exceeds sliding friction, and the rest that it takes.
+    stiffening_nm : (g,) float64 or None
+        Torque beyond the loading curve over a spring's own winding (:meth:`grid_rad`).
+    friction_down_nm, friction_up_nm : (g,) float64 or None
+        Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
+    stray_nm : (g,) float64 or None
+        Further torque along φ over θ^A.
+    reading : tuple of functions
+        What turns φ at given times into the angle that is read, rad, applied in this order.
+    """
+
+    rig: Rig
+    time_s: Array
+    temp_a_c: Array
+    temp_b_c: Array
+    active: NDArray[np.int8]
+    half: NDArray[np.int64]
+    cycle: NDArray[np.int64]
+    room_c: float
+    history: History = field(default_factory=History)
+    section_weight: Array = field(default_factory=lambda: np.ones(1))
+    section_drop_c: Array = field(default_factory=lambda: np.zeros(1))
+    section_drop_share: Array = field(default_factory=lambda: np.zeros(1))
+    passive_share: float = 0.0
+    theta_l_scale: Array = field(default_factory=lambda: np.ones(1))
+    friction_scale: Array = field(default_factory=lambda: np.ones(1))
+    viscous_nms: float = 0.0
+    static_excess: float = 0.0
+    static_time_s: float = 1.0
+    stiffening_nm: Array | None = None
+    friction_down_nm: Array | None = None
+    friction_up_nm: Array | None = None
+    stray_nm: Array | None = None
+    reading: tuple[Reading, ...] = ()
+
+    def grid_rad(self) -> Array:
+        """Return the angles of the tables: a spring's own winding θ, or θ^A = φ + θ_P/2, rad."""
+        margin = _GRID_MARGIN * self.rig.theta_p_rad
+        return np.linspace(-margin, self.rig.theta_p_rad + margin, _GRID_POINTS)
+
+    def phi_grid_rad(self) -> Array:
+        """Return the actuator angles φ of the tables, rad."""
+        return self.grid_rad() - 0.5 * self.rig.theta_p_rad
+
+    def with_friction(self, factor_down: Array, factor_up: Array, added_nm: Array | float = 0.0) -> Ports:
+        """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""
+        plain = np.full(_GRID_POINTS, self.rig.tau_c_nm)
+        down = plain if self.friction_down_nm is None else self.friction_down_nm
+        up = plain if self.friction_up_nm is None else self.friction_up_nm
+        return replace(self, friction_down_nm=down * factor_down + added_nm, friction_up_nm=up * factor_up + added_nm)
+
+    def with_stray(self, torque_nm: Array) -> Ports:
+        """Return ports with a further torque along φ over :meth:`grid_rad`."""
+        return replace(self, stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
+
+    def with_stiffening(self, torque_nm: Array) -> Ports:
+        """Return ports with a further torque on the loading curve over :meth:`grid_rad`."""
+        before = self.stiffening_nm
+        return replace(self, stiffening_nm=torque_nm if before is None else before + torque_nm)
+
+    def with_temperatures(self, temp_a_c: Array, temp_b_c: Array) -> Ports:
+        """Return ports with other wire temperatures."""
+        return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+
+    def with_reading(self, reading: Reading) -> Ports:
+        """Return ports with one more step from φ to the angle that is read."""
+        return replace(self, reading=(*self.reading, reading))

@@ -1,0 +1,157 @@
+"""Half-cycles of a record: which spring is driven when.
+
+A half-cycle is the heating and cooling of one spring. It lasts until the other spring starts to be heated, or the same
+one again after it has cooled. The log's heating switches decide where it has them, else the temperatures: the driven
+spring is the hotter one at the top of a rise, and warming by its neighbour is no drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.kernel import turning_points
+from torsight.core.errors import NoResultError
+
+Array = NDArray[np.float64]
+
+TURN_C: Final = 1.0
+"""A turn of the temperature counts when it goes this far back, °C (more where noise is large)."""
+_RISE_C: Final = 4.0
+_COOLED: Final = 0.65
+
+
+@dataclass(frozen=True, slots=True)
+class Heating:
+    """One rise of one spring's temperature: spring (0 A, 1 B), rows of its start and top, the start's temperature."""
+
+    spring: int
+    start: int
+    top: int
+    base_c: float
+    top_c: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfCycles:
+    """The chain of half-cycles of a record.
+
+    Attributes
+    ----------
+    active : (n,) int8
+        0 while A is driven, 1 while B is.
+    half : (n,) int64
+        Number of the half-cycle, from 0.
+    springs : tuple of int
+        The driven spring of each half-cycle.
+    """
+
+    active: NDArray[np.int8]
+    half: NDArray[np.int64]
+    springs: tuple[int, ...]
+
+    def counts(self) -> NDArray[np.int64]:
+        """Return, for each half-cycle, how often its spring had been heated before."""
+        seen = [0, 0]
+        out = []
+        for spring in self.springs:
+            out.append(seen[spring])
+            seen[spring] += 1
+        return np.array(out, np.int64)
+
+
+def half_cycles(
+    temp_a_c: Array,
+    temp_b_c: Array,
+    *,
+    heat_a: NDArray[np.bool_] | None = None,
+    heat_b: NDArray[np.bool_] | None = None,
+    noise_c: float = 0.0,
+    where: str = "record",
+) -> HalfCycles:
+    """Split a record into half-cycles.
+
+    Raises
+    ------
+    NoResultError
+        When neither spring is ever heated.
+    """
+    temps = (temp_a_c, temp_b_c)
+    if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
+        heatings = _switched(temps, (heat_a, heat_b))
+    else:
+        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(TURN_C, 8.0 * noise_c))
+    if not heatings:
+        span = [float(np.max(t) - np.min(t)) for t in temps]
+        raise NoResultError(
+            "neither spring is heated",
+            where=where,
+            value=f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)",
+            limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
+            do="record at least one heating and cooling",
+        )
+    return _chain(_merged(heatings, temps), len(temp_a_c))
+
+
+def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> list[Heating]:
+    """Return the stretches in which one switch is on."""
+    found = []
+    for spring in (0, 1):
+        on = np.concatenate([[False], heat[spring] & ~heat[1 - spring], [False]]).astype(np.int8)
+        starts, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
+        for start, end in zip(starts, ends, strict=True):
+            top = start + int(np.argmax(temps[spring][start:end]))
+            found.append(Heating(spring, int(start), top, float(temps[spring][start]), float(temps[spring][top])))
+    return sorted(found, key=lambda item: item.start)
+
+
+def _driven(temps: tuple[Array, Array], *, rise_c: float, turn_c: float) -> list[Heating]:
+    """Return the rises of either spring that its own heating made."""
+    one = np.zeros(len(temps[0]), np.int64)
+    found: list[Heating] = []
+    for spring in (0, 1):
+        own, other = temps[spring], temps[1 - spring]
+        sense = turning_points(own, one, turn_c)
+        edges = np.flatnonzero(np.diff(sense)) + 1
+        bounds = [0, *edges.tolist(), len(own)]
+        for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+            if sense[first] < 0:
+                continue
+            start = max(first - 1, 0)
+            start += int(np.argmin(own[start:last]))
+            top = start + int(np.argmax(own[start:last]))
+            rise = own[top] - own[start]
+            if rise >= rise_c and own[top] > other[top] and rise > other[top] - other[start]:
+                found.append(Heating(spring, start, top, float(own[start]), float(own[top])))
+    return sorted(found, key=lambda item: item.top)
+
+
+def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating]:
+    """Join rises of one spring between which it has not cooled: holds, pauses, partial reheats."""
+    kept: list[Heating] = []
+    for item in heatings:
+        last = kept[-1] if kept else None
+        if last is not None and last.spring == item.spring:
+            lowest = float(np.min(temps[item.spring][last.top : item.top + 1]))
+            if lowest > last.top_c - _COOLED * (last.top_c - last.base_c):
+                top = last if last.top_c >= item.top_c else item
+                kept[-1] = Heating(item.spring, last.start, top.top, last.base_c, top.top_c)
+                continue
+        kept.append(item)
+    return kept
+
+
+def _chain(heatings: list[Heating], n: int) -> HalfCycles:
+    active, half = np.empty(n, np.int8), np.empty(n, np.int64)
+    starts = [0]
+    for before, item in zip(heatings[:-1], heatings[1:], strict=True):
+        # Warming by the neighbour may have begun before: a half-cycle starts after the last one's top.
+        starts.append(max(item.start, before.top + 1))
+    bounds = [*starts, n]
+    for number, item in enumerate(heatings):
+        active[bounds[number] : bounds[number + 1]] = item.spring
+        half[bounds[number] : bounds[number + 1]] = number
+    return HalfCycles(active, half, tuple(item.spring for item in heatings))

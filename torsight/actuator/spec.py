@@ -1,0 +1,255 @@
+"""The actuator's characterised values: ``ACTUATOR.toml`` read, checked for physical order, and as parameters.
+
+Values stay in the public units that their names end in; :class:`torsight.actuator.springs.Rig` converts them once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.core.config import get_number, get_table
+from torsight.core.errors import ConfigError
+from torsight.core.parameter import Parameter
+from torsight.core.storage import check_keys, read_toml
+
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    table: str
+    unit: str
+    lower: float
+    upper: float
+    hint: str
+
+
+_GPA: Final = "give it in GPa, not Pa or MPa"
+_CELSIUS: Final = "give it in °C, not kelvin"
+_MPA: Final = "give it in MPa/K, not Pa/K"
+_MM: Final = "give it in mm"
+_DEGREES: Final = "give it in degrees, not radians"
+
+KEYS: Final[Mapping[str, _Key]] = {
+    "wire_diameter_mm": _Key("geometry", "mm", 0.01, 20.0, _MM),
+    "wire_length_mm": _Key("geometry", "mm", 1.0, 1e4, _MM),
+    "mean_diameter_mm": _Key("geometry", "mm", 0.1, 500.0, _MM),
+    "active_coils": _Key("geometry", "", 0.25, 200.0, "count the coils that deform"),
+    "E_A_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA),
+    "E_M_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA),
+    "E_S_gpa": _Key("material", "GPa", 0.01, 500.0, _GPA),
+    "A_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
+    "A_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
+    "M_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
+    "M_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
+    "C_A_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA),
+    "C_M_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA),
+    "theta_cr_deg": _Key("material", "°", 5.0, 5000.0, _DEGREES),
+    "theta_p_deg": _Key("assembly", "°", 20.0, 20000.0, _DEGREES),
+    "tau_c_mnm": _Key("friction", "mN·m", 0.0, 1e4, "give it in mN·m"),
+}
+"""Every key of ``ACTUATOR.toml`` with its table, unit and the range outside which it must be a slip."""
+
+TABLES: Final = ("geometry", "material", "assembly", "friction", "uncertainty")
+_ORDERS: Final = (
+    ("A_s_c", "A_f_c", "austenite starts to form below the temperature at which it is complete"),
+    ("M_f_c", "M_s_c", "martensite is complete below the temperature at which it starts to form"),
+    ("M_s_c", "A_f_c", "the hysteresis lies between the start of cooling's and the end of heating's transformation"),
+    ("M_f_c", "A_s_c", "the hysteresis lies between the end of cooling's and the start of heating's transformation"),
+    ("E_S_gpa", "E_M_gpa", "stress-induced martensite is the softest state"),
+    ("E_M_gpa", "E_A_gpa", "austenite is stiffer than martensite"),
+    ("theta_cr_deg", "theta_p_deg", "the critical angle lies below the total pre-deformation"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorSpec:
+    """Characterised values of both springs and the rig, with their uncertainties.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Value by public name, in the unit that the name ends in (``E_A_gpa``, ``tau_c_mnm``).
+    uncertainty : mapping of str to float
+        One standard deviation of those that are not exact; they are priors of a fit.
+    source : str
+        File that they come from, for messages.
+    """
+
+    values: Mapping[str, float]
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    source: str = "actuator"
+
+    def __post_init__(self) -> None:
+        check_order(self.values, where=self.source)
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all values as parameters: free where they carry an uncertainty, and the friction torque always."""
+        made = []
+        for name, value in self.values.items():
+            sigma = self.uncertainty.get(name)
+            free = sigma is not None or name == "tau_c_mnm"
+            lower, upper = fit_bounds(name, value, sigma)
+            made.append(
+                Parameter(
+                    name=name,
+                    value=value,
+                    unit=KEYS[name].unit,
+                    lower=lower if free else -math.inf,
+                    upper=upper if free else math.inf,
+                    sigma=sigma,
+                    fixed=not free,
+                )
+            )
+        return tuple(made)
+
+    def to_tables(self) -> dict[str, dict[str, float]]:
+        """Return the tables of ``ACTUATOR.toml``."""
+        tables: dict[str, dict[str, float]] = {name: {} for name in TABLES}
+        for name, value in self.values.items():
+            tables[KEYS[name].table][name] = float(value)
+        tables["uncertainty"] = {name: float(sigma) for name, sigma in self.uncertainty.items()}
+        return {name: table for name, table in tables.items() if table}
+
+
+def fit_bounds(name: str, value: float, sigma: float | None) -> tuple[float, float]:
+    """Return the bounds within which a fit may move a value: 40 sigmas, and never out of its kind's range.
+
+    Wide on purpose: a value that is pulled many sigmas off is a finding, and a bound that holds it would hide it.
+    """
+    key = KEYS[name]
+    if name == "tau_c_mnm":
+        return 0.0, max(20.0 * value, 20.0 * (sigma or 0.0), 10.0)
+    reach = 40.0 * (sigma or 0.0)
+    return max(key.lower, value - reach), min(key.upper, value + reach)
+
+
+def read_actuator(path: Path) -> ActuatorSpec:
+    """Read ``ACTUATOR.toml``.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown or missing key, a value of the wrong kind, in the wrong unit or out of physical order.
+    InputError
+        When the file cannot be read.
+    """
+    return actuator_from(read_toml(path), where=str(path))
+
+
+def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
+    """Return the spec of the tables of ``ACTUATOR.toml``.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`read_actuator`.
+    """
+    check_keys(content, TABLES, where=where)
+    values: dict[str, float] = {}
+    for table_name in TABLES[:-1]:
+        table = get_table(content, table_name, where=where, required=True)
+        place = f"{where}, [{table_name}]"
+        names = tuple(name for name, key in KEYS.items() if key.table == table_name)
+        check_keys(table, names, where=place)
+        for name in _wanted(table_name, table, names, where=place):
+            key = KEYS[name]
+            values[name] = get_number(table, name, where=place, lower=key.lower, upper=key.upper, hint=key.hint)
+    return ActuatorSpec(
+        values=values, uncertainty=_uncertainty(content, values, where=f"{where}, [uncertainty]"), source=where
+    )
+
+
+def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *, where: str) -> tuple[str, ...]:
+    """Return the keys to read: the wire's length is given, or follows from coils and their mean diameter."""
+    if table_name != "geometry":
+        return names
+    if "wire_length_mm" in table:
+        for name in ("mean_diameter_mm", "active_coils"):
+            if name in table:
+                raise ConfigError(
+                    f"'wire_length_mm' and '{name}' are two answers to one question",
+                    where=where,
+                    limit="wire_length_mm, or mean_diameter_mm with active_coils",
+                    do="remove one of them",
+                )
+        return ("wire_diameter_mm", "wire_length_mm")
+    if "mean_diameter_mm" not in table and "active_coils" not in table:
+        raise ConfigError(
+            "has no key 'wire_length_mm'", where=where, do="add it, or mean_diameter_mm with active_coils"
+        )
+    return ("wire_diameter_mm", "mean_diameter_mm", "active_coils")
+
+
+def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> dict[str, float]:
+    table = get_table(content, "uncertainty", where=where)
+    check_keys(table, tuple(values), where=where)
+    sigmas = {}
+    for name in table:
+        scale = 30.0 if KEYS[name].unit == "°C" else max(abs(values[name]), 1e-3)
+        upper = 10.0 * scale if name == "tau_c_mnm" else scale
+        sigma = get_number(
+            table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"
+        )
+        if sigma > 0.0:
+            sigmas[name] = sigma
+    return sigmas
+
+
+def check_order(values: Mapping[str, float], *, where: str) -> None:
+    """Refuse values out of physical order.
+
+    Raises
+    ------
+    ConfigError
+        Naming both keys, both values and why.
+    """
+    for low, high, why in _ORDERS:
+        if not values[low] < values[high]:
+            raise ConfigError(
+                f"'{low}' is not below '{high}' ({why})",
+                where=where,
+                value=f"{low} = {values[low]:g}, {high} = {values[high]:g}",
+                limit=f"{low} < {high}",
+                do="check the two values and their units",
+            )
+
+
+REFERENCE_VALUES: Final[Mapping[str, float]] = {
+    "wire_diameter_mm": 0.5,
+    "mean_diameter_mm": 6.8,
+    "active_coils": 3.0,
+    "E_A_gpa": 60.0,
+    "E_M_gpa": 20.0,
+    "E_S_gpa": 5.0,
+    "A_s_c": 36.0,
+    "A_f_c": 54.0,
+    "M_s_c": 42.0,
+    "M_f_c": 28.0,
+    "C_A_mpa_per_k": 32.0,
+    "C_M_mpa_per_k": 32.0,
+    "theta_cr_deg": 180.0,
+    "theta_p_deg": 1080.0,
+    "tau_c_mnm": 0.79,
+}
+"""The reference rig: chosen to satisfy every number in the paper's text, whose tables are lost."""
+
+REFERENCE_UNCERTAINTY: Final[Mapping[str, float]] = {
+    "E_A_gpa": 1.8,
+    "E_M_gpa": 0.8,
+    "E_S_gpa": 0.25,
+    "theta_cr_deg": 5.4,
+    "A_s_c": 0.4,
+    "A_f_c": 0.4,
+    "M_s_c": 0.6,
+    "M_f_c": 0.6,
+    "tau_c_mnm": 0.3,
+}
+"""Usual errors of characterised values (3 to 5 % of moduli, 3 % of the critical angle, 0.4 and 0.6 °C)."""
+
+
+def reference_spec() -> ActuatorSpec:
+    """Return the reference rig with the usual uncertainties."""
+    return ActuatorSpec(values=REFERENCE_VALUES, uncertainty=REFERENCE_UNCERTAINTY, source="reference rig")

@@ -1,0 +1,167 @@
+"""One torsion spring: strain from winding, torsional stiffness, and the martensite's loading curve.
+
+Symbols as in the paper (Smart Mater. Struct. 24 (2015) 105005): wire diameter d, wire length of the active coils
+L_s, strain per radian C1 = d / (2 L_s) (7), stress per torque C2 = 32 / (π d³) (11), stiffness K = E C1 / C2
+(16, 17), critical angle θ_cr, total pre-deformation θ_P (18), friction torque τ_c.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.units import DEG, GPA, MM, MNM, MPA
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """The values of one rig in SI units, with the constants that follow from them.
+
+    Attributes
+    ----------
+    wire_diameter_m, wire_length_m : float
+        d and L_s.
+    k_austenite, k_martensite, k_stress_induced : float
+        K_A, K_M, K_S in N·m/rad.
+    a_start_c, a_finish_c, m_start_c, m_finish_c : float
+        Transformation temperatures without stress, °C.
+    c_austenite, c_martensite : float
+        Stress influence C_A, C_M in Pa/K.
+    theta_cr_rad, theta_p_rad : float
+        Critical angle and total pre-deformation.
+    tau_c_nm : float
+        Coulomb friction torque.
+    stress_per_torque : float
+        C2 in 1/m³.
+    """
+
+    wire_diameter_m: float
+    wire_length_m: float
+    k_austenite: float
+    k_martensite: float
+    k_stress_induced: float
+    a_start_c: float
+    a_finish_c: float
+    m_start_c: float
+    m_finish_c: float
+    c_austenite: float
+    c_martensite: float
+    theta_cr_rad: float
+    theta_p_rad: float
+    tau_c_nm: float
+    stress_per_torque: float
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, float]) -> Rig:
+        """Convert public values (``E_A_gpa``, ``theta_cr_deg``, …) to SI."""
+        diameter_m = values["wire_diameter_mm"] * MM
+        length_m = wire_length_mm(values) * MM
+        stress = stress_per_torque(diameter_m)
+        stiffness = strain_per_angle(diameter_m, length_m) / stress * GPA
+        return cls(
+            wire_diameter_m=diameter_m,
+            wire_length_m=length_m,
+            k_austenite=stiffness * values["E_A_gpa"],
+            k_martensite=stiffness * values["E_M_gpa"],
+            k_stress_induced=stiffness * values["E_S_gpa"],
+            a_start_c=values["A_s_c"],
+            a_finish_c=values["A_f_c"],
+            m_start_c=values["M_s_c"],
+            m_finish_c=values["M_f_c"],
+            c_austenite=values["C_A_mpa_per_k"] * MPA,
+            c_martensite=values["C_M_mpa_per_k"] * MPA,
+            theta_cr_rad=values["theta_cr_deg"] * DEG,
+            theta_p_rad=values["theta_p_deg"] * DEG,
+            tau_c_nm=values["tau_c_mnm"] * MNM,
+            stress_per_torque=stress,
+        )
+
+    def stiffness(self, xi: float) -> float:
+        """Return K(ξ) = K_A + ξ (K_M − K_A) (16), N·m/rad."""
+        return self.k_austenite + xi * (self.k_martensite - self.k_austenite)
+
+    def loading_torque(self, theta_rad: float) -> float:
+        """Return the torque of cold martensite that is being wound to ``theta_rad``, N·m."""
+        return loading_torque(
+            theta_rad,
+            k_martensite=self.k_martensite,
+            k_stress_induced=self.k_stress_induced,
+            theta_cr_rad=self.theta_cr_rad,
+        )
+
+    def recoverable_angle(self, theta_max_rad: float) -> float:
+        """Return θ_L, the torque-free angle that winding to ``theta_max_rad`` leaves, rad."""
+        share = 1.0 - self.k_stress_induced / self.k_martensite
+        return max(0.0, theta_max_rad - self.theta_cr_rad) * share
+
+
+def wire_length_mm(values: Mapping[str, float]) -> float:
+    """Return L_s as given, or N0 π D0 (2)."""
+    if "wire_length_mm" in values:
+        return values["wire_length_mm"]
+    return values["active_coils"] * math.pi * values["mean_diameter_mm"]
+
+
+def strain_per_angle(wire_diameter_m: float, wire_length_m: float) -> float:
+    """Return C1 = d / (2 L_s) (7), 1/rad."""
+    return wire_diameter_m / (2.0 * wire_length_m)
+
+
+def stress_per_torque(wire_diameter_m: float) -> float:
+    """Return C2 = 32 / (π d³) (11), 1/m³."""
+    return 32.0 / (math.pi * wire_diameter_m**3)
+
+
+def loading_torque(theta_rad: float, *, k_martensite: float, k_stress_induced: float, theta_cr_rad: float) -> float:
+    """Return the loading curve: K_M up to the critical angle, K_S beyond it, N·m."""
+    if theta_rad <= theta_cr_rad:
+        return k_martensite * theta_rad
+    return k_martensite * theta_cr_rad + k_stress_induced * (theta_rad - theta_cr_rad)
+
+
+def torsional_stiffness(rig: Rig, theta_rad: NDArray[np.float64], *, xi: float) -> NDArray[np.float64]:
+    """Return the stiffness of figure 5: K(ξ) up to the critical angle (16), K_S beyond it (17), N·m/rad."""
+    return np.where(theta_rad <= rig.theta_cr_rad, rig.stiffness(xi), rig.k_stress_induced)
+
+
+def normal_strain(
+    theta_rad: NDArray[np.float64], *, wire_diameter_m: float, wire_length_m: float
+) -> NDArray[np.float64]:
+    """Return ε = C1 θ (7): the strain from winding; the one from shaping is annealed away."""
+    return strain_per_angle(wire_diameter_m, wire_length_m) * theta_rad
+
+
+def shear_strain(
+    theta_rad: NDArray[np.float64],
+    *,
+    wire_diameter_m: float,
+    wire_length_m: float,
+    active_coils: float,
+    compression_m: float,
+) -> NDArray[np.float64]:
+    """Return γ = (N0 + θ/2π) π d L_δ / L_s² (4) for an axial pre-compression L_δ, Wahl factor one."""
+    coils = active_coils + theta_rad / (2.0 * math.pi)
+    return coils * math.pi * wire_diameter_m * compression_m / wire_length_m**2
+
+
+def strain_ratio(
+    theta_rad: NDArray[np.float64],
+    *,
+    wire_diameter_m: float,
+    wire_length_m: float,
+    active_coils: float,
+    compression_m: float,
+) -> NDArray[np.float64]:
+    """Return γ / ε of figure 4; it falls with θ and is why only bending strain is modelled."""
+    shear = shear_strain(
+        theta_rad,
+        wire_diameter_m=wire_diameter_m,
+        wire_length_m=wire_length_m,
+        active_coils=active_coils,
+        compression_m=compression_m,
+    )
+    return shear / normal_strain(theta_rad, wire_diameter_m=wire_diameter_m, wire_length_m=wire_length_m)

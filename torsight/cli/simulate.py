@@ -1,0 +1,53 @@
+"""``torsight simulate``: the plain model's angles for a temperature log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from torsight.actuator.model import Simulation
+    from torsight.core.records import TemperatureLog
+
+
+def simulate(  # noqa: D417 - the options carry their help
+    actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
+    temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
+    *,
+    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+) -> None:
+    """Give the plain model's angle at every instant of a temperature log.
+
+    Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
+    """
+    from torsight.actuator.logs import read_log
+    from torsight.actuator.model import ActuatorModel
+    from torsight.actuator.spec import read_actuator
+    from torsight.core.units import DEG
+
+    model = ActuatorModel(read_actuator(actuator))
+    log = read_log(temperature)
+    drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))
+    write_angles_of(out, log, model.simulate(drive), known=drive.known)
+
+
+def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, known: object) -> None:
+    """Write the angles for a log's instants; empty where the log has no temperature for too long."""
+    import numpy as np
+
+    from torsight.core.storage import write_table
+    from torsight.core.units import DEG, MNM
+
+    write_table(
+        out,
+        {
+            "time_s": log.time_s,
+            "angle_deg": np.where(np.asarray(known), simulation.angle_rad / DEG, np.nan),
+            "xi_a": simulation.xi_a,
+            "xi_b": simulation.xi_b,
+            "friction_mnm": simulation.friction_nm / MNM,
+        },
+    )
