@@ -73,4 +73,15 @@ def read_results(folder: Path) -> RunResults:
             limit=", ".join([f"{name}.csv" for name in TABLES] + [f"{name}.json" for name in DOCUMENTS]),
             do="name the folder that 'torsight run --out' filled",
         )
-    return RunResults(folder=folder, **tables, **documents)
+    return RunResults(
+        folder=folder,
+        angle=tables.get("angle"),
+        markers=tables.get("markers"),
+        merged=tables.get("merged"),
+        curves=tables.get("curves"),
+        track=documents.get("track"),
+        sync=documents.get("sync"),
+        fit=documents.get("fit"),
+        discovery=documents.get("discovery"),
+        provenance=documents.get("provenance"),
+    )

@@ -48,10 +48,10 @@ class Prior:
         def place(pull: float) -> float:
             return 80.0 + 72.0 * max(-1.0, min(1.0, pull / reach))
 
-        parts = [
-            f'<rect class="band prior" x="{place(-width):.1f}" y="2" width="{place(width) - place(-width):.1f}" height="18"/>'
-            for width in (2.0, 1.0)
-        ]
+        parts = []
+        for width in (2.0, 1.0):
+            left, right = place(-width), place(width)
+            parts.append(f'<rect class="band prior" x="{left:.1f}" y="2" width="{right - left:.1f}" height="18"/>')
         parts.append('<path class="grid zero" d="M80 2V20"/>')
         for fitted, kind, row in ((plain, "before", 7.0), (after, "after", 15.0)):
             pull = self.pull(fitted)

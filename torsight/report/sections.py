@@ -1,4 +1,4 @@
-"""The report's words and tables, taken from the JSON results; every function gives an empty answer where one is absent."""
+"""The report's words and tables, from the JSON results; where one is absent the answer is empty."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def tiles(results: RunResults) -> list[Tile]:
 def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
     effects = discovery.get("effects") or []
     verdict = str(discovery.get("verdict"))
-    if verdict == "none" or (not effects and verdict != "unknown" and verdict != "ambiguous"):
+    if verdict == "none" or (not effects and verdict not in {"unknown", "ambiguous"}):
         return Tile("Missing effect", "none", "", "that this record can show")
     if verdict == "ambiguous":
         return Tile("Missing effect", f"1 of {max(2, len(explanations(discovery)))}", "", "explanations fit alike")
@@ -193,17 +193,18 @@ def plain_items(value: Any) -> list[tuple[str, str]]:
             if isinstance(item, Mapping):
                 rows += [(f"{name}.{inner}", words) for inner, words in plain_items(item)]
             else:
-                rows.append((str(name), _words(item)))
+                rows.append((str(name), in_words(item)))
         return rows
-    return [("", _words(value))]
+    return [("", in_words(value))]
 
 
-def _words(value: Any) -> str:
+def in_words(value: Any) -> str:
+    """Return a JSON value as words on one line."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_words(item)}" for name, item in value.items())
+        return ", ".join(f"{name} {in_words(item)}" for name, item in value.items())
     if isinstance(value, (list, tuple)):
         separator = "; " if any(isinstance(item, (Mapping, list)) for item in value) else ", "
-        return separator.join(_words(item) for item in value)
+        return separator.join(in_words(item) for item in value)
     if isinstance(value, float):
         return f"{value:g}"
     return "–" if value is None else str(value)
@@ -254,9 +255,8 @@ def fit_lines(results: RunResults) -> list[tuple[str, str]]:
         ("R²", _score(fit.get("r2"))),
         ("case of the cooling", f"({fit.get('case')})"),
     ]
-    for name in ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg"):
-        lines.append((name, f"{fixed(fit.get(name), 1)}°"))
-    return lines
+    angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
+    return lines + [(name, f"{fixed(fit.get(name), 1)}°") for name in angles]
 
 
 def tracking(results: RunResults) -> dict[str, Any]:
@@ -276,7 +276,7 @@ def tracking(results: RunResults) -> dict[str, Any]:
     return {
         "events": events[:200],
         "more_events": max(0, len(events) - 200),
-        "advice": [advice] if isinstance(advice, str) else [_words(one) for one in advice],
+        "advice": [advice] if isinstance(advice, str) else [in_words(one) for one in advice],
         "account": plain_items({name: value for name, value in track.items() if name not in left_out})[:40],
     }
 
@@ -295,57 +295,6 @@ def clocks(results: RunResults) -> list[tuple[str, str]]:
     lines.append(("evidence", str(sync.get("method", "not said"))))
     lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
     return lines
-
-
-def unsure(results: RunResults) -> list[str]:
-    """Return what the run could not be sure of, in sentences."""
-    found: list[str] = []
-    if results.angle is not None:
-        valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
-        if not valid.all():
-            found.append(f"The angle is not known in {int((~valid).sum())} of {len(valid)} frames.")
-        if "branch_certain" in results.angle.columns:
-            certain = results.angle["branch_certain"].to_numpy(dtype=float) > 0.5
-            if not certain.all():
-                found.append(f"In {int((~certain).sum())} frames after a gap the whole turn rests on a guess.")
-    if results.sync is not None:
-        for name in ("offset_s", "drift_ppm"):
-            ci95 = (results.sync.get(name) or {}).get("ci95") or [None, None]
-            if None in ci95:
-                found.append(f"This record does not fix the clocks' {name}.")
-    if results.fit is not None and results.fit.get("converged") is False:
-        found.append("The fit of the plain model did not converge.")
-    found += _unsure_of_model(results)
-    for document in (results.track, results.sync, results.fit, results.discovery):
-        for key in ("notes", "warnings", "not_sure"):
-            extra = (document or {}).get(key) or []
-            found += [extra] if isinstance(extra, str) else [_words(one) for one in extra]
-    return list(dict.fromkeys(found))
-
-
-def _unsure_of_model(results: RunResults) -> list[str]:
-    discovery = results.discovery
-    if discovery is None:
-        return []
-    found = []
-    if discovery.get("verdict") == "ambiguous":
-        found.append(f"This record cannot tell apart: {'; '.join(explanations(discovery))}.")
-    if discovery.get("verdict") == "unknown":
-        found.append("The closure is learned from this record; outside its temperatures and rates it is a guess.")
-    if not discovery.get("held_out"):
-        found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
-    for effect in discovery.get("effects") or []:
-        chance = effect.get("probability")
-        if chance is not None and chance < 0.95:
-            found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
-    known = priors(results)
-    for name, value in (discovery.get("parameters") or {}).items():
-        if not value.get("fixed") and None in (value.get("ci95") or [None]):
-            found.append(f"The record says nothing about {name}.")
-        pull = known[name].pull(value) if name in known else None
-        if pull is not None and abs(pull) > 3.0 and name != "tau_c_mnm":
-            found.append(f"The record contradicts the characterised {name} by {abs(pull):.1f} standard deviations.")
-    return found
 
 
 def origin(results: RunResults) -> dict[str, Any]:

@@ -57,6 +57,7 @@ def page(results: RunResults) -> str:
 def contents(results: RunResults) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
     from torsight.report import sections
+    from torsight.report.doubts import doubts
 
     return {
         "style": (TEMPLATES / "report.css").read_text(encoding="utf-8"),
@@ -70,7 +71,7 @@ def contents(results: RunResults) -> dict[str, Any]:
         "fit": sections.fit_lines(results),
         "tracking": sections.tracking(results),
         "clocks": sections.clocks(results),
-        "unsure": sections.unsure(results),
+        "unsure": doubts(results),
         "origin": sections.origin(results),
         "files": sections.files(results.folder),
     }
