@@ -1,0 +1,171 @@
+"""The rotation axis from the markers' circles, against rigs of known geometry."""
+
+import cv2
+import numpy as np
+import pytest
+
+from torsight.core.axis import axis_basis, axis_in_picture, axis_in_space, pose_from_axis, stick_angle
+from torsight.core.camera import Intrinsics, RightCamera
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import on_plane, rotation_matrix, triangulate
+from torsight.core.minimise import least_squares
+
+LENS = Intrinsics(
+    (640, 480),
+    np.array([[1200.0, 0.0, 319.5], [0.0, 1190.0, 239.5], [0.0, 0.0, 1.0]]),
+    np.array([-0.15, 0.05, 0.001, -0.002, 0.02]),
+)
+RIGHT = RightCamera(LENS, np.array([0.02, 0.2, 0.01]), np.array([-60.0, 1.0, 5.0]))
+SIGMA_PX = 0.03
+
+
+def rig(tilt_deg, angle_rad, *, azimuth_rad=0.7, distance_mm=300.0, radii_mm=(8.0, 25.0)):
+    """Return direction, centre and positions (n, 2, 3) of two markers on one ray of a turning disk."""
+    tilt = np.radians(tilt_deg)
+    direction = np.array([np.sin(tilt) * np.cos(azimuth_rad), np.sin(tilt) * np.sin(azimuth_rad), -np.cos(tilt)])
+    centre = np.array([5.0, -3.0, distance_mm])
+    # Any two unit vectors across the axis, not the ones that the code under test chooses.
+    first = np.cross(direction, [0.3, 0.9, 0.1])
+    first /= np.linalg.norm(first)
+    second = np.cross(direction, first)
+    wave = np.cos(angle_rad)[:, None] * first + np.sin(angle_rad)[:, None] * second
+    return direction, centre, np.stack([centre + radius * wave for radius in radii_mm], axis=1)
+
+
+def seen(points_mm, rng, *, rvec=(0.0, 0.0, 0.0), tvec_mm=(0.0, 0.0, 0.0), sigma_px=SIGMA_PX):
+    pixels, _ = cv2.projectPoints(
+        points_mm.reshape(-1, 3), np.array(rvec), np.array(tvec_mm), LENS.matrix, LENS.distortion
+    )
+    pixels = pixels.reshape(*points_mm.shape[:-1], 2)
+    covariance = np.broadcast_to(np.eye(2) * max(sigma_px, 1e-4) ** 2, (*pixels.shape, 2))
+    return pixels + rng.normal(0, 1, pixels.shape) * sigma_px, covariance
+
+
+def in_space(points_mm, rng, *, sigma_px=SIGMA_PX):
+    left, covariance = seen(points_mm, rng, sigma_px=sigma_px)
+    right, _ = seen(points_mm, rng, rvec=RIGHT.rvec, tvec_mm=RIGHT.tvec_mm, sigma_px=sigma_px)
+    return triangulate(
+        left, right, left=LENS, right=RIGHT, left_covariance_px2=covariance, right_covariance_px2=covariance
+    )
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 7.0, 30.0])
+def test_axis_in_picture_without_noise(tilt_deg):
+    direction, centre, points = rig(tilt_deg, np.radians(np.linspace(0, 250, 80)))
+    axis = axis_in_picture(*seen(points, np.random.default_rng(0), sigma_px=0.0), LENS)
+    assert axis.direction == pytest.approx(direction, abs=1e-6)
+    # Lengths come in units of the markers' distance, 25 − 8 mm.
+    assert axis.point_mm * 17.0 == pytest.approx(centre, rel=1e-5)
+    assert axis.radius_mm * 17.0 == pytest.approx([8.0, 25.0], rel=1e-5)
+    assert np.degrees(axis.arc_rad) == pytest.approx(250, abs=0.1)
+
+
+def test_axis_in_space_without_noise():
+    direction, centre, points = rig(12.0, np.radians(np.linspace(0, 120, 60)))
+    points[:, 1] += 3.0 * direction
+    space = in_space(points, np.random.default_rng(0), sigma_px=0.0)
+    axis = axis_in_space(space.position_mm, space.covariance_mm2)
+    assert axis.direction == pytest.approx(direction, abs=1e-7)
+    assert axis.point_mm == pytest.approx(centre, abs=1e-5)
+    assert axis.radius_mm == pytest.approx([8.0, 25.0], abs=1e-5)
+    assert axis.height_mm == pytest.approx([0.0, 3.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("cameras", [1, 2])
+def test_axis_lies_within_its_own_sigma(cameras):
+    rng = np.random.default_rng(1)
+    direction, _, points = rig(9.0, np.radians(np.linspace(0, 200, 120)))
+    scaled, misfit = [], []
+    for _ in range(25):
+        if cameras == 1:
+            axis = axis_in_picture(*seen(points, rng), LENS)
+        else:
+            space = in_space(points, rng)
+            axis = axis_in_space(space.position_mm, space.covariance_mm2)
+        scaled.append(np.arccos(min(1.0, axis.direction @ direction)) / axis.direction_sigma_rad)
+        misfit.append(axis.misfit)
+    # Two tilts, each at most one sigma wide: the mean square is at most 2, within the scatter of 25 draws (χ² with 50).
+    assert np.mean(np.square(scaled)) < 2.0 + 5 * 2.0 * np.sqrt(2 / 50)
+    assert np.mean(np.square(scaled)) > 0.5
+    # χ² per degree of freedom of about 240 residuals, 25 times.
+    assert np.mean(misfit) == pytest.approx(1.0, abs=5 * np.sqrt(0.5 / 240 / 25) + 0.005)
+
+
+def test_without_perspective_the_mirror_image_fits_almost_as_well():
+    rng = np.random.default_rng(2)
+    turn = np.radians(np.linspace(0, 90, 60))
+    near = axis_in_picture(*seen(rig(8.0, turn, distance_mm=200.0)[2], rng), LENS)
+    far = axis_in_picture(*seen(rig(8.0, turn, distance_mm=6000.0)[2], rng), LENS)
+    assert near.mirror_gap > 100.0
+    assert far.mirror_gap < 30.0
+
+
+def test_angle_through_the_found_axis_is_the_angle_of_the_rig():
+    rng = np.random.default_rng(3)
+    turn = np.radians(np.linspace(-40, 400, 300))
+    _, _, points = rig(20.0, turn)
+    pixels, covariance = seen(points, rng)
+    pose = pose_from_axis(axis_in_picture(pixels, covariance, LENS), length_mm=17.0)
+    world, _ = on_plane(pixels, LENS, pose=pose, z_mm=0.0)
+    angle, _ = stick_angle(world[:, 0], world[:, 1], direction=np.array([0.0, 0.0, 1.0]))
+    error_deg = np.degrees(np.unwrap(angle) - turn)
+    error_deg -= error_deg.mean()
+    # Both ends of 17 mm seen at 4 px/mm, tilted by 20°, and the axis' own error of a few hundredths of a degree.
+    noise_deg = np.degrees(np.sqrt(2) * SIGMA_PX / (17.0 * 4.0 * np.cos(np.radians(20))))
+    assert np.sqrt(np.mean(error_deg**2)) < 1.2 * noise_deg
+    # Ignoring the tilt costs ψ²/4 = 1.7° of twice-per-turn error.
+    flat = np.unwrap(np.arctan2(-np.diff(pixels[..., 1], axis=1), np.diff(pixels[..., 0], axis=1)).ravel())
+    assert np.ptp(np.degrees(flat - turn)) > 20 * noise_deg
+
+
+def test_angle_is_counter_clockwise_as_displayed():
+    direction = np.array([0.0, 0.0, -1.0])
+    # The picture's y points down: a stick that points up the picture is at +90°.
+    angle, _ = stick_angle(np.array([0.0, 0.0, 300.0]), np.array([0.0, -9.0, 300.0]), direction=direction)
+    assert angle == pytest.approx(np.pi / 2)
+    u, v = axis_basis(direction)
+    assert np.cross(u, v) == pytest.approx(direction)
+
+
+def test_sigma_of_the_angle_is_its_scatter():
+    rng = np.random.default_rng(7)
+    direction = np.array([0.1, -0.2, -1.0])
+    direction /= np.linalg.norm(direction)
+    inner, outer = np.array([1.0, 2.0, 300.0]), np.array([12.0, -9.0, 303.0])
+    factors = rng.normal(0, 0.02, (2, 3, 3))
+    covariance = factors @ np.swapaxes(factors, -1, -2)
+    _, sigma = stick_angle(inner, outer, direction=direction, covariance_mm2=covariance)
+    noise = np.einsum("kij,nkj->nki", factors, rng.normal(0, 1, (4000, 2, 3)))
+    angles, _ = stick_angle(inner + noise[:, 0], outer + noise[:, 1], direction=direction)
+    assert np.std(angles) == pytest.approx(sigma, rel=5 / np.sqrt(2 * 4000))
+
+
+@pytest.mark.parametrize(("frames", "arc_deg", "said"), [(5, 200.0, "5 frames"), (60, 10.0, "10°")])
+def test_what_cannot_show_an_axis_is_refused(frames, arc_deg, said):
+    _, _, points = rig(5.0, np.radians(np.linspace(0, arc_deg, frames)))
+    rng = np.random.default_rng(0)
+    with pytest.raises(NoResultError, match=said):
+        axis_in_picture(*seen(points, rng, sigma_px=0.001), LENS)
+    space = in_space(points, rng, sigma_px=0.001)
+    with pytest.raises(NoResultError, match=said):
+        axis_in_space(space.position_mm, space.covariance_mm2)
+
+
+def test_pose_has_the_axis_as_z_towards_the_camera():
+    direction, centre, points = rig(15.0, np.radians(np.linspace(0, 90, 40)))
+    space = in_space(points, np.random.default_rng(0), sigma_px=0.0)
+    pose = pose_from_axis(axis_in_space(space.position_mm, space.covariance_mm2), base_z_mm=-4.0)
+    assert rotation_matrix(pose.rvec)[:, 2] == pytest.approx(direction, abs=1e-6)
+    assert pose.tvec_mm == pytest.approx(centre, abs=1e-4)
+    assert pose.base_z_mm == -4.0
+
+
+def test_least_squares_finds_a_straight_line():
+    x = np.linspace(0, 1, 20)
+    y = 3.0 * x - 1.0 + np.random.default_rng(0).normal(0, 0.1, 20)
+    values, covariance, chi_squared = least_squares(lambda p: (p[0] * x + p[1] - y) / 0.1, np.zeros(2))
+    expected, residual, *_ = np.linalg.lstsq(np.stack((x, np.ones(20)), axis=1), y, rcond=None)
+    assert values == pytest.approx(expected, abs=1e-7)
+    assert chi_squared == pytest.approx(residual[0] / 0.01, rel=1e-9)
+    design = np.stack((x, np.ones(20)), axis=1) / 0.1
+    assert covariance == pytest.approx(np.linalg.inv(design.T @ design), rel=1e-6)

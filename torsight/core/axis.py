@@ -1,0 +1,379 @@
+"""The rotation axis from the paths of the moving stick's markers, and the angle of a stick about it.
+
+A marker on a turning stick stays at one height along the axis and at one distance from it. In space (stereo) these two
+statements are the residuals of a circle fit. In one camera's picture the height is not seen, but two markers that keep
+their distances from the axis and the angle between them say how the axis is tilted: seen along a tilted axis the
+circles become ellipses, and perspective tells the near side from the far side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.camera import Intrinsics, Pose
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import ray_from_pixel, rotation_vector
+from torsight.core.minimise import least_squares
+
+Floats = NDArray[np.float64]
+
+_FEWEST_FRAMES: Final = 8
+_MOST_FRAMES: Final = 600
+_SMALLEST_ARC_RAD: Final = np.pi / 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """A rotation axis in the (left) camera's coordinates.
+
+    Attributes
+    ----------
+    point_mm : (3,) float64
+        A point on the axis, in the plane of the first marker. From one camera lengths are in units of the distance of
+        the moving stick's two markers, until that is known in mm.
+    direction : (3,) float64
+        Unit vector along the axis, towards the camera.
+    direction_sigma_rad : float
+        Standard deviation of its tilt, in the direction that is known worst.
+    radius_mm, height_mm : (k,) float64
+        Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
+    misfit : float
+        Root of χ² per degree of freedom: 1 where the residuals are as large as the positions' sigmas say.
+    arc_rad : float
+        How much of a turn the paths cover.
+    mirror_gap : float
+        Gain in χ² over the mirror-image tilt, which one camera can tell from the true one by perspective alone;
+        infinite from two cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
+    """
+
+    point_mm: Floats
+    direction: Floats
+    direction_sigma_rad: float
+    radius_mm: Floats
+    height_mm: Floats
+    misfit: float
+    arc_rad: float
+    mirror_gap: float = np.inf
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the axis and the camera's line of sight to it."""
+        toward = -self.point_mm / np.linalg.norm(self.point_mm)
+        return float(np.arccos(np.clip(toward @ self.direction, -1.0, 1.0)))
+
+
+def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
+    """Return unit vectors u, v across the axis, u nearest to the picture's right and v to its top.
+
+    An angle that grows from u to v is counter-clockwise as displayed, for a direction towards the camera.
+    """
+    u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
+    if np.linalg.norm(u) < 1e-6:
+        u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
+    u /= np.linalg.norm(u)
+    return u, np.cross(direction, u)
+
+
+def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
+    """Fit one axis to the circles of k markers in space, from a stereo pair.
+
+    Parameters
+    ----------
+    position_mm : (n, k, 3) float64
+        Positions in the left camera's coordinates; NaN where not known.
+    covariance_mm2 : (n, k, 3, 3) float64
+        Their covariance.
+
+    Raises
+    ------
+    NoResultError
+        When too few positions are known, or the markers turned too little.
+    """
+    rows = thinned(np.asarray(np.isfinite(position_mm).all(axis=(1, 2))))
+    position, covariance = position_mm[rows], covariance_mm2[rows]
+    _require_frames(len(rows))
+    spread = position - position.mean(axis=0)
+    scatter = np.einsum("nki,nkj->ij", spread, spread)
+    start_direction = _towards_camera(np.linalg.eigh(scatter)[1][:, 0], position.mean(axis=(0, 1)))
+    start_point = _common_centre(position, start_direction)
+    frame = np.stack((*axis_basis(start_direction), start_direction))
+    markers = position.shape[1]
+
+    def circles(values: Floats) -> tuple[Floats, Floats, Floats]:
+        direction = _tilted(frame, values[:2])
+        away = position - (start_point + values[2] * frame[0] + values[3] * frame[1])
+        height = away @ direction
+        across = away - height[..., None] * direction
+        radius = np.linalg.norm(across, axis=-1)
+        slopes = np.stack((np.broadcast_to(direction, across.shape), across / radius[..., None]), axis=-2)
+        return np.stack((height, radius), axis=-1), slopes, direction
+
+    def residuals(values: Floats) -> Floats:
+        seen, slopes, _ = circles(values)
+        model = values[4:].reshape(markers, 2)
+        return _whitened(seen - model, slopes @ covariance @ np.swapaxes(slopes, -1, -2))
+
+    start = np.concatenate((np.zeros(4), circles(np.zeros(4))[0].mean(axis=0).ravel()))
+    values, spread_of_values, chi_squared = least_squares(residuals, start)
+    direction = _tilted(frame, values[:2])
+    point = start_point + values[2] * frame[0] + values[3] * frame[1]
+    height, radius = values[4:].reshape(markers, 2).T
+    arc_rad = _arc(position - point, direction)
+    freedom = residuals(values).size - len(values)
+    return Axis(
+        point_mm=point + height[0] * direction,
+        direction=direction,
+        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(spread_of_values[:2, :2])[-1])),
+        radius_mm=radius,
+        height_mm=height - height[0],
+        misfit=float(np.sqrt(chi_squared / freedom)),
+        arc_rad=arc_rad,
+    )
+
+
+def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Intrinsics) -> Axis:
+    """Fit the axis to the paths of the moving stick's two markers in one camera's picture.
+
+    The unit of length is the distance of the two markers; they are taken to lie in one plane across the axis.
+
+    Parameters
+    ----------
+    position_px : (n, 2, 2) float64
+        Positions of the inner and the outer marker; NaN where not known.
+    covariance_px2 : (n, 2, 2, 2) float64
+        Their covariance.
+    intrinsics : Intrinsics
+        The camera.
+
+    Raises
+    ------
+    NoResultError
+        When too few positions are known, or the markers turned too little.
+    """
+    rows = thinned(np.asarray(np.isfinite(position_px).all(axis=(1, 2))))
+    _require_frames(len(rows))
+    ray, slope = ray_from_pixel(position_px[rows], intrinsics)
+    spread = slope @ covariance_px2[rows] @ np.swapaxes(slope, -1, -2)
+    lines = np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
+    found = [_refined_in_picture(lines, spread, start) for start in _start_directions(lines)]
+    found.sort(key=lambda item: item[2])
+    values, spread_of_values, chi_squared, frame = found[0]
+    direction = _tilted(frame, values[:2])
+    point = np.array([values[2], values[3], 1.0])
+    polar = _polar(lines, direction, point)
+    arc_rad = float(np.ptp(np.unwrap(polar[:, 1, 1])))
+    if arc_rad < _SMALLEST_ARC_RAD:
+        raise _too_small_arc(arc_rad)
+    r1, r2, between = values[4:7]
+    length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(between)))
+    distinct = [item for item in found[1:] if _tilted(item[3], item[0][:2]) @ direction < np.cos(1e-3)]
+    return Axis(
+        point_mm=point / length,
+        direction=direction,
+        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(spread_of_values[:2, :2])[-1])),
+        radius_mm=np.array([r1, r2]) / length,
+        height_mm=np.zeros(2),
+        misfit=float(np.sqrt(chi_squared / (3 * len(rows) - len(values)))),
+        arc_rad=arc_rad,
+        mirror_gap=float(distinct[0][2] - chi_squared) if distinct else np.inf,
+    )
+
+
+def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0) -> Pose:
+    """Return the pose of the world whose z axis is the rotation axis, its origin in the moving markers' plane.
+
+    Parameters
+    ----------
+    axis : Axis
+        From :func:`axis_in_picture` (then ``length_mm`` is the distance of the moving stick's markers in mm) or from
+        :func:`axis_in_space` (already in mm).
+    length_mm : float
+        Millimetres per unit of the axis.
+    base_z_mm : float
+        Height of the base stick's markers above the moving stick's; matters for positions in mm, not for the angle.
+    """
+    u, v = axis_basis(axis.direction)
+    return Pose(
+        rvec=rotation_vector(np.stack((u, v, axis.direction), axis=1)),
+        tvec_mm=axis.point_mm * length_mm,
+        base_z_mm=base_z_mm,
+        moving_z_mm=0.0,
+    )
+
+
+def stick_angle(
+    inner_mm: Floats, outer_mm: Floats, *, direction: Floats, covariance_mm2: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Return the angle of a stick about the axis, and its standard deviation.
+
+    Parameters
+    ----------
+    inner_mm, outer_mm : (..., 3) float64
+        Its two markers.
+    direction : (3,) float64
+        Of the axis, towards the camera.
+    covariance_mm2 : (..., 2, 3, 3) float64, optional
+        Covariance of the inner and the outer marker's position.
+
+    Returns
+    -------
+    angle_rad : (...) float64
+        In (-π, π], counter-clockwise as displayed, from the picture's right.
+    sigma_rad : (...) float64
+        NaN without a covariance.
+    """
+    u, v = axis_basis(direction)
+    stick = outer_mm - inner_mm
+    x, y = stick @ u, stick @ v
+    angle = np.arctan2(y, x)
+    if covariance_mm2 is None:
+        return angle, np.full(angle.shape, np.nan)
+    with np.errstate(all="ignore"):
+        slope = (x[..., None] * v - y[..., None] * u) / (x * x + y * y)[..., None]
+    variance = np.einsum("...i,...ij,...j->...", slope, covariance_mm2.sum(axis=-3), slope)
+    return angle, np.sqrt(variance)
+
+
+def thinned(known: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return at most a few hundred of the rows that are known, evenly spread: an axis needs no more."""
+    rows = np.flatnonzero(known)
+    if len(rows) <= _MOST_FRAMES:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, _MOST_FRAMES).round().astype(np.intp)]
+
+
+def _refined_in_picture(lines: Floats, spread: Floats, direction: Floats) -> tuple[Floats, Floats, float, Floats]:
+    frame = np.stack((*axis_basis(direction), direction))
+    point = _common_centre(_on_unit_plane(lines, direction, lines.mean(axis=(0, 1))), direction)
+    point = point / point[2]
+    polar = _polar(lines, direction, point)
+    between = float(np.angle(np.exp(1j * (polar[:, 1, 1] - polar[:, 0, 1])).mean()))
+    start = np.array([0.0, 0.0, point[0], point[1], *polar[..., 0].mean(axis=0), between])
+
+    def residuals(values: Floats) -> Floats:
+        direction = _tilted(frame, values[:2])
+        centre = np.array([values[2], values[3], 1.0])
+        polar = _polar(lines, direction, centre)
+        # Differences of r1, r2 and the angle between, with their covariance through each marker's own two rays.
+        apart = polar[:, 1, 1] - polar[:, 0, 1] - values[6]
+        error = np.stack(
+            (polar[:, 0, 0] - values[4], polar[:, 1, 0] - values[5], np.angle(np.exp(1j * apart))), axis=-1
+        )
+        slopes = _polar_slopes(lines, direction, centre)
+        joint = np.zeros((len(lines), 3, 4))
+        joint[:, 0, :2], joint[:, 2, :2] = slopes[:, 0, 0], -slopes[:, 0, 1]
+        joint[:, 1, 2:], joint[:, 2, 2:] = slopes[:, 1, 0], slopes[:, 1, 1]
+        both = np.zeros((len(lines), 4, 4))
+        both[:, :2, :2], both[:, 2:, 2:] = spread[:, 0], spread[:, 1]
+        return _whitened(error, joint @ both @ np.swapaxes(joint, -1, -2))
+
+    values, covariance, chi_squared = least_squares(residuals, start)
+    return values, covariance, chi_squared, frame
+
+
+def _on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:
+    return np.asarray(lines * ((through @ direction) / (lines @ direction))[..., None])
+
+
+def _polar(lines: Floats, direction: Floats, point: Floats) -> Floats:
+    """Return radius and angle (n, 2, 2) about the axis of where lines of sight meet the plane across it."""
+    u, v = axis_basis(direction)
+    away = _on_unit_plane(lines, direction, point) - point
+    x, y = away @ u, away @ v
+    return np.stack((np.hypot(x, y), np.arctan2(y, x)), axis=-1)
+
+
+def _polar_slopes(lines: Floats, direction: Floats, point: Floats) -> Floats:
+    """Return the derivative (n, 2, 2, 2) of radius and angle with respect to the ray."""
+    u, v = axis_basis(direction)
+    reach = (lines @ direction)[..., None]
+    place = lines * ((point @ direction) / reach)
+    away = place - point
+    x, y = (away @ u)[..., None], (away @ v)[..., None]
+    # d place / d ray_i = (D/reach)·(e_i − line·direction_i/reach)
+    depth = (point @ direction) / reach
+    by_ray_u = depth * (u[:2] - (lines @ u)[..., None] * direction[:2] / reach)
+    by_ray_v = depth * (v[:2] - (lines @ v)[..., None] * direction[:2] / reach)
+    radius = np.hypot(x, y)
+    return np.stack(((x * by_ray_u + y * by_ray_v) / radius, (x * by_ray_v - y * by_ray_u) / radius**2), axis=-2)
+
+
+def _start_directions(lines: Floats) -> list[Floats]:
+    """Return the two tilts, mirror images of each other, from which the paths look most like circles."""
+    toward = -lines.mean(axis=(0, 1))
+    toward /= np.linalg.norm(toward)
+    u, v = axis_basis(toward)
+    best: list[tuple[float, Floats]] = []
+    for tilt in np.arange(0.0, 1.2, 0.05):
+        turns = np.arange(0.0, 2.0 * np.pi, np.pi / 12) if tilt else np.zeros(1)
+        for turn in turns:
+            direction = np.cos(tilt) * toward + np.sin(tilt) * (np.cos(turn) * u + np.sin(turn) * v)
+            best.append((_roundness(lines, direction), direction))
+    best.sort(key=lambda item: item[0])
+    first = best[0][1]
+    mirrored = 2.0 * (first @ toward) * toward - first
+    return [first, mirrored / np.linalg.norm(mirrored)]
+
+
+def _roundness(lines: Floats, direction: Floats) -> float:
+    place = _on_unit_plane(lines, direction, lines.mean(axis=(0, 1)))
+    radius = np.linalg.norm(place - _common_centre(place, direction), axis=-1)
+    return float(np.sum((radius - radius.mean(axis=0)) ** 2) / np.sum(radius**2))
+
+
+def _common_centre(position: Floats, direction: Floats) -> Floats:
+    """Return the centre of circles of several markers about one axis, by linear least squares."""
+    u, v = axis_basis(direction)
+    middle = position.mean(axis=(0, 1))
+    x, y = (position - middle) @ u, (position - middle) @ v
+    markers = x.shape[1]
+    own = np.broadcast_to(np.eye(markers), (*x.shape, markers))
+    design = np.concatenate((2.0 * x[..., None], 2.0 * y[..., None], own), axis=-1).reshape(-1, 2 + markers)
+    answer = np.linalg.lstsq(design, (x**2 + y**2).ravel(), rcond=None)[0]
+    return np.asarray(middle + answer[0] * u + answer[1] * v)
+
+
+def _tilted(frame: Floats, tilt: Floats) -> Floats:
+    vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _towards_camera(direction: Floats, point: Floats) -> Floats:
+    return direction if direction @ point < 0 else -direction
+
+
+def _whitened(error: Floats, covariance: Floats) -> Floats:
+    factor = np.linalg.cholesky(covariance)
+    return np.asarray(np.linalg.solve(factor, error[..., None])).ravel()
+
+
+def _arc(away: Floats, direction: Floats) -> float:
+    u, v = axis_basis(direction)
+    widest = int(np.argmax(np.linalg.norm(away, axis=-1).mean(axis=0)))
+    arc_rad = float(np.ptp(np.unwrap(np.arctan2(away[:, widest] @ v, away[:, widest] @ u))))
+    if arc_rad < _SMALLEST_ARC_RAD:
+        raise _too_small_arc(arc_rad)
+    return arc_rad
+
+
+def _require_frames(count: int) -> None:
+    if count < _FEWEST_FRAMES:
+        raise NoResultError(
+            "too few frames show both moving markers to find the rotation axis",
+            value=f"{count} frames",
+            limit=f"at least {_FEWEST_FRAMES}",
+            do="film a longer motion, or measure the axis with a board on the disk",
+        )
+
+
+def _too_small_arc(arc_rad: float) -> NoResultError:
+    return NoResultError(
+        "the markers turn too little to find the rotation axis",
+        value=f"{np.degrees(arc_rad):.0f}°",
+        limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
+        do="film a larger motion, or measure the axis with a board on the disk",
+    )

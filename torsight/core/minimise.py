@@ -1,0 +1,54 @@
+"""A small least-squares solver for a handful of unknowns, without the start-up time of a large library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_STEPS: Final = 60
+
+
+def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple[Floats, Floats, float]:
+    """Minimise a sum of squares (Levenberg-Marquardt, derivatives by central differences).
+
+    Returns
+    -------
+    values : (p,) float64
+    covariance : (p, p) float64
+        Inverse of JᵀJ: right when the residuals are in units of their sigmas.
+    chi_squared : float
+    """
+    values, error = start.copy(), residuals(start)
+    damping = 1e-3
+    for _ in range(_STEPS):
+        jacobian = _jacobian(residuals, values)
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ error
+        scale = np.diag(np.maximum(np.diag(normal), 1e-300))
+        for _ in range(10):
+            step = np.linalg.solve(normal + damping * scale, gradient)
+            trial = residuals(values - step)
+            if trial @ trial <= error @ error:
+                break
+            damping *= 10.0
+        else:
+            break
+        gain = float(error @ error - trial @ trial)
+        values, error, damping = values - step, trial, max(damping / 10.0, 1e-12)
+        if gain <= 1e-12 * float(error @ error) + 1e-20:
+            break
+    jacobian = _jacobian(residuals, values)
+    return values, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
+
+
+def _jacobian(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
+    columns = []
+    for index, value in enumerate(values):
+        step = np.zeros_like(values)
+        step[index] = 1e-6 * max(abs(value), 1e-2)
+        columns.append((residuals(values + step) - residuals(values - step)) / (2.0 * step[index]))
+    return np.stack(columns, axis=1)
