@@ -25,7 +25,7 @@ def batch(
     """
     from torsight.cli.campaign import find_experiments, run_campaign, tasks, write_results
     from torsight.cli.console import progress_lines, say
-    from torsight.report import write_gallery
+    from torsight.report.gallery import write_gallery
 
     todo = tasks(find_experiments(sources), out)
     with progress_lines() as progress:

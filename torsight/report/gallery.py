@@ -1,0 +1,85 @@
+"""``index.html`` of a campaign: one small picture per experiment, each a link to its report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from torsight.core.errors import TorsightError
+from torsight.core.results import RunResults, read_results
+from torsight.core.storage import write_text
+from torsight.core.wording import estimate, verdict_sentence
+
+
+def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
+    """Write ``index.html``: angle and residual of every experiment, small, in the order of the rows.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Each with ``name``, ``status`` (``done`` or ``failed``), ``message`` and ``folder``.
+    out : Path
+        Folder of the campaign.
+
+    Returns
+    -------
+    Path
+        The page; it needs the experiments' folders only for its links.
+    """
+    import jinja2
+
+    from torsight.report.write import TEMPLATES
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    cards = [_card(row, out) for row in rows]
+    text = environment.get_template("gallery.html").render(
+        style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        name=out.resolve().name,
+        cards=cards,
+        done=sum(row["status"] == "done" for row in rows),
+    )
+    path = out / "index.html"
+    write_text(path, text + "\n")
+    return path
+
+
+def _card(row: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    folder = Path(row["folder"])
+    card: dict[str, Any] = {"name": row["name"], "message": row["message"], "pictures": [], "link": None, "lines": []}
+    if row["status"] != "done":
+        return card
+    try:
+        results = read_results(folder)
+    except TorsightError as error:
+        return card | {"message": str(error)}
+    card["link"] = os.path.relpath(folder / "report.html", out)
+    card["pictures"] = _pictures(results)
+    if results.discovery is not None:
+        friction = results.discovery["parameters"].get("tau_c_mnm")
+        card["lines"] = [verdict_sentence(results.discovery)]
+        if friction is not None:
+            card["lines"].append(f"friction torque {estimate(friction)}")
+    return card
+
+
+def _pictures(results: RunResults) -> list[str]:
+    from torsight.report.figures import ANGLE, RESIDUAL, TIME, column
+    from torsight.report.svg import Axis, Plot
+
+    if results.curves is None:
+        return []
+    time_s = column(results.curves, "time_s")
+    span = Axis(TIME, float(time_s[0]), float(time_s[-1]), ticks=4)
+    angle, plain = column(results.curves, "angle_deg"), column(results.curves, "plain_deg")
+    motion = Plot(span, Axis.around(ANGLE, angle, ticks=4), "Angle", width=380, height=170)
+    motion.line(time_s, angle, "measured", label="measured")
+    motion.line(time_s, plain, "before", label="plain model")
+    before, after = (column(results.curves, f"residual_{name}_deg") for name in ("before", "after"))
+    left = Plot(span, Axis.around(RESIDUAL, before, after, ticks=4), "Residual", width=380, height=170)
+    left.line(time_s, before, "before", label="plain")
+    left.line(time_s, after, "after", label="extended")
+    return [motion.render(), left.render()]
