@@ -1,0 +1,264 @@
+"""The rig's numbers as the compiled integrator takes them: one flat record, every effect at its null unless it is on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.units import DEG, MNM
+from torsight.synthetic.values import RigValues
+
+ONSET_SCALE_RAD: Final = 100.0 * DEG
+"""Torques that grow past an onset are given at this distance from it."""
+
+
+class Constants(NamedTuple):
+    """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law)."""
+
+    k_a: float
+    k_m: float
+    k_s: float
+    theta_cr: float
+    theta_p: float
+    stress_per_nm: float
+    a_s: float
+    a_width: float
+    m_s: float
+    m_width: float
+    c_a: float
+    c_m: float
+    tau_c: float
+    inertia: float
+    damping: float
+    bristle: float
+    # heat
+    room_c: float
+    resistance: float
+    capacity: float
+    to_room: float
+    to_body: float
+    between: float
+    body_capacity: float
+    body_to_room: float
+    # control
+    gain_p: float
+    gain_i: float
+    current_max: float
+    # sensor
+    lag_s: float
+    lag_stages: int
+    sensor_gain: float
+    sensor_form: int
+    bulge_c: float
+    quantum_c: float
+    # hidden effects of phase, torque and friction
+    crosstalk: int
+    zone_scale: float
+    zone_form: int
+    coil: float
+    coil_onset: float
+    coil_form: int
+    viscous: float
+    viscous_form: int
+    position: float
+    position_phase: float
+    position_form: int
+    stiff: float
+    stiff_onset: float
+    stiff_form: int
+    fatigue: float
+    fatigue_cycles: float
+    fatigue_form: int
+    creep: float
+    creep_onset: float
+    bias: float
+    gravity: float
+    gravity_phase: float
+    grease: float
+    static_excess: float
+    static_ageing: float
+    asymmetry: float
+    r_step: float
+    r_start: float
+    r_width: float
+    stop_angle: float
+    stop_stiffness: float
+    imbalance: float
+    bend: float
+    tanaka: float
+
+
+_NULLS: Final[Mapping[str, float]] = {
+    "lag_s": 0.0,
+    "lag_stages": 1,
+    "sensor_gain": 1.0,
+    "sensor_form": 0,
+    "bulge_c": 0.0,
+    "crosstalk": 0,
+    "zone_scale": 5.0,
+    "zone_form": 0,
+    "coil": 0.0,
+    "coil_onset": 0.0,
+    "coil_form": 0,
+    "viscous": 0.0,
+    "viscous_form": 0,
+    "position": 0.0,
+    "position_phase": 0.0,
+    "position_form": 0,
+    "stiff": 0.0,
+    "stiff_onset": 0.0,
+    "stiff_form": 0,
+    "fatigue": 0.0,
+    "fatigue_cycles": 1.0,
+    "fatigue_form": 0,
+    "creep": 0.0,
+    "creep_onset": 1.0,
+    "bias": 0.0,
+    "gravity": 0.0,
+    "gravity_phase": 0.0,
+    "grease": 0.0,
+    "static_excess": 0.0,
+    "static_ageing": 1.0,
+    "asymmetry": 0.0,
+    "r_step": 0.0,
+    "r_start": 0.0,
+    "r_width": 1.0,
+    "stop_angle": 1e9,
+    "stop_stiffness": 0.0,
+    "imbalance": 0.0,
+    "bend": 0.0,
+    "tanaka": 0.0,
+}
+
+
+_WHOLE: Final = frozenset(
+    {"lag_stages", "sensor_form", "crosstalk", "zone_form", "coil_form", "viscous_form"}
+    | {"position_form", "stiff_form", "fatigue_form"}
+)
+
+
+def to_record(constants: Constants) -> NDArray[np.void]:
+    """Return the constants as a one-element record array: compiled functions take it by reference, not field by field."""
+    layout = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
+    return np.array([tuple(constants)], dtype=layout)
+
+
+def pack(values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, Any]) -> Constants:
+    """Return the constants of a rig.
+
+    Parameters
+    ----------
+    values : RigValues
+        Its springs and its friction.
+    mechanics, thermal
+        Sections of the scene (:mod:`torsight.synthetic.scene`).
+    quantum_c : float
+        Step of the temperature reading.
+    effects : mapping
+        Hidden effects by id (:mod:`torsight.synthetic.hidden`).
+    """
+    plain: dict[str, Any] = {
+        **_NULLS,
+        "k_a": values.stiffness_a,
+        "k_m": values.stiffness_m,
+        "k_s": values.stiffness_s,
+        "theta_cr": values.theta_cr_rad,
+        "theta_p": values.theta_p_rad,
+        "stress_per_nm": values.stress_per_nm,
+        "a_s": values.a_s_c,
+        "a_width": values.a_f_c - values.a_s_c,
+        "m_s": values.m_s_c,
+        "m_width": values.m_s_c - values.m_f_c,
+        "c_a": values.c_a,
+        "c_m": values.c_m,
+        "tau_c": values.friction_nm,
+        "inertia": mechanics.inertia_kg_m2,
+        "damping": mechanics.damping_n_m_s,
+        "bristle": values.friction_nm / (mechanics.presliding_deg * DEG),
+        "room_c": thermal.room_c,
+        "resistance": thermal.resistance_ohm,
+        "capacity": thermal.wire_capacity_j_per_k,
+        "to_room": thermal.wire_to_room_w_per_k,
+        "to_body": thermal.wire_to_body_w_per_k,
+        "between": thermal.between_wires_w_per_k,
+        "body_capacity": thermal.body_capacity_j_per_k,
+        "body_to_room": thermal.body_to_room_w_per_k,
+        "gain_p": thermal.gain_p_a_per_k,
+        "gain_i": thermal.gain_i_a_per_k_s,
+        "current_max": thermal.current_max_a,
+        "quantum_c": quantum_c,
+    }
+    for name, effect in effects.items():
+        plain |= _changes(name, effect, plain)
+    return Constants(**plain)
+
+
+def _changes(name: str, effect: Any, plain: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the constants that one effect sets; effects of the reading set none."""
+    match name:
+        case "sensor_lag":
+            return {"lag_s": effect.lag_s, "lag_stages": 2 if effect.form == "two_stage" else 1}
+        case "sensor_gain":
+            return {"sensor_gain": effect.gain, "sensor_form": int(effect.form == "curved")}
+        case "heat_crosstalk":
+            return {"crosstalk": 1, "between": plain["between"] + effect.conductance_w_per_k}
+        case "nonuniform_temperature":
+            profile = effect.form == "profile"
+            return {"zone_scale": 50.0 if profile else 5.0, "zone_form": int(profile)}
+        case "coil_friction":
+            form = ("linear", "quadratic", "exponential").index(effect.form)
+            return {"coil": effect.rise_mnm * MNM, "coil_onset": effect.onset_deg * DEG, "coil_form": form}
+        case "viscous_friction":
+            return {"viscous": effect.viscous_mnm_s_per_rad * MNM, "viscous_form": int(effect.form == "power")}
+        case "position_friction":
+            form = int(effect.form == "flattened")
+            return {"position": effect.amplitude, "position_phase": effect.phase_rad, "position_form": form}
+        case "stiffening":
+            form = ("cubic", "third_slope", "quadratic").index(effect.form)
+            return {"stiff": effect.rise_mnm * MNM, "stiff_onset": effect.onset_deg * DEG, "stiff_form": form}
+        case "fatigue":
+            form = int(effect.form == "saturating")
+            return {"fatigue": effect.loss, "fatigue_cycles": effect.cycles, "fatigue_form": form}
+    return _more_changes(name, effect)
+
+
+def _more_changes(name: str, effect: Any) -> dict[str, Any]:
+    match name:
+        case "creep":
+            return {"creep": effect.relaxation, "creep_onset": effect.onset_s}
+        case "torque_bias":
+            return {"bias": effect.bias_mnm * MNM}
+        case "gravity":
+            return {"gravity": effect.amplitude_mnm * MNM, "gravity_phase": effect.phase_rad}
+        case "grease_temperature":
+            return {"grease": effect.per_k}
+        case "static_friction":
+            return {"static_excess": effect.excess, "static_ageing": effect.ageing_s}
+        case "direction_friction":
+            return {"asymmetry": effect.asymmetry}
+        case "r_phase":
+            return {"r_step": effect.step_deg * DEG, "r_start": effect.start_c, "r_width": effect.width_c}
+        case "thermistor_curve":
+            return {"bulge_c": effect.bulge_c}
+        case "end_stop":
+            return {"stop_angle": effect.angle_deg * DEG, "stop_stiffness": effect.stiffness_mnm_per_rad * MNM}
+        case "imbalance":
+            return {"imbalance": effect.excess}
+        case "kinetics_shape":
+            return {"bend": effect.bend, "tanaka": effect.tanaka}
+    return {}
+
+
+def zones(effects: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
+    effect = effects.get("nonuniform_temperature")
+    if effect is None:
+        return np.ones(1), np.zeros(1)
+    if effect.form == "two_zone":
+        return np.array([1.0 - effect.share, effect.share]), np.array([0.0, effect.cooler_c])
+    # A parabola from the middle to the end, seven points of equal length.
+    place = (np.arange(7) + 0.5) / 7.0
+    return np.full(7, 1.0 / 7.0), effect.cooler_c * place**2

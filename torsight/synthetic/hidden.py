@@ -1,0 +1,253 @@
+"""Hidden effects that a rig can have: what each does there, its parameters, and the laws it can follow.
+
+The first twelve carry the ids of the public contract; their laws here are written for a rig that moves, and most have
+a second form that is not the one an effect file assumes. The rest stands outside the contract's list. Torques that
+grow past an onset are given as their value 100° beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from torsight.core.config import get_table
+from torsight.core.storage import check_keys
+from torsight.synthetic.keys import key, read_section
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLag:
+    """The sensor follows the wire late: τ dT_m/dt = T − T_m, once or in two stages of τ/2."""
+
+    lag_s: float = key(6.0, "time constant of the sensor", lower=0.0, upper=600.0)
+    form: str = key("first_order", "law", choices=("first_order", "two_stage"))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorGain:
+    """The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter."""
+
+    gain: float = key(0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0)
+    form: str = key("linear", "law", choices=("linear", "curved"))
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """A clock error that nobody corrected: the temperatures of a merged table are this late or early."""
+
+    offset_s: float = key(1.0, "temperature time less film time at the start", lower=-600.0, upper=600.0)
+    drift_ppm: float = key(0.0, "drift between the clocks", lower=-1000.0, upper=1000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class HeatCrosstalk:
+    """More heat passes to the other spring, which starts to transform at its own temperature and stress."""
+
+    conductance_w_per_k: float = key(0.012, "heat passing directly between the wires", lower=0.0, upper=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class NonuniformTemperature:
+    """Ends and contacts are cooler: two zones, or a profile along the wire."""
+
+    cooler_c: float = key(8.0, "how much cooler the ends are than the middle", lower=0.0, upper=50.0)
+    share: float = key(0.25, "share of the wire that is cool (two zones)", lower=0.0, upper=1.0)
+    form: str = key("two_zone", "law", choices=("two_zone", "profile"))
+
+
+@dataclass(frozen=True, slots=True)
+class CoilFriction:
+    """Tight coils rub: friction that grows with the winding of either spring past an onset."""
+
+    rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0)
+    onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0)
+    form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"))
+
+
+@dataclass(frozen=True, slots=True)
+class ViscousFriction:
+    """Grease: torque with the speed, or with its power 0.7."""
+
+    viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0)
+    form: str = key("linear", "law", choices=("linear", "power"))
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFriction:
+    """Friction that changes once per turn: a sine, or one flattened at its extremes."""
+
+    amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95)
+    phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0)
+    form: str = key("sine", "law", choices=("sine", "flattened"))
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffening:
+    """The stress-induced martensite ends: a wound spring stiffens past an onset."""
+
+    rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0)
+    onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
+    form: str = key("cubic", "law", choices=("cubic", "third_slope", "quadratic"))
+
+
+@dataclass(frozen=True, slots=True)
+class Eccentricity:
+    """Disk or markers off the axis: the stick's angle errs once per turn."""
+
+    amplitude_deg: float = key(1.5, "size of the error", lower=0.0, upper=30.0)
+    phase_rad: float = key(0.0, "phase of the error", lower=-10.0, upper=10.0)
+    form: str = key("sine", "law; 'lever' is the exact angle of an offset lever", choices=("sine", "lever"))
+
+
+@dataclass(frozen=True, slots=True)
+class Fatigue:
+    """The recoverable angle falls from cycle to cycle, without end or towards a limit."""
+
+    loss: float = key(0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9)
+    cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4)
+    form: str = key("geometric", "law", choices=("geometric", "saturating"))
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSlip:
+    """The moving stick slips on its disk at one moment of the film."""
+
+    time_s: float = key(300.0, "when, on the film's clock", lower=-1e7, upper=1e7)
+    step_deg: float = key(4.0, "by how much", lower=-180.0, upper=180.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Creep:
+    """The wound cold spring relaxes with the logarithm of time since the other one was switched on."""
+
+    relaxation: float = key(0.03, "share of the torque lost per decade of time", lower=0.0, upper=0.5)
+    onset_s: float = key(10.0, "time at which it starts to show", lower=1e-3, upper=1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueBias:
+    """A constant stray torque: lead wires."""
+
+    bias_mnm: float = key(0.15, "torque towards positive angles", lower=-20.0, upper=20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Gravity:
+    """An unbalanced disk: a torque that goes with the sine of the angle and does not change with direction."""
+
+    amplitude_mnm: float = key(0.15, "largest torque", lower=0.0, upper=20.0)
+    phase_rad: float = key(0.0, "angle at which it vanishes, negative", lower=-10.0, upper=10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class GreaseTemperature:
+    """The grease thins as the body warms up: friction falls exponentially."""
+
+    per_k: float = key(0.05, "relative fall per kelvin of the body above the room", lower=0.0, upper=1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Backlash:
+    """Play between the disk and the stick."""
+
+    gap_deg: float = key(3.0, "width of the play", lower=0.0, upper=90.0)
+
+
+@dataclass(frozen=True, slots=True)
+class StaticFriction:
+    """Friction at rest is above sliding friction and grows with the time at rest: stick and slip."""
+
+    excess: float = key(0.3, "relative excess after a long rest", lower=0.0, upper=5.0)
+    ageing_s: float = key(60.0, "time constant of its growth", lower=1e-3, upper=1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionFriction:
+    """Friction differs by direction."""
+
+    asymmetry: float = key(0.2, "relative excess in the positive direction", lower=-0.95, upper=0.95)
+
+
+@dataclass(frozen=True, slots=True)
+class RPhase:
+    """A small, reversible early step of the spring's torque."""
+
+    step_deg: float = key(25.0, "recoverable angle of the step", lower=0.0, upper=360.0)
+    start_c: float = key(26.0, "temperature at which it begins", lower=-100.0, upper=200.0)
+    width_c: float = key(12.0, "width of the step", lower=0.1, upper=200.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ThermistorCurve:
+    """An error of the sensor's curve that bulges between 20 and 100 °C."""
+
+    bulge_c: float = key(1.0, "largest error, at 60 °C", lower=-20.0, upper=20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class EndStop:
+    """A soft stop that pushes back beyond an angle on either side."""
+
+    angle_deg: float = key(215.0, "where it begins", lower=0.0, upper=3000.0)
+    stiffness_mnm_per_rad: float = key(3.0, "its stiffness", lower=0.0, upper=1e4)
+
+
+@dataclass(frozen=True, slots=True)
+class Imbalance:
+    """Spring B is stronger than spring A throughout."""
+
+    excess: float = key(0.05, "relative excess of B's torque", lower=-0.9, upper=5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class KineticsShape:
+    """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
+
+    bend: float = key(0.1, "shift of the progress at mid-window, as a share of it", lower=-0.9, upper=0.9)
+    tanaka: float = key(0.0, "share of the exponential law mixed in", lower=0.0, upper=1.0)
+
+
+HIDDEN: Final[Mapping[str, type[Any]]] = {
+    "sensor_lag": SensorLag,
+    "sensor_gain": SensorGain,
+    "clock_offset": ClockOffset,
+    "heat_crosstalk": HeatCrosstalk,
+    "nonuniform_temperature": NonuniformTemperature,
+    "coil_friction": CoilFriction,
+    "viscous_friction": ViscousFriction,
+    "position_friction": PositionFriction,
+    "stiffening": Stiffening,
+    "eccentricity": Eccentricity,
+    "fatigue": Fatigue,
+    "marker_slip": MarkerSlip,
+    "creep": Creep,
+    "torque_bias": TorqueBias,
+    "gravity": Gravity,
+    "grease_temperature": GreaseTemperature,
+    "backlash": Backlash,
+    "static_friction": StaticFriction,
+    "direction_friction": DirectionFriction,
+    "r_phase": RPhase,
+    "thermistor_curve": ThermistorCurve,
+    "end_stop": EndStop,
+    "imbalance": Imbalance,
+    "kinetics_shape": KineticsShape,
+}
+"""Effects by id; the first twelve are those of the public contract."""
+
+
+def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, Any]:
+    """Read the table [effects]: one sub-table per effect that the rig has.
+
+    Raises
+    ------
+    ConfigError
+        For an effect or a key that is not known (naming the nearest).
+    """
+    check_keys(table, tuple(HIDDEN), where=f"{where}, [effects]")
+    found = {}
+    for name in table:
+        place = f"{where}, [effects.{name}]"
+        found[name] = read_section(HIDDEN[name], get_table(table, name, where=f"{where}, [effects]"), where=place)
+    return found

@@ -1,0 +1,109 @@
+"""Sections of a scene file as frozen dataclasses: every key carries its default, its bounds and one line of help.
+
+A section is a dataclass whose fields are made by :func:`key`. :func:`read_section` fills it from a TOML table and
+refuses what the section does not know; :func:`describe` lists the keys for the documentation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, TypeVar
+
+from torsight.core.config import get_number, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.storage import check_keys
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRule:
+    """What a key may hold.
+
+    Attributes
+    ----------
+    help : str
+        One line; the unit is in the key's name.
+    lower, upper : float
+        Bounds of a number (of each, in a list).
+    choices : tuple of str
+        Allowed texts; empty where any is.
+    """
+
+    help: str
+    lower: float = -math.inf
+    upper: float = math.inf
+    choices: tuple[str, ...] = ()
+
+
+def key(
+    default: T,
+    text: str,
+    *,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    choices: tuple[str, ...] = (),
+) -> T:
+    """Declare one key of a section: its default, one line of help, and what it may hold."""
+    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices)})
+    return declared
+
+
+def rule_of(item: Field[Any]) -> KeyRule:
+    """Return the rule that :func:`key` attached to a field."""
+    rule = item.metadata["rule"]
+    if not isinstance(rule, KeyRule):
+        msg = f"{item.name} was not declared by key()"
+        raise TypeError(msg)
+    return rule
+
+
+def read_section(kind: type[T], table: Mapping[str, Any], *, where: str) -> T:
+    """Fill a section from a TOML table; keys that are absent keep their defaults.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key (naming the nearest), a value of the wrong kind, or one out of its bounds.
+    """
+    items: tuple[Field[Any], ...] = fields(kind)  # type: ignore[arg-type]  # every section is a dataclass
+    known = {item.name: item for item in items}
+    check_keys(table, tuple(known), where=where)
+    return kind(**{name: _value(known[name], table, where=where) for name in table})
+
+
+def _value(item: Field[Any], table: Mapping[str, Any], *, where: str) -> Any:
+    rule, name, default = rule_of(item), item.name, item.default
+    if isinstance(default, bool):
+        value = table[name]
+        if not isinstance(value, bool):
+            raise ConfigError(f"'{name}' is not a switch", where=where, value=repr(value), limit="true or false")
+        return value
+    if isinstance(default, str):
+        return get_text(table, name, where=where, choices=rule.choices)
+    if isinstance(default, tuple):
+        return _list(table[name], name, rule, count=len(default), where=where)
+    number = get_number(table, name, where=where, lower=rule.lower, upper=rule.upper)
+    if isinstance(default, int):
+        if number != round(number):
+            raise ConfigError(f"'{name}' is not a whole number", where=where, value=f"{number:g}")
+        return int(number)
+    return number
+
+
+def _list(value: Any, name: str, rule: KeyRule, *, count: int, where: str) -> tuple[float, ...]:
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
+        raise ConfigError(f"'{name}' is not a list", where=where, value=repr(value), limit=f"{count} numbers")
+    return tuple(get_number({name: item}, name, where=where, lower=rule.lower, upper=rule.upper) for item in value)
+
+
+def describe(kind: type[Any]) -> list[tuple[str, str, str]]:
+    """Return (key, default, help) for each key of a section, for the documentation."""
+    rows = []
+    for item in fields(kind):
+        rule = rule_of(item)
+        choices = f" ({', '.join(rule.choices)})" if rule.choices else ""
+        rows.append((item.name, str(item.default), rule.help + choices))
+    return rows

@@ -1,0 +1,206 @@
+"""What is done to the rig: half-cycles of heating and cooling, as commands and references sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.config import get_number, get_table, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.storage import check_keys
+from torsight.synthetic.keys import key, read_section
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Section [protocol] without its half-cycles."""
+
+    time_factor: float = key(
+        1.0, "scales every duration and the rig's heat capacities; 1 is the paper's pace", lower=1e-3, upper=100.0
+    )
+    repeat: int = key(1, "how often the list of half-cycles is run", lower=1, upper=1000)
+    rest_s: float = key(20.0, "rest before the first half-cycle", lower=0.0, upper=1e5)
+    home: bool = key(default=True, text="heat and cool both springs before the record, as in the paper's homing")
+
+
+@dataclass(frozen=True, slots=True)
+class HalfCycle:
+    """One spring heated to a reference and left to cool.
+
+    Attributes
+    ----------
+    spring : int
+        0 for A, 1 for B.
+    reference : (n, 2) float64
+        Times since switching on, s, and temperatures, °C, joined by lines; a NaN at time 0 stands for the reading at
+        that moment.
+    heat_s, cool_s : float
+        Time switched on, and off.
+    """
+
+    spring: int
+    reference: NDArray[np.float64]
+    heat_s: float
+    cool_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """All half-cycles in order, in the time that they really take."""
+
+    half_cycles: tuple[HalfCycle, ...]
+    rest_s: float
+    time_factor: float
+    home: bool
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first rest to the end of the last cooling."""
+        return self.rest_s + sum(item.heat_s + item.cool_s for item in self.half_cycles)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Commands:
+    """The protocol sample by sample.
+
+    Attributes
+    ----------
+    command : (n,) int64
+        0 rest, 1 or 2 spring A or B on, −1 or −2 cooling after it.
+    reference_c : (n,) float64
+        Temperature reference where a spring is on.
+    cycle : (n,) float64
+        How often the spring in question was heated before.
+    half_cycle : (n,) int64
+        Number of the half-cycle, −1 during homing and the first rest.
+    recorded : int
+        First sample of the record (after homing).
+    """
+
+    command: NDArray[np.int64]
+    reference_c: NDArray[np.float64]
+    cycle: NDArray[np.float64]
+    half_cycle: NDArray[np.int64]
+    recorded: int
+
+
+_HALF_CYCLE: Final = ("spring", "peak_c", "ramp_s", "heat_s", "cool_s", "points")
+_PAPER: Final = ({"spring": "a"}, {"spring": "b"})
+
+
+def read_protocol(table: Mapping[str, Any], *, where: str) -> Protocol:
+    """Read the table [protocol]; half-cycles that are left out are the paper's: A, then B.
+
+    A half-cycle has ``spring`` ("a" or "b"), ``peak_c``, ``ramp_s`` (time to reach it), ``heat_s`` (time switched on,
+    600) and ``cool_s`` (300); ``points`` = [[s, °C], …] replaces peak and ramp by any reference. All times are
+    multiplied by the time factor.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key, a value out of range, or points that do not increase in time.
+    """
+    place = f"{where}, [protocol]"
+    check_keys(table, ("time_factor", "repeat", "rest_s", "home", "half_cycle"), where=place)
+    timing = read_section(Timing, {name: table[name] for name in table if name != "half_cycle"}, where=place)
+    given = table.get("half_cycle", _PAPER)
+    if not isinstance(given, Sequence) or isinstance(given, str) or not given:
+        raise ConfigError("'half_cycle' is not a list of tables", where=place, do="write [[protocol.half_cycle]]")
+    items = []
+    for number, item in enumerate(given):
+        spot = f"{where}, [[protocol.half_cycle]] {number + 1}"
+        items.append(_half_cycle(get_table({"half_cycle": item}, "half_cycle", where=spot), timing, where=spot))
+    return Protocol(
+        half_cycles=tuple(items) * timing.repeat,
+        rest_s=timing.rest_s * timing.time_factor,
+        time_factor=timing.time_factor,
+        home=timing.home,
+    )
+
+
+def _half_cycle(table: Mapping[str, Any], timing: Timing, *, where: str) -> HalfCycle:
+    check_keys(table, _HALF_CYCLE, where=where)
+    spring = get_text(table, "spring", where=where, choices=("a", "b"))
+    heat_s = get_number(table, "heat_s", where=where, default=600.0, lower=1e-3)
+    cool_s = get_number(table, "cool_s", where=where, default=300.0, lower=1e-3)
+    if "points" in table:
+        points = _points(table["points"], where=where)
+    else:
+        ramp_s = get_number(table, "ramp_s", where=where, default=heat_s * 5.0 / 6.0, lower=1e-3)
+        peak_c = get_number(table, "peak_c", where=where, default=80.0, lower=-50.0, upper=300.0)
+        points = np.array([[0.0, np.nan], [ramp_s, peak_c]])
+    scaled = points * np.array([timing.time_factor, 1.0])
+    factor = timing.time_factor
+    return HalfCycle(spring="ab".index(spring), reference=scaled, heat_s=heat_s * factor, cool_s=cool_s * factor)
+
+
+def _points(value: Any, *, where: str) -> NDArray[np.float64]:
+    try:
+        points = np.array(value, np.float64)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
+        raise ConfigError("'points' is not a list of pairs", where=where, value=repr(value), limit="[[s, °C], …]")
+    if np.any(np.diff(points[:, 0]) <= 0) or points[0, 0] < 0:
+        raise ConfigError("times in 'points' do not increase", where=where, value=repr(value))
+    if points[0, 0] > 0.0:
+        points = np.vstack([[0.0, np.nan], points])
+    return points
+
+
+def homing(time_factor: float) -> tuple[HalfCycle, HalfCycle]:
+    """Return the half-cycles that bring the rig to its home: A, then B, fully heated and cooled at the paper's pace."""
+    reference = np.array([[0.0, np.nan], [500.0 * time_factor, 95.0]])
+    return tuple(HalfCycle(spring, reference, 600.0 * time_factor, 450.0 * time_factor) for spring in (0, 1))  # type: ignore[return-value]
+
+
+def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: float, after_s: float) -> Commands:
+    """Return the commands sample by sample.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        What is done.
+    sample_s : float
+        Sampling time of the controller.
+    room_c : float
+        Room temperature: where a ramp without a first point starts.
+    before_s, after_s : float
+        Rest that is recorded before and after the protocol.
+    """
+    parts: list[tuple[int, float, HalfCycle | None, int, int]] = []
+    recorded = 0
+    if protocol.home:
+        for item in homing(protocol.time_factor):
+            parts += [(1 + item.spring, item.heat_s, item, 0, -1), (-1 - item.spring, item.cool_s, None, 0, -1)]
+        recorded = sum(round(part[1] / sample_s) for part in parts)
+    parts.append((0 if not protocol.home else -2, before_s + protocol.rest_s, None, 0, -1))
+    count = [0, 0]
+    for number, item in enumerate(protocol.half_cycles):
+        cycle = count[item.spring]
+        count[item.spring] += 1
+        parts.append((1 + item.spring, item.heat_s, item, cycle, number))
+        parts.append((-1 - item.spring, item.cool_s, None, cycle, number))
+    last = parts[-1]
+    parts.append((last[0], after_s, None, last[3], last[4]))
+    columns: list[tuple[NDArray[np.float64], ...]] = []
+    for command, duration_s, half_cycle, cycle, number in parts:
+        time_s = np.arange(round(duration_s / sample_s)) * sample_s
+        reference = np.full(time_s.shape, room_c)
+        if half_cycle is not None:
+            points = np.where(np.isnan(half_cycle.reference), room_c, half_cycle.reference)
+            reference = np.interp(time_s, points[:, 0], points[:, 1])
+        ones = np.ones(time_s.shape)
+        columns.append((command * ones, reference, cycle * ones, number * ones))
+    command_, reference_c, cycle_, half_cycle_ = (np.concatenate(column) for column in zip(*columns, strict=True))
+    return Commands(
+        command=command_.astype(np.int64),
+        reference_c=reference_c,
+        cycle=cycle_,
+        half_cycle=half_cycle_.astype(np.int64),
+        recorded=recorded,
+    )
