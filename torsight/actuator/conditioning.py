@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
 _THRESHOLD: Final = 2.2
+_SHORTEST: Final = 16
 _MAX_STRIDE_S: Final = 2.0
 _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
@@ -40,6 +41,8 @@ class Conditioned:
     ----------
     temp_c : (n,) float64
         Temperature without noise; the very input where its noise is negligible.
+    rate_c_s : (n,) float64
+        Its slope, °C/s.
     sigma_c : (n,) float64
         One standard deviation of what noise is left.
     noise_c : float
@@ -47,6 +50,7 @@ class Conditioned:
     """
 
     temp_c: Array
+    rate_c_s: Array
     sigma_c: Array
     noise_c: float
 
@@ -59,21 +63,17 @@ def condition(time_s: Array, temp_c: Array) -> Conditioned:
     time_s, temp_c : (n,) float64
         Finite; times increasing, not necessarily at one rate.
     """
-    noise, correlation = measure_noise(time_s, temp_c)
-    if noise <= NEGLIGIBLE_C or len(temp_c) < 16:
-        return Conditioned(temp_c, np.full(len(temp_c), noise), noise)
-    value, _, sigma = _smooth(time_s, temp_c, noise * math.sqrt(correlation), correlation)
-    return Conditioned(value, sigma, noise)
-
-
-def temperature_rate(time_s: Array, temp_c: Array) -> Array:
-    """Return dT/dt in °C/s by the same local fits, for effects that need the slope of a measured temperature."""
-    if len(temp_c) < 16:
-        return np.asarray(np.gradient(temp_c, time_s)) if len(temp_c) > 1 else np.zeros(len(temp_c))
+    n = len(temp_c)
+    if n < _SHORTEST:
+        slope = np.gradient(temp_c, time_s) if n > 1 else np.zeros(n)
+        return Conditioned(temp_c, np.asarray(slope, np.float64), np.zeros(n), 0.0)
     noise, correlation = measure_noise(time_s, temp_c)
     # Rounding to a last digit is noise to a slope even where it is none to the value.
-    noise = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
-    return _smooth(time_s, temp_c, noise * math.sqrt(correlation), correlation)[1]
+    spread = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
+    value, rate, sigma = _smooth(time_s, temp_c, spread * math.sqrt(correlation), correlation)
+    if noise <= NEGLIGIBLE_C:
+        return Conditioned(temp_c, rate, np.full(n, noise), noise)
+    return Conditioned(value, rate, sigma, noise)
 
 
 def resolution(temp_c: Array) -> float:
@@ -153,15 +153,19 @@ def _add(m: Array, t: float, y: float) -> None:
 def _local_fits(
     time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], interval_s: float
 ) -> tuple[Array, Array, Array]:
-    """Return value, slope per second and sigma of the best local quadratic at every sample."""
+    """Return value, slope per second and sigma of the best local quadratic at every sample.
+
+    Value and slope choose their windows apart: a slope needs longer ones and feels a bend sooner.
+    """
     n = temp_c.size
-    value, slope, left_over = temp_c.copy(), np.zeros(n), np.full(n, sigma)
+    out = np.zeros((2, n))
+    left_over = np.full(n, sigma)
     moments, both = np.zeros((2, 8)), np.zeros(8)
+    low, high = np.empty((3, 2)), np.empty((3, 2))
+    alive, best = np.empty((3, 2), np.bool_), np.empty(2)
     for k in range(n):
         moments[:] = 0.0
-        low, high = np.full(3, -np.inf), np.full(3, np.inf)
-        alive = np.array([True, True, True])
-        best_variance = np.inf
+        low[:], high[:], alive[:], best[:] = -np.inf, np.inf, True, np.inf
         done = 0
         for size in sizes:
             for i in range(done, size):
@@ -171,11 +175,10 @@ def _local_fits(
                     _add(moments[1], time[k + i] - time[k], temp_c[k + i] - temp_c[k])
             done = size
             for kind in range(3):
-                if not alive[kind]:
-                    continue
                 # Before k (with it), after k (with it), and around it.
                 if (kind != 1 and k - size + 1 < 0) or (kind != 0 and k + size - 1 >= n):
-                    alive[kind] = False
+                    alive[kind, :] = False
+                if not (alive[kind, 0] or alive[kind, 1]):
                     continue
                 if kind == 0:
                     both[:] = moments[0]
@@ -184,16 +187,22 @@ def _local_fits(
                     both[0] += 1.0
                 else:
                     both[:] = moments[0] + moments[1]
-                y, rate, variance, _ = _fit(both)
-                reach = _THRESHOLD * sigma * np.sqrt(variance)
-                low[kind], high[kind] = max(low[kind], y - reach), min(high[kind], y + reach)
-                if low[kind] > high[kind]:
-                    alive[kind] = False
-                elif variance < best_variance:
-                    best_variance = variance
-                    value[k] = temp_c[k] + y
-                    slope[k] = rate / interval_s
-                    left_over[k] = _SELECTION * sigma * np.sqrt(variance)
-            if not (alive[0] or alive[1] or alive[2]):
+                y, rate, variance_y, variance_rate = _fit(both)
+                for what in range(2):
+                    if not alive[kind, what]:
+                        continue
+                    estimate = y if what == 0 else rate
+                    variance = variance_y if what == 0 else variance_rate
+                    reach = _THRESHOLD * sigma * np.sqrt(variance)
+                    low[kind, what] = max(low[kind, what], estimate - reach)
+                    high[kind, what] = min(high[kind, what], estimate + reach)
+                    if low[kind, what] > high[kind, what]:
+                        alive[kind, what] = False
+                    elif variance < best[what]:
+                        best[what] = variance
+                        out[what, k] = estimate
+            if not alive.any():
                 break
-    return value, slope, left_over
+        if best[0] < np.inf:
+            left_over[k] = _SELECTION * sigma * np.sqrt(best[0])
+    return temp_c + out[0], out[1] / interval_s, left_over

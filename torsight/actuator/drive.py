@@ -36,6 +36,8 @@ class Drive:
         Increasing.
     temp_a_c, temp_b_c : (n,) float64
         Conditioned temperatures as the sensors read them, finite.
+    rate_a_c_s, rate_b_c_s : (n,) float64
+        Their slopes.
     temp_sigma_c : (n,) float64
         What noise is left in the active spring's temperature.
     noise_c : float
@@ -55,6 +57,8 @@ class Drive:
     time_s: Array
     temp_a_c: Array
     temp_b_c: Array
+    rate_a_c_s: Array
+    rate_b_c_s: Array
     temp_sigma_c: Array
     noise_c: float
     cycles: HalfCycles
@@ -133,6 +137,7 @@ class _Base:
     rows: NDArray[np.int64]
     time_s: Array
     temps: tuple[Array, Array]
+    rates: tuple[Array, Array]
     sigma_c: Array
     noise_c: float
     cycles: HalfCycles
@@ -144,6 +149,8 @@ class _Base:
             time_s=self.time_s,
             temp_a_c=self.temps[0],
             temp_b_c=self.temps[1],
+            rate_a_c_s=self.rates[0],
+            rate_b_c_s=self.rates[1],
             temp_sigma_c=self.sigma_c,
             noise_c=self.noise_c,
             cycles=self.cycles,
@@ -179,6 +186,7 @@ def _driven(
         rows=rows,
         time_s=time_s[rows],
         temps=(smooth[0].temp_c[rows], smooth[1].temp_c[rows]),
+        rates=(smooth[0].rate_c_s[rows], smooth[1].rate_c_s[rows]),
         sigma_c=sigma[rows],
         noise_c=noise,
         cycles=thinned,

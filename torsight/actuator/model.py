@@ -125,6 +125,8 @@ class ActuatorModel:
             time_s=drive.time_s,
             temp_a_c=drive.temp_a_c,
             temp_b_c=drive.temp_b_c,
+            rate_a_c_s=drive.rate_a_c_s,
+            rate_b_c_s=drive.rate_b_c_s,
             active=drive.cycles.active,
             half=drive.cycles.half,
             cycle=counts + before,

@@ -52,6 +52,8 @@ class Ports:
         Times of the rows.
     temp_a_c, temp_b_c : (n,) float64
         Temperature of either wire.
+    rate_a_c_s, rate_b_c_s : (n,) float64
+        Slope of the measured temperature that it comes from.
     active : (n,) int8
         0 while A is driven, 1 while B is.
     half : (n,) int64
@@ -88,6 +90,8 @@ class Ports:
     time_s: Array
     temp_a_c: Array
     temp_b_c: Array
+    rate_a_c_s: Array
+    rate_b_c_s: Array
     active: NDArray[np.int8]
     half: NDArray[np.int64]
     cycle: NDArray[np.int64]
@@ -133,9 +137,11 @@ class Ports:
         before = self.stiffening_nm
         return replace(self, stiffening_nm=torque_nm if before is None else before + torque_nm)
 
-    def with_temperatures(self, temp_a_c: Array, temp_b_c: Array) -> Ports:
-        """Return ports with other wire temperatures."""
-        return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+    def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
+        """Return ports whose wires' temperatures and slopes are changed by one rule."""
+        temp_a_c, rate_a = change(self.temp_a_c, self.rate_a_c_s)
+        temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
+        return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""

@@ -11,7 +11,10 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
@@ -19,6 +22,28 @@ from torsight.core.parameter import Parameter
 
 ActsOn = Literal["temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
+Array = NDArray[np.float64]
+_STAGES: Final = ("temperature", "phase", "torque", "friction", "reading")
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A value for people that follows from fitted ones.
+
+    Attributes
+    ----------
+    name, unit : str
+        Public name and unit.
+    value : callable
+        From the values of the effect's parameters.
+    period : float or None
+        Period of an angle: its interval is taken around the value, not across the fold.
+    """
+
+    name: str
+    unit: str
+    value: Callable[[Values], float]
+    period: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +67,12 @@ class Effect:
         Pure function from ports and values (public units) to ports.
     starts : tuple of mappings
         Further starting points of a fit, by parameter name.
-    scan : (str, int) or None
-        A parameter whose starts must be scanned over its bounds, and in how many steps.
+    derived : tuple of Derived
+        Further values for people, made of the fitted ones (amplitude and phase of a sine and a cosine).
+    propose : callable or None
+        From times and the plain model's residual (measured less model, rad) to starting points, best first.
     is_clock : bool
         True for an error between two recorders' clocks: it is not applied in predictions.
-    describe : callable or None
-        Further values that people read, from the fitted ones (amplitude and phase from a sine and a cosine).
-    remembers : callable or None
-        From values and history: what the record leaves behind for a later one.
     """
 
     id: str
@@ -59,7 +82,8 @@ class Effect:
     parameters: tuple[Parameter, ...]
     apply: Callable[[Ports, Values], Ports]
     starts: tuple[Values, ...] = ()
-    scan: tuple[str, int] | None = None
+    derived: tuple[Derived, ...] = ()
+    propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
     is_clock: bool = False
 
 
@@ -88,4 +112,9 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     for name in ids:
         if name not in known:
             raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(known))
-    return tuple(known[name] for name in sorted(set(ids)))
+    return tuple(sorted((known[name] for name in set(ids)), key=_order))
+
+
+def _order(effect: Effect) -> tuple[bool, int, str]:
+    """Clocks are mended first, then what the sensors say, then what the rig does, the camera last."""
+    return not effect.is_clock, _STAGES.index(effect.acts_on), effect.id

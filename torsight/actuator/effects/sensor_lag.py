@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.conditioning import temperature_rate
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
@@ -31,13 +30,7 @@ def wire_temperature(temp_c: Array, rate_c_s: Array, *, lag_s: float) -> Array:
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the lag of both sensors."""
     lag_s = values["lag_s"]
-    if lag_s == 0.0:
-        return ports
-    rate_a, rate_b = (temperature_rate(ports.time_s, temp) for temp in (ports.temp_a_c, ports.temp_b_c))
-    return ports.with_temperatures(
-        wire_temperature(ports.temp_a_c, rate_a, lag_s=lag_s),
-        wire_temperature(ports.temp_b_c, rate_b, lag_s=lag_s),
-    )
+    return ports.with_temperatures(lambda temp, rate: (wire_temperature(temp, rate, lag_s=lag_s), rate))
 
 
 EFFECT: Final = Effect(

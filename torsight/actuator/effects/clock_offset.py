@@ -1,0 +1,58 @@
+r"""The clocks of camera and temperature logger differ.
+
+.. math:: t_T = t (1 + ε) + δ
+
+t film time, t_T time of the temperature log at that instant (s), δ offset (s), ε drift (ppm; a crystal keeps within a
+few hundred). Predicted residual: proportional to dφ/dt, one sign per direction. Source: affine clock model of network
+time synchronisation, e.g. Mills, RFC 5905.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import PPM
+
+Array = NDArray[np.float64]
+
+
+def temperature_time(time_s: Array, *, offset_s: float, drift_ppm: float) -> Array:
+    """Return the temperature log's time at film times, s."""
+    return time_s * (1.0 + drift_ppm * PPM) + offset_s
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Take temperatures and half-cycles from where they stand in the log."""
+    offset_s, drift_ppm = values["clock_offset_s"], values["clock_drift_ppm"]
+    if offset_s == 0.0 and drift_ppm == 0.0:
+        return ports
+    wanted = temperature_time(ports.time_s, offset_s=offset_s, drift_ppm=drift_ppm)
+    rows = np.clip(np.searchsorted(ports.time_s, wanted), 0, len(wanted) - 1)
+    moved = ports.with_temperatures(
+        lambda temp, rate: (np.interp(wanted, ports.time_s, temp), np.interp(wanted, ports.time_s, rate))
+    )
+    return replace(moved, active=ports.active[rows], half=ports.half[rows])
+
+
+EFFECT: Final = Effect(
+    id="clock_offset",
+    family="clock",
+    acts_on="temperature",
+    title="the clocks of camera and temperature log differ",
+    parameters=(
+        Parameter(name="clock_offset_s", value=1.0, unit="s", lower=-120.0, upper=120.0, null=0.0),
+        Parameter(
+            name="clock_drift_ppm", value=0.0, unit="ppm", lower=-5e3, upper=5e3, sigma=200.0, null=0.0
+        ),
+    ),
+    apply=apply,
+    starts=({"clock_offset_s": -1.0}, {"clock_offset_s": 5.0}, {"clock_offset_s": -5.0}),
+    is_clock=True,
+)

@@ -1,0 +1,55 @@
+r"""Tight coils rub on each other.
+
+.. math:: τ_f = τ_c + k \sum_{A,B} (θ − θ_{on})_+
+
+θ winding of either spring, θ_on winding beyond which coils touch (°), k rise of friction (mN·m/rad). Predicted residual:
+grows towards the ends of the stroke, its sign follows the direction of motion. Source: the paper, section 4.1, step 2.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG, MNM
+
+Array = NDArray[np.float64]
+
+
+def rubbing_torque(theta_a_rad: Array, *, theta_p_rad: float, slope_nm: float, onset_rad: float) -> Array:
+    """Return k Σ (θ − θ_on)₊ of both springs, N·m."""
+    theta_b_rad = theta_p_rad - theta_a_rad
+    return slope_nm * (np.maximum(0.0, theta_a_rad - onset_rad) + np.maximum(0.0, theta_b_rad - onset_rad))
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Add the rubbing to the friction, the same for both directions."""
+    added = rubbing_torque(
+        ports.grid_rad(),
+        theta_p_rad=ports.rig.theta_p_rad,
+        slope_nm=values["coil_friction_mnm_per_rad"] * MNM,
+        onset_rad=values["coil_onset_deg"] * DEG,
+    )
+    one = np.ones_like(added)
+    return ports.with_friction(one, one, added)
+
+
+EFFECT: Final = Effect(
+    id="coil_friction",
+    family="friction",
+    acts_on="friction",
+    title="tight coils rub on each other",
+    parameters=(
+        Parameter(
+            name="coil_friction_mnm_per_rad", value=0.1, unit="mN·m/rad", lower=0.0, upper=20.0, null=0.0
+        ),
+        Parameter(name="coil_onset_deg", value=620.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
+    ),
+    apply=apply,
+    starts=({"coil_friction_mnm_per_rad": 0.3, "coil_onset_deg": 690.0}, {"coil_onset_deg": 550.0}),
+)

@@ -1,0 +1,62 @@
+r"""Disk or markers are off the axis, or the camera is tilted.
+
+.. math:: φ_{read} = φ + e \sin(φ + φ_0) + t \sin(2 φ + φ_t)
+
+e error once per turn (°), t error twice per turn (°; a camera tilted by ψ makes ψ²/4), as sine and cosine parts in the
+fit. Predicted residual: a function of the angle alone, the same in both directions; none that changes at rest. Source:
+eccentricity and tilt error of angle encoders, e.g. Slocum, Precision Machine Design (1992), ch. 4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Derived, Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG
+
+Array = NDArray[np.float64]
+_NAMES: Final = ("eccentric_sine_deg", "eccentric_cosine_deg", "tilt_sine_deg", "tilt_cosine_deg")
+
+
+def read_angle(phi_rad: Array, *, once: tuple[float, float], twice: tuple[float, float]) -> Array:
+    """Return the angle that is read; ``once`` and ``twice`` are sine and cosine parts, rad."""
+    error = once[0] * np.sin(phi_rad) + once[1] * np.cos(phi_rad)
+    return phi_rad + error + twice[0] * np.sin(2.0 * phi_rad) + twice[1] * np.cos(2.0 * phi_rad)
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Add the error to what the camera reads."""
+    parts = [values[name] * DEG for name in _NAMES]
+    once, twice = (parts[0], parts[1]), (parts[2], parts[3])
+    return ports.with_reading(lambda phi_rad, _time_s: read_angle(phi_rad, once=once, twice=twice))
+
+
+def _phase(first: str, second: str) -> Derived:
+    name = "phase_rad" if first.startswith("eccentric") else "tilt_phase_rad"
+    return Derived(name, "rad", lambda v: math.atan2(v[second], v[first]), period=math.tau)
+
+
+EFFECT: Final = Effect(
+    id="eccentricity",
+    family="camera",
+    acts_on="reading",
+    title="disk or markers off the axis, or a tilted camera",
+    parameters=tuple(
+        Parameter(name=name, value=0.3 if name == _NAMES[0] else 0.0, unit="°", lower=-30.0, upper=30.0, null=0.0)
+        for name in _NAMES
+    ),
+    apply=apply,
+    starts=({"eccentric_sine_deg": 0.0, "eccentric_cosine_deg": 0.3},),
+    derived=(
+        Derived("amplitude_deg", "°", lambda v: math.hypot(v[_NAMES[0]], v[_NAMES[1]])),
+        _phase(_NAMES[0], _NAMES[1]),
+        Derived("tilt_amplitude_deg", "°", lambda v: math.hypot(v[_NAMES[2]], v[_NAMES[3]])),
+        _phase(_NAMES[2], _NAMES[3]),
+    ),
+)

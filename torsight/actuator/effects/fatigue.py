@@ -1,0 +1,42 @@
+r"""The recoverable angle falls from cycle to cycle.
+
+.. math:: θ_L(n) = θ_L (1 − r)^n
+
+n how often this spring had been heated before, r loss per cycle. Predicted residual: changes with the number of the
+cycle, not within one; the stroke gets shorter. Later records go on counting. Source: functional fatigue of NiTi,
+e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def recoverable_share(cycle: NDArray[np.int64], *, loss: float) -> NDArray[np.float64]:
+    """Return (1 − r)^n."""
+    return (1.0 - loss) ** cycle.astype(np.float64)
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Scale the recoverable angle of every half-cycle."""
+    share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"])
+    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+
+
+EFFECT: Final = Effect(
+    id="fatigue",
+    family="material",
+    acts_on="phase",
+    title="the recoverable angle falls from cycle to cycle",
+    parameters=(Parameter(name="fatigue_per_cycle", value=0.005, unit="", lower=0.0, upper=0.4, null=0.0),),
+    apply=apply,
+    starts=({"fatigue_per_cycle": 0.03},),
+)

@@ -1,0 +1,53 @@
+r"""The other spring gets warm enough to start transforming.
+
+The phase law (13, 14) runs in a share w of the passive spring, at that spring's own temperature and stress, and its
+recovery pulls against the driven spring:
+
+.. math:: τ_p = τ_{mart}(θ_p) + w K(ξ_p) (1 − ξ_p) θ_L(θ_p), \qquad T_p = T_{p,m} + c (T_a − T_{p,m})
+
+T_{p,m} measured temperature of the passive spring, T_a of the driven one (°C), c share of the difference that reaches
+the wire but not its sensor. Predicted residual: a threshold; nothing while the passive spring is cold, then a shorter
+stroke and an early return at the hot end. Source: the paper, section 4.2 and its figure 16.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+
+def passive_temperature(own_c: Array, driven_c: Array, *, leak: float) -> Array:
+    """Return T_p, °C."""
+    return own_c + leak * (driven_c - own_c)
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Let the passive spring transform at its own temperature."""
+    leak = values["heat_leak"]
+    is_a = ports.active == 0
+    temp_a_c = np.where(is_a, ports.temp_a_c, passive_temperature(ports.temp_a_c, ports.temp_b_c, leak=leak))
+    temp_b_c = np.where(is_a, passive_temperature(ports.temp_b_c, ports.temp_a_c, leak=leak), ports.temp_b_c)
+    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c, passive_share=values["passive_share"])
+
+
+EFFECT: Final = Effect(
+    id="heat_crosstalk",
+    family="heat",
+    acts_on="phase",
+    title="the other spring gets warm enough to transform",
+    parameters=(
+        Parameter(name="passive_share", value=0.8, unit="", lower=0.0, upper=1.5, null=0.0),
+        Parameter(name="heat_leak", value=0.05, unit="", lower=-0.1, upper=0.6, sigma=0.15, null=0.0),
+    ),
+    apply=apply,
+    starts=({"passive_share": 1.0, "heat_leak": 0.2}, {"passive_share": 0.5, "heat_leak": 0.35}),
+)

@@ -1,0 +1,46 @@
+r"""The wire's ends and contacts are cooler than its middle.
+
+.. math:: ξ = (1 − w) ξ(T) + w ξ(T − ΔT)
+
+T temperature at the sensor (°C), w share of the wire that is cooler, ΔT by how much (°C). Both parts carry one torque.
+Predicted residual: the end of the stroke is smeared and its corners are rounded; heating ends later. Source: end
+conduction of heated wires, e.g. Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, ch. 3 (fins).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Split every section of the wire into a warm and a cooler part."""
+    share, drop_c = values["cool_share"], values["cool_drop_c"]
+    if share == 0.0:
+        return ports
+    return replace(
+        ports,
+        section_weight=np.concatenate([ports.section_weight * (1.0 - share), ports.section_weight * share]),
+        section_drop_c=np.concatenate([ports.section_drop_c, ports.section_drop_c + drop_c]),
+        section_drop_share=np.tile(ports.section_drop_share, 2),
+    )
+
+
+EFFECT: Final = Effect(
+    id="nonuniform_temperature",
+    family="heat",
+    acts_on="phase",
+    title="part of the wire is cooler than the sensor says",
+    parameters=(
+        Parameter(name="cool_share", value=0.2, unit="", lower=0.0, upper=0.9, null=0.0),
+        Parameter(name="cool_drop_c", value=6.0, unit="°C", lower=0.0, upper=40.0, null=0.0),
+    ),
+    apply=apply,
+    starts=({"cool_share": 0.1, "cool_drop_c": 12.0}, {"cool_share": 0.5, "cool_drop_c": 3.0}),
+)

@@ -1,0 +1,45 @@
+r"""Imperfect contact: the sensor reads between wire and room.
+
+.. math:: T_m = T_{room} + g (T − T_{room})
+
+T_m measured, T wire temperature (°C), g gain of the contact. Predicted residual: a pulse on both flanks, none on the
+plateaus; the onset of motion shifts less than its end. Source: conduction error of contact thermometers, e.g.
+Michalski et al., Temperature Measurement (2001), ch. 16.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+
+def wire_temperature(temp_c: Array, *, gain: float, room_c: float) -> Array:
+    """Return T = T_room + (T_m − T_room) / g, °C."""
+    return room_c + (temp_c - room_c) / gain
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Undo the gain of both sensors."""
+    gain = values["contact_gain"]
+    return ports.with_temperatures(
+        lambda temp, rate: (wire_temperature(temp, gain=gain, room_c=ports.room_c), rate / gain)
+    )
+
+
+EFFECT: Final = Effect(
+    id="sensor_gain",
+    family="sensor",
+    acts_on="temperature",
+    title="the sensor reads between wire and room",
+    parameters=(Parameter(name="contact_gain", value=0.97, unit="", lower=0.6, upper=1.4, null=1.0),),
+    apply=apply,
+    starts=({"contact_gain": 1.03}, {"contact_gain": 0.92}),
+)

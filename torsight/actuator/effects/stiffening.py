@@ -1,0 +1,55 @@
+r"""The stress-induced martensite ends: a spring that is wound far stiffens.
+
+.. math:: τ_{load} = τ_{load,0} + k_3 (θ − θ_{on})_+^3
+
+θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³; on the loading curve of martensite,
+which is left elastically. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the paper,
+section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG, MNM
+
+Array = NDArray[np.float64]
+
+
+def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float) -> Array:
+    """Return k_3 (θ − θ_on)₊³, N·m."""
+    return cubic_nm * np.maximum(0.0, theta_rad - onset_rad) ** 3
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Stiffen the loading curve of both springs."""
+    return ports.with_stiffening(
+        extra_torque(
+            ports.grid_rad(),
+            cubic_nm=values["stiffening_mnm_per_rad3"] * MNM,
+            onset_rad=values["stiffening_onset_deg"] * DEG,
+        )
+    )
+
+
+EFFECT: Final = Effect(
+    id="stiffening",
+    family="material",
+    acts_on="torque",
+    title="a spring that is wound far stiffens",
+    parameters=(
+        Parameter(name="stiffening_mnm_per_rad3", value=0.03, unit="mN·m/rad³", lower=0.0, upper=50.0, null=0.0),
+        Parameter(name="stiffening_onset_deg", value=600.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
+    ),
+    apply=apply,
+    starts=(
+        {"stiffening_mnm_per_rad3": 0.3, "stiffening_onset_deg": 680.0},
+        {"stiffening_mnm_per_rad3": 0.01, "stiffening_onset_deg": 500.0},
+    ),
+)
