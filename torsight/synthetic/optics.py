@@ -1,0 +1,182 @@
+"""The synthetic camera: world to picture, and every pixel back to a plane across the rotation axis.
+
+OpenCV's convention of pose and distortion, written out here, so that the project's reading of camera files can be
+checked against it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera
+from torsight.core.units import DEG
+from torsight.synthetic.scene import CameraSettings, Scene
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """One camera in the world of the rotation axis.
+
+    Attributes
+    ----------
+    intrinsics : Intrinsics
+        Its lens.
+    rotation : (3, 3) float64
+        Camera from world.
+    translation_mm : (3,) float64
+        The world's origin in the camera.
+    """
+
+    intrinsics: Intrinsics
+    rotation: Matrix
+    translation_mm: Matrix
+
+    def project(self, points_mm: Matrix) -> Matrix:
+        """Return pixel positions (n, 2) of points (n, 3) in the world."""
+        inside = points_mm @ self.rotation.T + self.translation_mm
+        flat = distort(inside[:, :2] / inside[:, 2:], self.intrinsics.distortion)
+        k = self.intrinsics.matrix
+        return np.column_stack([k[0, 0] * flat[:, 0] + k[0, 2], k[1, 1] * flat[:, 1] + k[1, 2]])
+
+    def plane_from_ray(self, z_mm: float) -> Matrix:
+        """Return the homography (3, 3) from undistorted rays (x, y, 1) to (X, Y, 1) in the plane at height z."""
+        columns = np.column_stack(
+            [self.rotation[:, 0], self.rotation[:, 1], self.rotation[:, 2] * z_mm + self.translation_mm]
+        )
+        return np.linalg.inv(columns)
+
+    def rays(self, margin_px: int) -> Matrix:
+        """Return undistorted rays (h + 2m, w + 2m, 2) of all pixels and a margin around the picture."""
+        width, height = self.intrinsics.size_px
+        k = self.intrinsics.matrix
+        x = (np.arange(-margin_px, width + margin_px) - k[0, 2]) / k[0, 0]
+        y = (np.arange(-margin_px, height + margin_px) - k[1, 2]) / k[1, 1]
+        return undistort(np.stack(np.meshgrid(x, y), axis=-1), self.intrinsics.distortion)
+
+    def jacobian(self, point_mm: Matrix) -> Matrix:
+        """Return d(pixel)/d(X, Y) (2, 2) at a point of the world, px/mm."""
+        step = 0.01
+        offsets = np.array([[step, 0, 0], [-step, 0, 0], [0, step, 0], [0, -step, 0]])
+        seen = self.project(point_mm + offsets)
+        return np.column_stack([seen[0] - seen[1], seen[2] - seen[3]]) / (2.0 * step)
+
+
+def distort(flat: Matrix, coefficients: Matrix) -> Matrix:
+    """Return where a lens puts normalised image points (..., 2)."""
+    k1, k2, p1, p2, k3 = coefficients
+    x, y = flat[..., 0], flat[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+
+
+def undistort(seen: Matrix, coefficients: Matrix) -> Matrix:
+    """Return the normalised image points that a lens puts at ``seen`` (fixed point, to 1e-12)."""
+    flat = seen.copy()
+    for _ in range(60):
+        change = seen - distort(flat, coefficients)
+        flat = flat + change
+        if np.abs(change).max() < 1e-12:
+            break
+    return flat
+
+
+def rotation_about(axis: Matrix, angle_rad: float) -> Matrix:
+    """Return the rotation (3, 3) about an axis, by Rodrigues' formula."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross
+
+
+def rotation_vector(rotation: Matrix) -> Matrix:
+    """Return the rotation vector (3,) of a rotation, rad; near a half turn too."""
+    # The quaternion's largest component is the safe one to divide by.
+    trace = np.trace(rotation)
+    squares = np.array([trace, *np.diag(rotation)])
+    largest = int(np.argmax(squares))
+    r = rotation
+    if largest == 0:
+        q = np.array([1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = np.empty(4)
+        q[0] = r[k, j] - r[j, k]
+        q[1 + i] = 1.0 + r[i, i] - r[j, j] - r[k, k]
+        q[1 + j] = r[j, i] + r[i, j]
+        q[1 + k] = r[k, i] + r[i, k]
+    q /= np.linalg.norm(q)
+    if q[0] < 0:
+        q = -q
+    size = float(np.linalg.norm(q[1:]))
+    if size < 1e-15:
+        return np.zeros(3)
+    result: Matrix = q[1:] / size * (2.0 * math.atan2(size, q[0]))
+    return result
+
+
+def views(scene: Scene) -> tuple[View, ...]:
+    """Return the scene's camera, or the left and the right one."""
+    left = _left(scene.camera)
+    if scene.stereo.baseline_mm == 0.0:
+        return (left,)
+    turn = rotation_about(np.array([0.0, 1.0, 0.0]), scene.stereo.toe_in_deg * DEG)
+    shift = turn @ np.array([-scene.stereo.baseline_mm, 0.0, 0.0])
+    right = View(left.intrinsics, turn @ left.rotation, turn @ left.translation_mm + shift)
+    return (left, right)
+
+
+def _left(settings: CameraSettings) -> View:
+    matrix = np.eye(3)
+    matrix[0, 0] = matrix[1, 1] = settings.focal_px
+    matrix[0, 2] = (settings.width_px - 1) / 2.0 + settings.centre_px[0]
+    matrix[1, 2] = (settings.height_px - 1) / 2.0 + settings.centre_px[1]
+    # World z towards the camera and y up in the picture: half a turn about x; then tilt and roll in the camera.
+    facing = np.diag([1.0, -1.0, -1.0])
+    towards = settings.tilt_towards_deg * DEG
+    tilt_axis = np.array([math.sin(towards), math.cos(towards), 0.0])
+    tilt = rotation_about(tilt_axis, settings.tilt_deg * DEG)
+    roll = rotation_about(np.array([0.0, 0.0, 1.0]), settings.roll_deg * DEG)
+    offset_mm = np.array(settings.axis_px) / settings.focal_px * settings.distance_mm
+    return View(
+        intrinsics=Intrinsics((settings.width_px, settings.height_px), matrix, np.array(settings.distortion)),
+        rotation=roll @ tilt @ facing,
+        translation_mm=np.array([*offset_mm, settings.distance_mm]),
+    )
+
+
+def camera_of(scene: Scene) -> Camera:
+    """Return the scene's camera as ``camera.toml`` describes it."""
+    seen = views(scene)
+    left = seen[0]
+    if len(seen) == 2:
+        motion = seen[1].rotation @ left.rotation.T
+        return Camera(
+            intrinsics=left.intrinsics,
+            right=RightCamera(
+                intrinsics=seen[1].intrinsics,
+                rvec=rotation_vector(motion),
+                tvec_mm=seen[1].translation_mm - motion @ left.translation_mm,
+            ),
+        )
+    return Camera(
+        intrinsics=left.intrinsics,
+        pose=Pose(
+            rvec=rotation_vector(left.rotation),
+            tvec_mm=left.translation_mm,
+            base_z_mm=scene.camera.base_z_mm,
+            moving_z_mm=scene.camera.moving_z_mm,
+        ),
+    )

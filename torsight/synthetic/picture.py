@@ -1,0 +1,164 @@
+"""Drawing, compiled: sticks with their markers, things in front of them, light and noise.
+
+Edges are exact: a pixel's share of a shape is that of a straight edge at the shape's signed distance, blurred by the
+lens and by the pixel's own area. Shapes are described in their plane; each pixel is led back to the plane along its
+ray, so perspective and distortion come out as they are.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Picture = NDArray[np.float32]
+
+MARGIN_PX = 32
+"""Rays are known this far beyond the picture, for a camera that shakes."""
+
+
+@njit(cache=True, nogil=True)
+def edge_share(distance_px: float, blur_px: float) -> float:
+    """Return the share of a pixel that lies inside an edge; the distance is positive outside."""
+    x = distance_px / blur_px
+    if x > 4.0:
+        return 0.0
+    if x < -4.0:
+        return 1.0
+    return 0.5 * math.erfc(x * 0.7071067811865476)
+
+
+@njit(cache=True, nogil=True)
+def plane_point(rays: Floats, plane: Floats, x: float, y: float) -> tuple[float, float]:
+    """Return where the ray of a picture point meets a plane, mm; between pixels rays are interpolated linearly."""
+    px, py = x + MARGIN_PX, y + MARGIN_PX
+    i, j = int(px), int(py)
+    fx, fy = px - i, py - j
+    rx, ry = rays[j, i, 0], rays[j, i, 1]
+    if fx > 0.0 or fy > 0.0:
+        a, b, c, d = (1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy
+        rx = a * rx + b * rays[j, i + 1, 0] + c * rays[j + 1, i, 0] + d * rays[j + 1, i + 1, 0]
+        ry = a * ry + b * rays[j, i + 1, 1] + c * rays[j + 1, i, 1] + d * rays[j + 1, i + 1, 1]
+    w = plane[2, 0] * rx + plane[2, 1] * ry + plane[2, 2]
+    u = (plane[0, 0] * rx + plane[0, 1] * ry + plane[0, 2]) / w
+    v = (plane[1, 0] * rx + plane[1, 1] * ry + plane[1, 2]) / w
+    return u, v
+
+
+@njit(cache=True, nogil=True)
+def stick_value(
+    below: float, x_mm: float, y_mm: float, turn: tuple[float, float], shape: Floats, scale: Floats, blur_px: float
+) -> float:
+    """Return the grey level (before light) at a point of a stick's plane, over what is ``below``.
+
+    ``shape``: length, half width, tail, inner, outer, dot radius, stick level, dot level, hub radius, hub level.
+    ``scale``: the plane's metric in the picture, d(mm)/d(px) transposed times itself (xx, xy, yy) at three places:
+    middle of the stick, inner and outer marker, in the world's axes.
+    """
+    cos, sin = turn
+    u, v = cos * x_mm + sin * y_mm, -sin * x_mm + cos * y_mm
+    value = below
+    du, dv = max(u - shape[0], -shape[2] - u), abs(v) - shape[1]
+    if max(du, dv) < 2.0 * shape[1]:
+        along = math.sqrt(scale[0, 0] * cos * cos + 2 * scale[0, 1] * cos * sin + scale[0, 2] * sin * sin)
+        across = math.sqrt(scale[0, 0] * sin * sin - 2 * scale[0, 1] * cos * sin + scale[0, 2] * cos * cos)
+        share = edge_share(du / along, blur_px) * edge_share(dv / across, blur_px)
+        value += share * (shape[6] - value)
+        for k in range(2):
+            ru, rv = u - shape[3 + k], v
+            r = math.sqrt(ru * ru + rv * rv)
+            if r < 3.0 * shape[5] + 1e-9:
+                n = max(r, 1e-9)
+                nx, ny = (cos * ru - sin * rv) / n, (sin * ru + cos * rv) / n
+                m = scale[1 + k]
+                size = math.sqrt(m[0] * nx * nx + 2 * m[1] * nx * ny + m[2] * ny * ny)
+                value += edge_share((r - shape[5]) / size, blur_px) * (shape[7] - value)
+    if shape[8] > 0.0:
+        r = math.sqrt(u * u + v * v)
+        if r < 3.0 * shape[8]:
+            size = math.sqrt(0.5 * (scale[0, 0] + scale[0, 2]))
+            value += edge_share((r - shape[8]) / size, blur_px) * (shape[9] - value)
+    return value
+
+
+@njit(cache=True, nogil=True)
+def draw_stick(
+    picture: Picture,
+    light: Picture,
+    rays: Floats,
+    plane: Floats,
+    shift_px: Floats,
+    turns: Floats,
+    shape: Floats,
+    scale: Floats,
+    box: NDArray[np.int64],
+    blur_px: float,
+) -> None:
+    """Draw a stick into a picture, averaged over the directions that it takes while the shutter is open.
+
+    Parameters
+    ----------
+    picture, light : (h, w) float32
+        Grey levels, changed in place; relative light.
+    rays, plane : float64
+        Rays of the pixels, homography from rays to the stick's plane.
+    shift_px : (2,) float64
+        By how much the picture has moved.
+    turns : (n, 2) float64
+        Cosine and sine of the stick's directions.
+    shape, scale : float64
+        See :func:`stick_value`.
+    box : (4,) int64
+        Pixels to look at: x from, to, y from, to.
+    blur_px : float
+        Blur of an edge.
+    """
+    for y in range(box[2], box[3]):
+        for x in range(box[0], box[1]):
+            x_mm, y_mm = plane_point(rays, plane, x - shift_px[0], y - shift_px[1])
+            below = picture[y, x] / light[y, x]
+            total = 0.0
+            for k in range(turns.shape[0]):
+                total += stick_value(below, x_mm, y_mm, (turns[k, 0], turns[k, 1]), shape, scale, blur_px)
+            picture[y, x] = light[y, x] * total / turns.shape[0]
+
+
+@njit(cache=True, nogil=True)
+def draw_bar(
+    picture: Picture, light: Picture, ends_px: Floats, radius_px: float, level: float, blur_px: float
+) -> None:
+    """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) a lamp."""
+    ax, ay, bx, by = ends_px
+    height, width = picture.shape
+    reach = radius_px + 5.0 * blur_px
+    x0, x1 = max(int(min(ax, bx) - reach), 0), min(int(max(ax, bx) + reach) + 1, width)
+    y0, y1 = max(int(min(ay, by) - reach), 0), min(int(max(ay, by) + reach) + 1, height)
+    length2 = (bx - ax) ** 2 + (by - ay) ** 2
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            t = 0.0
+            if length2 > 0.0:
+                t = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length2, 0.0), 1.0)
+            dx, dy = x - ax - t * (bx - ax), y - ay - t * (by - ay)
+            share = edge_share(math.sqrt(dx * dx + dy * dy) - radius_px, blur_px)
+            if share > 0.0:
+                picture[y, x] += share * (level * light[y, x] - picture[y, x])
+
+
+@njit(cache=True, nogil=True)
+def expose(
+    picture: Picture, gain: float, read: float, shot: float, noise: Picture, start: int, out: NDArray[np.uint8]
+) -> None:
+    """Turn light into 8-bit grey levels: gain, shot and read noise (normal numbers from a pool), rounding."""
+    height, width = picture.shape
+    mask = noise.size - 1
+    for y in range(height):
+        row = start + y * width
+        for x in range(width):
+            value = gain * picture[y, x]
+            sigma = math.sqrt(read * read + shot * max(value, 0.0))
+            value += sigma * noise[(row + x) & mask] + 0.5
+            out[y, x] = min(max(int(value), 0), 255)
