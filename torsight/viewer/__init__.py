@@ -1,0 +1,33 @@
+"""The run in Rerun: the recording of a finished run, and the live view; nothing else here imports rerun.
+
+Timelines: ``film_time`` (seconds on the film's clock) and ``frame`` (number of the film's frame).
+
+========================================================= ==========================================================
+entity                                                    what
+========================================================= ==========================================================
+``film/picture``                                          the film (a small AV1 preview) or the live picture
+``film/markers``                                          the four markers that were found, with their names
+``film/sticks``                                           the two sticks and the angle between them, written beside
+``angle/measured``, ``angle/plain``, ``angle/extended``   the angle as measured and as modelled, degrees
+``residual/before``, ``residual/after``                   measured less plain, measured less extended model, degrees
+``temperature/a``, ``temperature/b``                      temperatures of the springs, °C
+``events``                                                occlusions, markers found again, clocks, fit, verdict
+``summary``                                               the answer in words
+========================================================= ==========================================================
+
+Positions on ``film`` are in pixels of the picture that is shown, which is narrower than the film where that is wide.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def write_recording(folder: Path, *, film: Path | None = None) -> Path:
+    """Write ``recording.rrd`` into a run's folder; see :func:`torsight.viewer.recording.write_recording`."""
+    from torsight.viewer.recording import write_recording as write
+
+    return write(folder, film=film)
+
+
+__all__ = ["write_recording"]

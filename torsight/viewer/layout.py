@@ -1,0 +1,122 @@
+"""How the run looks in Rerun: panes, colours, names; one and the same for a recorded run and for the live view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+APPLICATION: Final = "torsight"
+TIME: Final = "film_time"
+FRAME: Final = "frame"
+
+
+class Series(NamedTuple):
+    """A curve: its entity, the name in the legend, colour (safe for the colour-blind, on dark), width."""
+
+    entity: str
+    name: str
+    colour: tuple[int, int, int]
+    width: float
+
+
+SERIES: Final = (
+    # Curves are drawn in the order of their names: the extended model lies under the measured angle.
+    Series("angle/extended", "extended model", (86, 180, 233), 4.5),
+    Series("angle/measured", "measured", (236, 239, 243), 1.25),
+    Series("angle/plain", "plain model", (240, 136, 62), 1.5),
+    Series("residual/before", "before: plain model", (240, 136, 62), 1.5),
+    Series("residual/after", "after: extended model", (86, 180, 233), 1.5),
+    Series("temperature/a", "spring A", (227, 155, 196), 1.5),
+    Series("temperature/b", "spring B", (60, 207, 160), 1.5),
+)
+"""Every curve of the view."""
+
+LIVE_WINDOW_S: Final = 120.0
+"""How far back the curves of a live view reach."""
+
+LEGEND_SHARE: Final = 0.3
+"""Room for the legends to the right of the newest sample, as a share of the span of the curves."""
+
+BASE_COLOUR: Final = (60, 207, 160)
+MOVING_COLOUR: Final = (86, 180, 233)
+ARC_COLOUR: Final = (240, 228, 66)
+
+
+def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
+    """Return the arrangement of the panes.
+
+    Parameters
+    ----------
+    span_s : (float, float), optional
+        First and last time of a record that is finished; without it the curves follow the cursor. Both leave room on
+        the right, where the legends stand.
+    """
+    import rerun.blueprint as rrb
+
+    def curves(name: str, origin: str) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(
+            origin=origin,
+            name=name,
+            axis_x=rrb.TimeAxis(view_range=_view_range(span_s)),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=True),
+        )
+
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                rrb.Spatial2DView(origin="film", name="Film"),
+                rrb.TextDocumentView(origin="summary", name="Summary"),
+                rrb.TextLogView(origin="events", name="Events", columns=_event_columns()),
+                row_shares=[5, 3, 3],
+            ),
+            rrb.Vertical(
+                curves("Angle (°)", "angle"),
+                curves("Residual: measured − model (°)", "residual"),
+                curves("Temperature (°C)", "temperature"),
+                row_shares=[4, 3, 2],
+            ),
+            column_shares=[4, 6],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIME),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _view_range(span_s: tuple[float, float] | None) -> rrb.TimeRange:
+    import rerun.blueprint as rrb
+
+    if span_s is None:
+        return rrb.TimeRange(
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-LIVE_WINDOW_S),
+            end=rrb.TimeRangeBoundary.cursor_relative(seconds=LEGEND_SHARE * LIVE_WINDOW_S),
+        )
+    first_s, last_s = span_s
+    margin_s = LEGEND_SHARE * (last_s - first_s)
+    return rrb.TimeRange(
+        start=rrb.TimeRangeBoundary.absolute(seconds=first_s - 0.02 * margin_s),
+        end=rrb.TimeRangeBoundary.absolute(seconds=last_s + margin_s),
+    )
+
+
+def _event_columns() -> rrb.TextLogColumns:
+    import rerun.blueprint as rrb
+    from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind
+
+    return rrb.TextLogColumns(
+        text_log_columns=[TextLogColumn(TextLogColumnKind.LogLevel), TextLogColumn(TextLogColumnKind.Body)]
+    )
+
+
+def log_styles(stream: rr.RecordingStream) -> None:
+    """Log names, colours and widths of the curves."""
+    import rerun as rr
+
+    for series in SERIES:
+        style = rr.SeriesLines(colors=series.colour, widths=series.width, names=series.name)
+        stream.log(series.entity, style, static=True)

@@ -1,0 +1,102 @@
+"""What is drawn on the film: markers, sticks, and the arc of the angle between them; geometry without a viewer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+ARC_STEP_RAD: Final = np.deg2rad(6.0)
+"""Longest chord of the drawn arc."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlay:
+    """What is drawn on one frame, in pixels of the picture.
+
+    Attributes
+    ----------
+    points_px : (k, 2) float64
+        The markers that were found.
+    names : tuple of str
+        Their names.
+    sticks_px : tuple of (2, 2) float64
+        Lines through the markers of a stick, where both were found: base first.
+    sticks : tuple of str
+        ``base``, ``moving``: which sticks these are.
+    arc_px : (m, 2) float64
+        The arc from the base stick to the moving stick; empty where the angle is not known.
+    label : str
+        The angle as it is written beside the arc.
+    """
+
+    points_px: NDArray[np.float64]
+    names: tuple[str, ...]
+    sticks_px: tuple[NDArray[np.float64], ...]
+    sticks: tuple[str, ...]
+    arc_px: NDArray[np.float64]
+    label: str
+
+
+def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[str, ...], scale: float) -> Overlay:
+    """Return what is drawn on one frame.
+
+    Parameters
+    ----------
+    position_px : (4, 2) float64
+        Markers in the film's pixels, in the order of ``torsight.core.tracks.MARKERS``; NaN where not found.
+    angle_rad : float
+        Angle, positive counter-clockwise as displayed; NaN where not known.
+    names : tuple of str
+        Names of the markers.
+    scale : float
+        Pixels of the picture that is shown per pixel of the film.
+    """
+    shown = position_px * scale
+    found: NDArray[np.bool_] = np.isfinite(shown).all(axis=1)
+    pairs = [(stick, shown[first : first + 2]) for stick, first in (("base", 0), ("moving", 2))]
+    whole = [(stick, ends) for stick, ends in pairs if np.isfinite(ends).all()]
+    arc = _arc(shown, angle_rad) if found.all() and np.isfinite(angle_rad) else np.empty((0, 2))
+    degrees = f"{np.rad2deg(angle_rad):.1f}°".replace("-", "−") if np.isfinite(angle_rad) else "angle not known"
+    return Overlay(
+        points_px=shown[found],
+        names=tuple(name for name, good in zip(names, found.tolist(), strict=True) if good),
+        sticks_px=tuple(ends for _, ends in whole),
+        sticks=tuple(stick for stick, _ in whole),
+        arc_px=arc,
+        label=degrees,
+    )
+
+
+def _arc(shown: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+    """Return the arc about the point where the two sticks' lines are nearest to their inner markers.
+
+    Whole turns beyond the first are not drawn twice; the label carries them.
+    """
+    base, moving = shown[1] - shown[0], shown[3] - shown[2]
+    centre = _crossing(shown[0], base, shown[2], moving)
+    radius = 0.5 * min(
+        np.hypot(*(shown[0] - centre)) + np.hypot(*base), np.hypot(*(shown[2] - centre)) + np.hypot(*moving)
+    )
+    start = np.arctan2(-base[1], base[0])
+    turn = np.sign(angle_rad) * (abs(angle_rad) % (2.0 * np.pi))
+    along = start + np.linspace(0.0, turn, max(2, int(abs(turn) / ARC_STEP_RAD) + 2))
+    return np.column_stack([centre[0] + radius * np.cos(along), centre[1] - radius * np.sin(along)])
+
+
+def _crossing(
+    first: NDArray[np.float64], along: NDArray[np.float64], second: NDArray[np.float64], across: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return where two lines cross, or the middle between their inner markers where they are nearly parallel."""
+    determinant = along[0] * across[1] - along[1] * across[0]
+    middle = (first + second) / 2.0
+    if abs(determinant) < 0.05 * np.hypot(*along) * np.hypot(*across):
+        return np.asarray(middle)
+    gap = second - first
+    step = (gap[0] * across[1] - gap[1] * across[0]) / determinant
+    crossing = first + step * along
+    # Two short sticks that are nearly aligned may cross far outside the rig.
+    far = np.hypot(*(crossing - middle)) > 2.0 * max(np.hypot(*along), np.hypot(*across))
+    return np.asarray(middle if far else crossing)

@@ -1,0 +1,101 @@
+"""Pictures of a recording, whole and pane by pane, without a screen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from torsight.core.errors import OutputError
+from torsight.viewer.layout import TIME
+from torsight.viewer.program import LOOPBACK, Viewer, free_port
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+WHOLE: Final = "whole"
+"""Name of the picture of all panes together."""
+
+START_S: Final = 30.0
+SETTLE_S: Final = 0.7
+"""Panes slide into place after the first picture, and the video is decoded beside."""
+
+
+def take_pictures(
+    recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+) -> dict[str, bytes]:
+    """Draw a recording without a screen.
+
+    Parameters
+    ----------
+    recording : Path
+        The recording.
+    time_s : float, optional
+        Where the cursor stands, on the film's clock.
+    size_px : (int, int)
+        Size of the window.
+
+    Returns
+    -------
+    dict of str to bytes
+        PNG pictures by the name of the pane, and the one of all panes under :data:`WHOLE`.
+
+    Raises
+    ------
+    OutputError
+        When the viewer cannot draw here: it needs a Vulkan driver, one in software will do.
+    """
+    with viewer_without_screen(size_px) as client:
+        client.open(str(recording.resolve()))
+        if time_s is not None:
+            client.set_time(TIME, duration=time_s, play_state="paused")
+        # The first picture is drawn before all that was opened is there.
+        client.take_screenshot()
+        time.sleep(SETTLE_S)
+        return pictures_of(client)
+
+
+def pictures_of(client: ViewerClient) -> dict[str, bytes]:
+    """Return what a viewer shows now, pane by pane."""
+    views = {view.name: view.view_id for view in client.get_state().views}
+    pictures = {WHOLE: client.take_screenshot()}
+    return pictures | {name: client.take_screenshot(identifier) for name, identifier in views.items()}
+
+
+@contextmanager
+def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int | None = None) -> Iterator[ViewerClient]:
+    """Give a connection to a viewer that draws without a screen; it ends with the block.
+
+    Raises
+    ------
+    OutputError
+        When it cannot start.
+    """
+    port = port or free_port()
+    viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=port)
+    try:
+        yield _connected(viewer)
+    finally:
+        viewer.end()
+
+
+def _connected(viewer: Viewer) -> ViewerClient:
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
+    end = time.monotonic() + START_S
+    while viewer.running and time.monotonic() < end:
+        try:
+            client.get_state()
+        except (RuntimeError, ConnectionError, OSError):
+            time.sleep(0.1)
+        else:
+            return client
+    reason = f"it did not answer within {START_S:g} s" if viewer.running else viewer.why_ended()
+    raise OutputError(
+        f"the viewer cannot draw here ({reason})",
+        where="pictures of a recording",
+        do="install a Vulkan driver, for example mesa-vulkan-drivers",
+    )

@@ -1,0 +1,77 @@
+"""The viewer's program: where it is, and how it is started so that it listens on this computer only."""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from torsight.core.errors import NoResultError
+
+LOOPBACK: Final = "127.0.0.1"
+
+
+def viewer_program() -> Path:
+    """Return the viewer's own binary; the script of that name is a wrapper that does not pass on its end.
+
+    Raises
+    ------
+    NoResultError
+        When it is not installed.
+    """
+    found = importlib.util.find_spec("rerun_cli")
+    places = [] if found is None else [Path(place) for place in found.submodule_search_locations or []]
+    for place in places:
+        for name in ("rerun", "rerun.exe"):
+            if (place / name).exists():
+                return place / name
+    raise NoResultError("the Rerun viewer is not installed", do="install it with: pip install rerun-sdk")
+
+
+def free_port() -> int:
+    """Return a port of this computer that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+class Viewer:
+    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader."""
+
+    def __init__(self, arguments: Sequence[str], *, port: int) -> None:
+        self.port = port
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
+        command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port), *arguments]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, text=True
+        )
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self.process.poll() is None
+
+    def wait(self) -> int:
+        """Wait until it ends and return its exit code."""
+        return self.process.wait()
+
+    def why_ended(self) -> str:
+        """Return the last thing that it said."""
+        self._said.seek(0)
+        lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
+        return lines[-1].strip()[:300] if lines else f"exit code {self.process.returncode}"
+
+    def end(self) -> None:
+        """End it, wait for it, and forget what it said."""
+        if self.running:
+            self.process.terminate()
+            try:
+                self.process.wait(timeout=3.0)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+        self.process.wait()
+        self._said.close()

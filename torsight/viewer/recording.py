@@ -1,0 +1,223 @@
+"""From the files of a run's folder to ``recording.rrd``."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.results import RunResults, read_results
+from torsight.core.storage import atomic_path
+from torsight.core.tracks import MARKERS
+from torsight.core.units import DEG
+from torsight.viewer import layout
+from torsight.viewer.overlay import Overlay, overlay
+from torsight.viewer.preview import MOST_FRAMES, Preview, write_preview
+from torsight.viewer.words import run_events, span_s, summary_document
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import rerun as rr
+
+CURVES: Final = {
+    "angle/measured": ("curves", "merged", "angle"),
+    "angle/plain": ("curves",),
+    "angle/extended": ("curves",),
+    "residual/before": ("curves",),
+    "residual/after": ("curves",),
+    "temperature/a": ("merged", "curves"),
+    "temperature/b": ("merged", "curves"),
+}
+"""The tables that hold a curve, the best first."""
+
+COLUMNS: Final = {
+    "angle/measured": "angle_deg",
+    "angle/plain": "plain_deg",
+    "angle/extended": "extended_deg",
+    "residual/before": "residual_before_deg",
+    "residual/after": "residual_after_deg",
+    "temperature/a": "temp_a_c",
+    "temperature/b": "temp_b_c",
+}
+"""The column of each curve."""
+
+
+def write_recording(folder: Path, *, film: Path | None = None) -> Path:
+    """Write ``recording.rrd`` from whatever results lie in a run's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        A run's folder; the panes whose files are missing stay empty.
+    film : Path, optional
+        The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
+
+    Returns
+    -------
+    Path
+        The recording, with its arrangement of panes inside.
+
+    Raises
+    ------
+    InputError
+        When the folder is missing or empty, or the film cannot be read.
+    OutputError
+        When the recording cannot be written.
+    """
+    import rerun as rr
+
+    results = read_results(folder)
+    path = folder / "recording.rrd"
+    with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
+        preview = _preview(results, film, Path(scratch))
+        # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
+        stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
+        stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
+        layout.log_styles(stream)
+        log_curves(stream, results)
+        _log_film(stream, results, preview)
+        _log_words(stream, results)
+        stream.flush()
+        stream.disconnect()
+    return path
+
+
+def _preview(results: RunResults, film: Path | None, scratch: Path) -> Preview | None:
+    frames = results.markers if results.markers is not None else results.angle
+    if film is None or frames is None:
+        return None
+    return write_preview(film, scratch / "preview.mp4", frame_count=len(frames))
+
+
+def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
+    """Log every curve that the results hold."""
+    import rerun as rr
+
+    for entity, tables in CURVES.items():
+        column = COLUMNS[entity]
+        table = next(
+            (found for name in tables if (found := getattr(results, name)) is not None and column in found.columns),
+            None,
+        )
+        if table is None:
+            continue
+        time_s, values = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", column))
+        if not np.isfinite(values).any():
+            continue
+        stream.send_columns(
+            entity,
+            indexes=[rr.TimeColumn(layout.TIME, duration=time_s)],
+            columns=rr.Scalars.columns(scalars=values),
+        )
+
+
+def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview | None) -> None:
+    import rerun as rr
+
+    table = results.markers if results.markers is not None else results.angle
+    if table is None:
+        return
+    time_s = table["time_s"].to_numpy(dtype=np.float64)
+    if preview is not None:
+        chosen = preview.frame
+        video = rr.AssetVideo(path=preview.path)
+        stream.log("film/picture", video, static=True)
+        stamps = np.asarray(video.read_frame_timestamps_nanos())[: len(chosen)]
+        stream.send_columns(
+            "film/picture",
+            indexes=times(chosen, time_s),
+            columns=rr.VideoFrameReference.columns_nanos(stamps),
+        )
+    else:
+        chosen = np.arange(0, len(table), max(1, -(-len(table) // MOST_FRAMES)))
+    if results.markers is not None:
+        drawn = overlays(results, chosen, scale=1.0 if preview is None else preview.scale)
+        log_overlays(stream, drawn, times(chosen, time_s))
+
+
+def times(frame: NDArray[np.int64], time_s: NDArray[np.float64]) -> list[rr.TimeColumn]:
+    """Return both timelines for frames of the film."""
+    import rerun as rr
+
+    return [rr.TimeColumn(layout.TIME, duration=time_s[frame]), rr.TimeColumn(layout.FRAME, sequence=frame)]
+
+
+def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> list[Overlay]:
+    """Return what is drawn on each of the frames."""
+    table = results.markers
+    if table is None:
+        return []
+    position_px = np.stack([_positions(table, name) for name in MARKERS], axis=1)
+    angle_rad = np.full(len(table), np.nan)
+    if results.angle is not None:
+        known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
+        degrees = np.where(known, results.angle["angle_deg"].to_numpy(dtype=np.float64), np.nan)
+        rows = min(len(degrees), len(angle_rad))
+        angle_rad[:rows] = degrees[:rows] * DEG
+    return [overlay(position_px[k], float(angle_rad[k]), names=MARKERS, scale=scale) for k in frame.tolist()]
+
+
+def _positions(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    both = np.column_stack([table[f"{name}_{axis}_px"].to_numpy(dtype=np.float64) for axis in "xy"])
+    both[table[f"{name}_valid"].to_numpy(dtype=np.float64) < 0.5] = np.nan
+    return both
+
+
+def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: Sequence[Any]) -> None:
+    """Log markers and sticks of many frames at once."""
+    import rerun as rr
+
+    points = np.concatenate([one.points_px for one in drawn]) if drawn else np.empty((0, 2))
+    if not len(points):
+        return
+    counts = [len(one.points_px) for one in drawn]
+    names = [name for one in drawn for name in one.names]
+    columns = rr.Points2D.columns(
+        positions=points,
+        colors=[layout.BASE_COLOUR if name.startswith("base") else layout.MOVING_COLOUR for name in names],
+        labels=names,
+    )
+    stream.send_columns("film/markers", indexes=indexes, columns=columns.partition(counts))
+    stream.log("film/markers", rr.Points2D.from_fields(radii=rr.Radius.ui_points(5.0), show_labels=False), static=True)
+    strips, colours, labels, lengths = [], [], [], []
+    for one in drawn:
+        lines, kinds, words = strokes(one)
+        strips += lines
+        colours += kinds
+        labels += words
+        lengths.append(len(lines))
+    columns = rr.LineStrips2D.columns(strips=strips, colors=colours, labels=labels)
+    stream.send_columns("film/sticks", indexes=indexes, columns=columns.partition(lengths))
+    stream.log(
+        "film/sticks", rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True), static=True
+    )
+
+
+def strokes(one: Overlay) -> tuple[list[NDArray[np.float64]], list[tuple[int, int, int]], list[str]]:
+    """Return the lines of one frame with their colours and the words beside them."""
+    lines = list(one.sticks_px)
+    colours = [layout.BASE_COLOUR if stick == "base" else layout.MOVING_COLOUR for stick in one.sticks]
+    words = [""] * len(lines)
+    if len(one.arc_px):
+        lines.append(one.arc_px)
+        colours.append(layout.ARC_COLOUR)
+        words.append(one.label)
+    return lines, colours, words
+
+
+def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
+    import rerun as rr
+
+    document = rr.TextDocument(summary_document(results), media_type=rr.MediaType.MARKDOWN)
+    stream.log("summary", document, static=True)
+    events = run_events(results)
+    if events:
+        stream.send_columns(
+            "events",
+            indexes=[rr.TimeColumn(layout.TIME, duration=[event.time_s for event in events])],
+            columns=rr.TextLog.columns(text=[event.text for event in events], level=[event.level for event in events]),
+        )

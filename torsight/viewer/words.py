@@ -1,0 +1,99 @@
+"""What the recording says in words: the summary and the list of events."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from torsight.core.results import RunResults
+from torsight.core.wording import effect_name, estimate, fixed, number, verdict_sentence
+
+WARNINGS: Final = ("occlusion", "lost", "damage", "jump", "bump", "light")
+"""Kinds of events that a person should look at."""
+
+
+class Event(NamedTuple):
+    """One line of the events' pane."""
+
+    time_s: float
+    level: str
+    text: str
+
+
+def run_events(results: RunResults) -> list[Event]:
+    """Return the events of a run in the order of their times: tracking, clocks, fit, verdict."""
+    found = []
+    for event in (results.track or {}).get("events") or []:
+        kind = str(event.get("kind", "event"))
+        level = "WARN" if any(kind.startswith(word) for word in WARNINGS) else "INFO"
+        found.append(Event(float(event.get("time_s") or 0.0), level, f"{effect_name(kind)}: {event.get('text', '')}"))
+    start_s, end_s = span_s(results)
+    if results.sync is not None:
+        found.append(Event(start_s, "INFO", f"clocks: {_clocks(results)}"))
+    if results.fit is not None:
+        friction = (results.fit.get("parameters") or {}).get("tau_c_mnm")
+        words = "" if friction is None else f", friction torque {estimate(friction)}"
+        rms = number(results.fit.get("rmse_deg"))
+        found.append(Event(end_s, "INFO", f"plain model: rms {rms}°{words}"))
+    if results.discovery is not None:
+        found.append(Event(end_s, "INFO", f"verdict: {verdict_sentence(results.discovery)}"))
+    return sorted(found, key=lambda event: event.time_s)
+
+
+def span_s(results: RunResults) -> tuple[float, float]:
+    """Return first and last time of the record on the film's clock; zeros where there is none."""
+    for table in (results.angle, results.merged, results.curves):
+        if table is not None:
+            time_s = table["time_s"].to_numpy(dtype=np.float64)
+            return float(time_s[0]), float(time_s[-1])
+    return 0.0, 0.0
+
+
+def _clocks(results: RunResults) -> str:
+    parts = []
+    for name, unit in (("offset_s", "s"), ("drift_ppm", "ppm")):
+        part = (results.sync or {}).get(name) or {}
+        low, high = part.get("ci95") or (None, None)
+        known = low is not None and high is not None
+        interval = f" (95 %: {number(low)} to {number(high)})" if known else " (not fixed by this record)"
+        parts.append(f"{name.split('_')[0]} {number(part.get('value'), 4)} {unit}{interval}")
+    return ", ".join(parts)
+
+
+def summary_document(results: RunResults) -> str:
+    """Return the summary in Markdown."""
+    lines = [f"### {results.folder.resolve().name}", ""]
+    discovery = results.discovery
+    if discovery is not None:
+        lines[0] = f"### {verdict_sentence(discovery)}"
+    rows = _motion(results)
+    document = discovery if (discovery or {}).get("parameters") else results.fit
+    friction = ((document or {}).get("parameters") or {}).get("tau_c_mnm")
+    if friction is not None:
+        rows.append(("Friction torque", estimate(friction)))
+    if discovery is not None:
+        for effect in discovery.get("effects") or []:
+            values = "; ".join(f"{name} {estimate(value)}" for name, value in effect.get("parameters", {}).items())
+            rows.append((effect_name(str(effect["id"])).capitalize(), values))
+        before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
+        if before is not None and after is not None:
+            rows.append(("Error on half-cycles not seen", f"{number(before)}° → {number(after)}° rms"))
+        if discovery.get("noise_floor_deg") is not None:
+            rows.append(("Noise floor", f"{number(discovery['noise_floor_deg'], 2)}°"))
+    return "\n".join([*lines, *(f"- **{name}** {words}" for name, words in rows), ""])
+
+
+def _motion(results: RunResults) -> list[tuple[str, str]]:
+    if results.angle is None:
+        return []
+    known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
+    angle = results.angle["angle_deg"].to_numpy(dtype=np.float64)[known]
+    angle = angle[np.isfinite(angle)]
+    if not len(angle):
+        return []
+    low, high = (fixed(float(end), 1) for end in (angle.min(), angle.max()))
+    return [
+        ("Range of motion", f"{np.ptp(angle):.1f}° ({low}° to {high}°)"),
+        ("Frames measured", f"{int(known.sum())} of {len(known)}"),
+    ]
