@@ -143,8 +143,8 @@ def standard_deviations(field: Field, contender: Contender) -> np.ndarray[tuple[
     """
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
-    own = residual_scales(residual, field.stretches)
-    inflation = max(1.0, own.motion / field.scales.motion if np.isfinite(own.motion) else 1.0) ** 2
+    own = residual_scales(residual, field.stretches, field.floor)
+    inflation = max(1.0, own.motion / max(field.scales.motion, 1e-30)) ** 2
     space = space_of(fit.parameters)
     derivative = fit.solution.jacobian
     information = derivative.T @ (derivative * weight[:, None]) / inflation

@@ -99,21 +99,30 @@ class Fitter:
         def model(x: Array) -> Array:
             return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
 
-        def run(start: Array, iterations: int) -> Solution:
+        def run(start: Array, iterations: int, known: Solution | None = None) -> Solution:
             return solve(
-                model, start, observed=self.problem.observed, weight=used, space=space, max_iterations=iterations
+                model,
+                start,
+                observed=self.problem.observed,
+                weight=used,
+                space=space,
+                max_iterations=iterations,
+                known=known,
             )
 
         points = [np.array([start[p.name] for p in parameters]) for start in starts]
-        if len(points) > 1:
-            scouts = sorted((run(point, _SCOUT_ITERATIONS) for point in points), key=lambda found: found.cost)
-            points = [scout.x for scout in _distinct(scouts, space)[:keep]]
-        solutions = [run(point, max_iterations) for point in points]
+        scouts = sorted((run(point, _SCOUT_ITERATIONS) for point in points), key=lambda found: found.cost)
+        kept = _distinct(scouts, space)[:keep]
+        solutions = [run(scout.x, max_iterations, scout) for scout in kept]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
     def base(self) -> Fit:
         """Fit the base model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
+
+    def residual(self, fit: Fit) -> Array:
+        """Return measured less model (n,), NaN where a sample does not count."""
+        return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
 
     def extend(self, parent: Fit, name: str, *, weight: Array | None = None) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
@@ -123,15 +132,28 @@ class Fitter:
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
         starts = []
-        for point in self.candidates[name].starting_points():
+        for point in self.candidates[name].starting_points(self.problem.time_s, self.residual(parent)):
             starts.append({**parent.values, **point})
-            starts.append({**parent.values, **away, **point})
-        starts.append({**parent.values, **self.candidates[name].null_point()})
+        starts.append({**starts[0], **away})
         return self.fit(effects, starts, weight=weight)
 
     def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out."""
-        return self.fit(fit.effects, [fit.values], weight=weight, max_iterations=max_iterations)
+
+        def model(x: Array) -> Array:
+            values = {p.name: float(v) for p, v in zip(fit.parameters, x, strict=True)}
+            return self.problem.predict(values, fit.effects)
+
+        solution = solve(
+            model,
+            fit.solution.x,
+            observed=self.problem.observed,
+            weight=self.weight if weight is None else weight,
+            space=space_of(fit.parameters),
+            max_iterations=max_iterations,
+            known=fit.solution,
+        )
+        return Fit(fit.effects, fit.parameters, solution)
 
 
 def space_of(parameters: Sequence[Parameter]) -> Space:

@@ -12,7 +12,7 @@ actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is line
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -20,6 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
+
+
+Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +39,26 @@ class Candidate:
         Its parameters with bounds; ``null`` of at least one is the value at which the effect vanishes. Names are
         unique over all candidates and base parameters of the problem.
     starts : tuple of mapping
-        Points from which its fit starts (parameter name to value); without any, the parameters' own values.
+        Further points from which its fit starts, beside the parameters' own values (parameter name to value).
+    propose : callable or None
+        From times and a residual (measured less model; NaN where not measured) to more such points.
     """
 
     id: str
     family: str
     parameters: tuple[Parameter, ...]
     starts: tuple[Mapping[str, float], ...] = ()
+    propose: Propose | None = None
 
-    def starting_points(self) -> tuple[Mapping[str, float], ...]:
-        """Return the points from which the fit starts, each complete."""
+    def starting_points(
+        self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None
+    ) -> tuple[dict[str, float], ...]:
+        """Return the points from which the fit starts, each complete; those made for a residual where it is given."""
         own = {parameter.name: parameter.value for parameter in self.parameters}
-        return tuple({**own, **start} for start in self.starts) or (own,)
+        points: list[Mapping[str, float]] = [own, *self.starts]
+        if self.propose is not None and time_s is not None and residual is not None:
+            points = list(self.propose(time_s, residual)) or points
+        return tuple({**own, **point} for point in points)
 
     def null_point(self) -> dict[str, float]:
         """Return the parameters with the effect switched off."""

@@ -50,15 +50,24 @@ class Stretches:
         keep = valid[start]
         return cls(start[keep], stop[keep], rest[start[keep]])
 
+    def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+        """Return the ranges at rest and those in motion."""
+        ranges = [(int(a), int(b)) for a, b in zip(self.start, self.stop, strict=True)]
+        at_rest = self.rest.tolist()
+        return (
+            [item for item, rest in zip(ranges, at_rest, strict=True) if rest],
+            [item for item, rest in zip(ranges, at_rest, strict=True) if not rest],
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """Sizes of a residual in units of the measurement.
+    """Sizes of a residual beyond the floor, in units of the measurement.
 
     Attributes
     ----------
     motion, rest : float
-        Root mean square in motion; of the levels at rest. NaN where the record has none.
+        Standard deviation that has to be added to the floor in motion, and to that of a rest's level.
     correlation_samples : float
         Integrated correlation time in motion.
     """
@@ -96,35 +105,44 @@ def correlation_samples(residual: Array, stretches: Stretches) -> float:
     return float(max(1.0, tau[window[0]] if len(window) else tau.max(initial=1.0)))
 
 
-def residual_scales(residual: Array, stretches: Stretches) -> Scales:
-    """Return the sizes of a residual in motion and at rest and its correlation time."""
-    square, count, levels = 0.0, 0, []
-    for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
-        if rest:
-            levels.append(np.mean(residual[a:b] ** 2))
-        else:
-            square += float(np.sum(residual[a:b] ** 2))
-            count += int(b - a)
+def residual_scales(residual: Array, stretches: Stretches, floor: Array) -> Scales:
+    """Return what has to be added to the floor to account for a residual, in motion and at rest.
+
+    Each is the standard deviation s for which the mean of r² / (floor² + s²) is one.
+    """
+    levels, motion = stretches.split()
+    level = np.array([np.sqrt(np.mean(residual[a:b] ** 2)) for a, b in levels])
+    level_floor = np.array([np.sqrt(np.mean(floor[a:b] ** 2)) for a, b in levels])
+    rows = np.concatenate([np.arange(a, b) for a, b in motion]) if motion else np.zeros(0, np.int64)
     return Scales(
-        motion=float(np.sqrt(square / count)) if count else float("nan"),
-        rest=float(np.sqrt(np.mean(levels))) if levels else float("nan"),
+        motion=_excess(residual[rows], floor[rows]),
+        rest=_excess(level, level_floor),
         correlation_samples=correlation_samples(residual, stretches),
     )
 
 
-def information(problem: Problem, stretches: Stretches, scales: Scales, *, floor: Array | None = None) -> Array:
-    """Return the weight per sample, 1 / (σ² τ); zero where a sample does not count.
+def _excess(residual: Array, floor: Array) -> float:
+    """Return s with mean(r² / (floor² + s²)) = 1, or 0 where the floor already accounts for the residual."""
+    if not len(residual):
+        return 0.0
+    square, least = residual**2, np.maximum(floor**2, 1e-30)
+    low, high = 0.0, float(square.mean())
+    if np.mean(square / least) <= 1.0:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if np.mean(square / (least + middle)) > 1.0:
+            low = middle
+        else:
+            high = middle
+    return float(np.sqrt(high))
 
-    Parameters
-    ----------
-    floor : (n,) array, optional
-        Standard deviation per sample that no model can undercut; the scales count beyond it only where they are larger.
-    """
-    weight = np.zeros(len(problem.observed))
-    least = problem.sigma if floor is None else floor
+
+def information(stretches: Stretches, scales: Scales, floor: Array) -> Array:
+    """Return the weight per sample, 1 / (σ² τ) with σ² = floor² + scale²; zero where a sample does not count."""
+    weight = np.zeros(len(floor))
     for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
-        size = scales.rest if rest else scales.motion
-        variance = np.maximum(size**2 if np.isfinite(size) else 0.0, least[a:b] ** 2)
+        variance = 1e-30 + floor[a:b] ** 2 + (scales.rest if rest else scales.motion) ** 2
         weight[a:b] = 1.0 / (variance * (b - a if rest else min(scales.correlation_samples, b - a)))
     return weight
 
@@ -136,28 +154,18 @@ def first_scales(problem: Problem, stretches: Stretches) -> Scales:
     return Scales(motion=size, rest=size, correlation_samples=max(1.0, float(lengths.mean() * _FIRST_TIME_SHARE)))
 
 
-def reading_noise(problem: Problem, stretches: Stretches) -> float:
+def reading_noise(problem: Problem, stretches: Stretches, residual: Array) -> float:
     """Return the standard deviation of the reading noise, measured from the record.
 
-    At rests from the spread about a slow trend; where the record never rests from third differences, which a smooth
-    motion leaves almost nothing in (variance of a third difference of white noise: 20 σ²).
+    At rests from the measured values, which do not move there; where the record never rests from a fit's residual,
+    which keeps the noise and little of the motion. Third differences leave almost nothing of a slow trend (those of
+    white noise have the variance 20 σ²), and their median is blind to the odd glitch.
     """
-    rests = [
-        problem.observed[a:b]
-        for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True)
-        if rest and b - a >= 16
-    ]
-    pieces = rests or [
-        problem.observed[a:b] for a, b in zip(stretches.start, stretches.stop, strict=True) if b - a >= 16
-    ]
+    levels, motion = stretches.split()
+    pieces = [problem.observed[a:b] for a, b in levels if b - a >= 16]
+    if not pieces:
+        pieces = [residual[a:b] for a, b in motion if b - a >= 16]
     if not pieces:
         return float(np.median(problem.sigma[problem.valid]))
-    square = np.concatenate([np.diff(piece, 3) for piece in pieces])
-    # The median is blind to the odd glitch; 0.6745² is the median of a squared standard normal.
-    return float(np.sqrt(np.median(square**2) / 0.6745**2 / 20.0))
-
-
-def noise_floor(problem: Problem, stretches: Stretches, *, input_noise: Array) -> float:
-    """Return the root mean square residual that no model can remove: reading noise, and noise on the inputs."""
-    reading = reading_noise(problem, stretches)
-    return float(np.sqrt(reading**2 + np.mean(input_noise[problem.valid] ** 2)))
+    third = np.concatenate([np.diff(piece, 3) for piece in pieces])
+    return float(np.median(np.abs(third)) / 0.6745 / np.sqrt(20.0))

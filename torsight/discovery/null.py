@@ -55,16 +55,15 @@ def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array) -> list[Arr
         if candidate.id in fit.effects:
             continue
         effects = fitter.ordered((*fit.effects, candidate.id))
-        for start in candidate.starting_points():
+        for start in candidate.starting_points(fitter.problem.time_s, fitter.residual(fit)):
             columns = _effect_columns(fitter, fit, effects, start) * root[:, None]
             columns -= known @ (known.T @ columns)
             bases.append(_orthonormal(columns, rank_from=1e-3))
     return bases
 
 
-def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: object) -> Array:
+def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: dict[str, float]) -> Array:
     """Return the effect at a start point and its derivatives there, (n, 1 + parameters)."""
-    assert isinstance(start, dict)
     names = tuple(start)
     chosen = {p.name: p for p in fitter.parameters(effects)}
     own = space_of([chosen[name] for name in names])

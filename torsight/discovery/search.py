@@ -109,7 +109,7 @@ class Search:
         self._settings = settings
         self._progress = progress
         self._stretches = Stretches.of(problem)
-        self._floor = np.maximum(problem.sigma, reading_noise(problem, self._stretches))
+        self._floor = problem.sigma.copy()
         self._scales = first_scales(problem, self._stretches)
         self._fits: dict[EffectSet, Fit] = {}
         self._fitter = Fitter(problem, self._weights())
@@ -130,7 +130,6 @@ class Search:
     def _fit_base(self) -> None:
         fit = self._fitter.base()
         for _ in range(2):
-            self._know_input_noise(fit)
             self._follow(fit)
             fit = self._fitter.refit(fit)
         self._fits = {(): fit}
@@ -171,7 +170,6 @@ class Search:
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter."""
         best = self._best()
-        self._know_input_noise(best)
         self._follow(best)
         kept = [*self._ranked(0), *self._ranked(1)]
         for size in range(2, self._settings.most_effects + 1):
@@ -179,14 +177,17 @@ class Search:
         refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
         self._fits = {fit.effects: fit for fit in refitted}
 
-    def _know_input_noise(self, fit: Fit) -> None:
-        reading = np.maximum(self._problem.sigma, reading_noise(self._problem, self._stretches))
-        self._floor = np.hypot(reading, self._problem.input_noise(fit.values, fit.effects))
-
     def _follow(self, fit: Fit) -> None:
-        residual = np.where(self._problem.valid, self._problem.observed - fit.solution.prediction, 0.0)
-        self._scales = residual_scales(residual, self._stretches)
-        self._fitter = Fitter(self._problem, self._weights())
+        """Take floor, scales and weights from a fit's residual."""
+        problem = self._problem
+        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+        if not problem.sigma[problem.valid].any():
+            self._floor = np.full(len(residual), reading_noise(problem, self._stretches, residual))
+        else:
+            self._floor = problem.sigma
+        self._floor = np.hypot(self._floor, problem.input_noise(fit.values, fit.effects))
+        self._scales = residual_scales(residual, self._stretches, self._floor)
+        self._fitter = Fitter(problem, self._weights())
 
     def _weights(self) -> Array:
-        return information(self._problem, self._stretches, self._scales)
+        return information(self._stretches, self._scales, self._floor)

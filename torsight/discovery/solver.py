@@ -23,6 +23,13 @@ _TOLERANCE: Final = 1e-4
 """A step that promises less than this share of the cost, or of one unit of information, ends the search."""
 
 
+_TRUSTED: Final = 0.75
+"""Share of the promised decrease from which a step is taken to prove the derivatives."""
+_NEAR: Final = 0.1
+_FAR: Final = 1.0
+"""Way in parameter scales below which derivatives are not, and beyond which they are taken anew."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Space:
     """The parameters of a fit as arrays, all (m,): bounds, scale and prior (infinite deviation: none)."""
@@ -100,6 +107,7 @@ def solve(
     weight: Array,
     space: Space,
     max_iterations: int = 12,
+    known: Solution | None = None,
 ) -> Solution:
     """Find the optimum next to ``start``.
 
@@ -115,33 +123,75 @@ def solve(
         Bounds, scales and priors.
     max_iterations : int
         Accepted steps at most.
+    known : Solution, optional
+        A solution of the same function from which to begin instead (at other weights); nothing is evaluated twice.
     """
     y = np.where(weight > 0.0, observed, 0.0)
-    x = space.clip(np.asarray(start, np.float64))
-    prediction = function(x)
-    cost, data_cost = costs(y - prediction, x, weight=weight, space=space)
-    derivative = jacobian(function, x, at_x=prediction, space=space)
-    damping = 1e-3
+    slopes = _Slopes(function, space, start, known)
+    cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
+    damping, converged = 1e-3, False
     for _ in range(max_iterations):
-        normal, gradient = _normal(derivative, y - prediction, x, weight=weight, space=space)
+        residual = y - slopes.at_x
+        normal, gradient = _normal(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
         found = False
         while damping < 1e6:
-            step, promised = _step(normal, gradient, x, damping=damping, space=space)
+            step, promised = _step(normal, gradient, slopes.x, damping=damping, space=space)
             if promised < _TOLERANCE * max(1.0, 1e-2 * cost):
-                return Solution(x, prediction, derivative, cost, data_cost, converged=True)
-            trial = space.clip(x + step)
-            trial_prediction = function(trial)
-            trial_cost, trial_data = costs(y - trial_prediction, trial, weight=weight, space=space)
+                break
+            trial = space.clip(slopes.x + step)
+            at_trial = function(trial)
+            trial_cost, trial_data = costs(y - at_trial, trial, weight=weight, space=space)
             if trial_cost < cost:
                 found = True
                 break
             damping = max(damping * 8.0, 1e-2)
         if not found:
-            return Solution(x, prediction, derivative, cost, data_cost, converged=True)
-        damping = max(damping * (0.1 if cost - trial_cost > 0.5 * promised else 2.0), 1e-6)
-        x, prediction, cost, data_cost = trial, trial_prediction, trial_cost, trial_data
-        derivative = jacobian(function, x, at_x=prediction, space=space)
-    return Solution(x, prediction, derivative, cost, data_cost, converged=False)
+            if slopes.refresh():
+                damping = 1e-3
+                continue
+            converged = True
+            break
+        kept = (cost - trial_cost) / promised
+        damping = max(damping * (0.1 if kept > 0.5 else 2.0), 1e-6)
+        slopes.move(trial, at_trial, trusted=kept > _TRUSTED)
+        cost, data_cost = trial_cost, trial_data
+    slopes.refresh()
+    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged)
+
+
+class _Slopes:
+    """The model at a point with its derivatives, by differences or (after a step that went as promised) by update."""
+
+    def __init__(self, function: Callable[[Array], Array], space: Space, start: Array, known: Solution | None) -> None:
+        self._function = function
+        self._space = space
+        self._moved = 0.0
+        if known is not None:
+            self.x, self.at_x, self.jacobian = known.x, known.prediction, known.jacobian
+        else:
+            self.x = space.clip(np.asarray(start, np.float64))
+            self.at_x = function(self.x)
+            self.jacobian = jacobian(function, self.x, at_x=self.at_x, space=space)
+
+    def move(self, x: Array, at_x: Array, *, trusted: bool) -> None:
+        """Go to another point; Broyden's update where the derivatives have proven right, differences elsewhere."""
+        step = (x - self.x) / self._space.scale
+        moved = float(np.max(np.abs(step)))
+        missed = at_x - self.at_x - self.jacobian @ (x - self.x)
+        self.x, self.at_x = x, at_x
+        self._moved += moved
+        if trusted and self._moved < _FAR:
+            self.jacobian = self.jacobian + np.outer(missed, step / (step @ step) / self._space.scale)
+        else:
+            self.refresh()
+
+    def refresh(self) -> bool:
+        """Take the derivatives anew; return False where they had been taken near enough."""
+        if self._moved < _NEAR:
+            return False
+        self.jacobian = jacobian(self._function, self.x, at_x=self.at_x, space=self._space)
+        self._moved = 0.0
+        return True
 
 
 def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[Array, Array]:

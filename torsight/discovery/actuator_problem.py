@@ -1,0 +1,274 @@
+"""The torsion actuator as a problem for the engine.
+
+The base model is the quasi-static one with its characterised values as priors; the candidates are the effect files; the
+blocks are half-cycles; rests are where the measured angle stands still. Angles are in degrees here, the unit of the
+report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator import kernel
+from torsight.actuator.conditioning import NEGLIGIBLE_C, condition
+from torsight.actuator.drive import Drive
+from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.model import ActuatorModel, Simulation, run_ports
+from torsight.actuator.segments import TURN_C
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG
+from torsight.discovery.interface import Candidate
+
+Array = NDArray[np.float64]
+
+RESOLUTION_DEG: Final = 0.1
+"""A difference that nobody would miss: 0.02 % of the stroke."""
+_NOISE_DRAWS: Final = 6
+_REST_SPEED_DEG_S: Final = 0.02
+_REST_LEAST_S: Final = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorProblem:
+    """One prepared record with the plain model and every effect as a candidate.
+
+    The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
+    little carry nothing. Effects act on all rows before that.
+
+    Attributes
+    ----------
+    drive : Drive
+        The prepared record.
+    spec : ActuatorSpec
+        Characterised values with their uncertainties.
+    thinned : float
+        How many rows of the record each row of the drive stands for.
+    seed : int
+        Of the temperature noise that is drawn to see what it does to the angle.
+    resolution : float
+        In degrees.
+    """
+
+    drive: Drive
+    spec: ActuatorSpec
+    thinned: float = 1.0
+    seed: int = 0
+    resolution: float = RESOLUTION_DEG
+
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows of the drive that stand for the record."""
+        return kept_rows(self.drive)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The plain model's free parameters."""
+        return ActuatorModel(self.spec).parameters
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every effect file as a candidate."""
+        return tuple(_candidate(effect) for effect in load_effects().values())
+
+    @cached_property
+    def time_s(self) -> Array:
+        """Film time."""
+        return self.drive.time_s[self.rows]
+
+    @cached_property
+    def _means(self) -> tuple[Array, Array]:
+        return _symmetric_means(self.drive, self.rows)
+
+    @property
+    def observed(self) -> Array:
+        """Measured angle in degrees, mean over the rows around each kept one."""
+        return self._means[0]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of the measured angle in degrees."""
+        return self._means[1]
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where angle and temperatures are known."""
+        return self.drive.known[self.rows] & np.isfinite(self.observed)
+
+    @cached_property
+    def block(self) -> NDArray[np.int64]:
+        """Half-cycle of each row."""
+        return np.asarray(self.drive.cycles.half[self.rows], np.int64)
+
+    @cached_property
+    def rest(self) -> NDArray[np.bool_]:
+        """Where the measured angle stands still."""
+        drive = self.drive
+        valid = drive.known & np.isfinite(drive.angle_rad)
+        return rest_mask(drive.time_s, drive.angle_rad / DEG, valid)[self.rows]
+
+    @cached_property
+    def drivers(self) -> Mapping[str, Array]:
+        """Variables that an effect without a name may depend on."""
+        from torsight.discovery.drivers import actuator_drivers
+
+        return actuator_drivers(self.drive, self.rows, self.observed, self.rest)
+
+    def model(self, effects: Sequence[str] = ()) -> ActuatorModel:
+        """Return the model with these effects."""
+        return ActuatorModel(self.spec, tuple(effects))
+
+    def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:
+        """Simulate the whole record."""
+        return self.model(effects).simulate(self.drive, values)
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return the angle in degrees as a camera would read it, at the kept rows."""
+        return self._predict(self.drive, values, effects)
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return what noise on the temperatures does to the angle.
+
+        The conditioned temperatures take the place of the true ones: noise is drawn on them, conditioned as the log
+        was, and driven through the model. That catches what a formula would miss: a corner's error stays in the angle
+        for the whole rest after it.
+        """
+        if not self._noisy_drives:
+            return np.zeros(len(self.rows))
+        clean = self.predict(values, effects)
+        errors = [self._predict(drive, values, effects) - clean for drive in self._noisy_drives]
+        return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+
+    def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        ports = self.model(effects).ports(drive, values)
+        thin = replace(
+            ports,
+            time_s=ports.time_s[self.rows],
+            temp_a_c=ports.temp_a_c[self.rows],
+            temp_b_c=ports.temp_b_c[self.rows],
+            active=ports.active[self.rows],
+            half=ports.half[self.rows],
+            friction_scale=ports.friction_scale[self.rows],
+        )
+        return run_ports(thin, start_angle_rad=drive.start_angle_rad).angle_rad / DEG
+
+    @cached_property
+    def _noisy_drives(self) -> tuple[Drive, ...]:
+        if self.drive.noise_c <= NEGLIGIBLE_C:
+            return ()
+        rng = np.random.default_rng(self.seed)
+        size_c = self.drive.noise_c / math.sqrt(self.thinned)
+        return tuple(_noisy(self.drive, rng, size_c) for _ in range(_NOISE_DRAWS))
+
+
+def kept_rows(drive: Drive) -> NDArray[np.int64]:
+    """Return the rows between which the angle or a temperature changes enough to matter.
+
+    A row is kept for every 2.5° of angle and every 0.4 °C (0.8 °C of the passive spring), every half minute, at changes
+    of the half-cycle, and around the turns of the driven temperature, where an incomplete transformation ends: all
+    rows within four seconds, one a second within twenty.
+    """
+    active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
+    interval = float(np.median(np.diff(drive.time_s)))
+    smooth = _running_median(drive.angle_rad / DEG)
+    way = np.zeros(len(drive))
+    for values, step in ((active, 0.4), (passive, 0.8), (smooth, 2.5), (drive.time_s, 30.0)):
+        way[1:] = np.maximum(way[1:], np.abs(np.diff(values)) / step)
+    keep = np.zeros(len(drive), bool)
+    keep[np.flatnonzero(np.diff(np.floor(np.cumsum(way)))) + 1] = True
+    turn = np.flatnonzero(np.diff(kernel.turning_points(active, drive.cycles.half, TURN_C)))
+    near, far, second = (max(1, round(span_s / interval)) for span_s in (4.0, 20.0, 1.0))
+    for place in turn:
+        keep[max(0, place - near) : place + near] = True
+        keep[max(0, place - far) : place + far : second] = True
+    change = np.flatnonzero(np.diff(drive.cycles.half))
+    keep[change], keep[change + 1] = True, True
+    keep[[0, -1]] = True
+    return np.flatnonzero(keep)
+
+
+def _running_median(values: Array) -> Array:
+    """Return the median of five neighbours, gaps bridged by lines: what moves, without the reading noise."""
+    good = np.isfinite(values)
+    filled = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
+    padded = np.pad(filled, 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+
+
+def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return mean angle and its sigma, degrees, over as many rows on either side as lie nearer to no other kept row."""
+    angle, sigma = drive.angle_rad / DEG, drive.angle_sigma_rad / DEG
+    gap = np.diff(rows)
+    half = np.zeros(len(rows), np.int64)
+    half[1:-1] = np.minimum(gap[:-1], gap[1:]) // 2
+    good = np.isfinite(angle)
+    count = np.concatenate([[0], np.cumsum(good)])
+    total = np.concatenate([[0.0], np.cumsum(np.where(good, angle, 0.0))])
+    square = np.concatenate([[0.0], np.cumsum(np.where(good & np.isfinite(sigma), sigma, 0.0) ** 2)])
+    low, high = rows - half, rows + half + 1
+    number = np.maximum(count[high] - count[low], 1)
+    mean = (total[high] - total[low]) / number
+    usable = good[rows] | (count[high] - count[low] > half)
+    return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
+
+
+def _noisy(drive: Drive, rng: np.random.Generator, size_c: float) -> Drive:
+    """Return the drive with new noise on its temperatures, conditioned as a log is."""
+    drawn = [temp + size_c * rng.standard_normal(len(drive)) for temp in (drive.temp_a_c, drive.temp_b_c)]
+    smooth = [condition(drive.time_s, temp) for temp in drawn]
+    return replace(
+        drive,
+        temp_a_c=smooth[0].temp_c,
+        temp_b_c=smooth[1].temp_c,
+        rate_a_c_s=smooth[0].rate_c_s,
+        rate_b_c_s=smooth[1].rate_c_s,
+    )
+
+
+def _candidate(effect: Effect) -> Candidate:
+    own = effect.propose
+
+    def in_radians(time_s: Array, residual_deg: Array) -> tuple[Mapping[str, float], ...]:
+        return own(time_s, residual_deg * DEG) if own is not None else ()
+
+    propose = None if own is None else in_radians
+    return Candidate(effect.id, effect.family, effect.parameters, effect.starts, propose)
+
+
+def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where the angle stands still for at least eight seconds.
+
+    A sample rests where the angle, averaged over the half window before it and after it, moves by less than 0.02 °/s
+    or than the averages' own noise would show.
+    """
+    n = len(time_s)
+    interval = float(np.median(np.diff(time_s)))
+    half = max(2, round(0.5 * _REST_LEAST_S / interval))
+    filled = np.interp(time_s, time_s[valid], observed[valid])
+    noise = float(np.median(np.abs(np.diff(filled, 3)))) / 0.6745 / np.sqrt(20.0)
+    total = np.concatenate([[0.0], np.cumsum(filled)])
+    index = np.arange(n)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, n - 1)
+    before = (total[index + 1] - total[low]) / (index + 1 - low)
+    after = (total[high + 1] - total[index]) / (high + 1 - index)
+    span = 0.5 * (high - low) * interval + 1e-9
+    limit = np.maximum(_REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
+    still = np.abs(after - before) < limit
+    return _long_runs(still, least=2 * half)
+
+
+def _long_runs(flag: NDArray[np.bool_], *, least: int) -> NDArray[np.bool_]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
+    kept = np.zeros(len(flag), bool)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= least:
+            kept[start:stop] = True
+    return kept
