@@ -1,0 +1,114 @@
+"""``torsight track``: from a film to the angle of the actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from torsight.core.errors import ConfigError
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.core.tracks import StickAngles
+
+
+def track(
+    video: Annotated[str, typer.Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
+    video_right: Annotated[
+        str | None, typer.Argument(metavar="[VIDEO_RIGHT]", help="Right film of a stereo pair.")
+    ] = None,
+    *,
+    out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv and track.json.")],
+    camera: Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")] = None,
+    markers: Annotated[
+        Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
+    ] = None,
+    timestamps: Annotated[
+        Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
+    ] = None,
+    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
+) -> None:
+    """Follow the markers through a film and give the angle of every frame.
+
+    Example: torsight track film.mp4 --out out
+    """
+    from torsight.cli.console import progress_bar, say
+
+    with progress_bar() as progress:
+        angles = track_to_folder(
+            video,
+            right=video_right,
+            camera=camera,
+            markers=markers,
+            timestamps=timestamps,
+            fps=fps,
+            out=out,
+            resume=resume,
+            progress=progress,
+        )
+    say(f"{int(angles.valid.sum())} of {len(angles)} frames have an angle; see {out / 'angle.csv'}")
+
+
+def track_to_folder(
+    video: str | Path,
+    *,
+    right: str | Path | None = None,
+    camera: Path | None = None,
+    markers: Path | Mapping[str, Any] | None = None,
+    timestamps: Path | None = None,
+    fps: float | None = None,
+    out: Path,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> StickAngles:
+    """Track a film (or a stereo pair) and write ``angle.csv``, ``markers.csv`` and ``track.json``.
+
+    Parameters
+    ----------
+    video, right : str or Path
+        Film, folder or glob; the right one of a stereo pair.
+    camera : Path, optional
+        ``CAMERA.toml``.
+    markers : Path or mapping, optional
+        ``MARKERS.toml`` or its content.
+    timestamps : Path, optional
+        Table of frame times.
+    fps : float, optional
+        Frame rate of pictures.
+    out : Path
+        Folder for the results.
+    resume : bool
+        Go on from the last checkpoint of an interrupted track of the same inputs.
+    progress : Progress
+        Where to report.
+
+    Returns
+    -------
+    StickAngles
+        What stands in ``angle.csv``.
+    """
+    from torsight.core.camera import read_camera
+    from torsight.core.storage import write_json, write_table
+    from torsight.core.tables import marker_columns, write_angles
+    from tracker.hints import read_markers
+    from tracker.orient import check_size, orient
+    from tracker.source import open_source
+    from tracker.track import track_film
+
+    lens = None if camera is None else read_camera(camera)
+    hints = None if markers is None else read_markers(markers)
+    if right is not None:
+        raise ConfigError("a stereo pair needs a camera file with [right]", where="--camera")
+    source = open_source(video, fps=fps, timestamps=timestamps)
+    if lens is not None:
+        check_size(source.size_px, lens)
+    result = track_film(source, markers=hints, out=out, resume=resume, progress=progress)
+    orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
+    write_table(out / "markers.csv", marker_columns(result.tracks, orientation.position_mm))
+    write_angles(out / "angle.csv", orientation.angles)
+    write_json(out / "track.json", {**result.report, **orientation.report, "events": result.events})
+    return orientation.angles

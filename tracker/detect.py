@@ -1,0 +1,209 @@
+"""Finding dots in one picture, whatever their size and whatever lies around them.
+
+Normalised correlation with discs of many radii gives places that look like a dot; the least-squares fit decides. Light
+that falls unevenly and backgrounds with texture leave both unmoved: correlation is blind to brightness and contrast, and the
+fit asks how much of what is seen in the window a dot explains.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.dot import DotFit, fit_dot, window_for
+
+SMALLEST_PX: Final = 2.6
+LARGEST_PX: Final = 23.0
+_RATIO: Final = 1.22
+"""From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
+_LIKELY: Final = 0.5
+"""Correlation from which a place is looked at."""
+_EXPLAINED: Final = 0.75
+"""Share of the window's variance that a dot has to explain."""
+_RANKED: Final = 600
+"""Places that are compared with each other."""
+_MOST: Final = 80
+"""Places that are fitted in one picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """A dot found in a picture.
+
+    Attributes
+    ----------
+    fit : DotFit
+        Its fit.
+    room_px : float
+        Distance from its centre to where the stick that carries it ends.
+    """
+
+    fit: DotFit
+    room_px: float
+
+    @property
+    def x_px(self) -> float:
+        """Centre, to the right."""
+        return self.fit.x_px
+
+    @property
+    def y_px(self) -> float:
+        """Centre, down."""
+        return self.fit.y_px
+
+    @property
+    def radius_px(self) -> float:
+        """Radius."""
+        return self.fit.shape.radius_px
+
+
+def find_dots(luma: NDArray[np.uint8]) -> list[Dot]:
+    """Return the dots in a picture, the clearest first."""
+    dots: list[Dot] = []
+    for _, x, y, radius, light_dot in _places(luma):
+        if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
+            continue
+        dot = measure_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
+        if dot is None or not SMALLEST_PX <= dot.radius_px <= LARGEST_PX:
+            continue
+        if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
+            continue
+        dots.append(dot)
+    return sorted(dots, key=lambda dot: -dot.fit.explained)
+
+
+def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
+    """Fit the dot near a place and measure the room around it; None where there is none."""
+    close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=radius_px + 1.5, ellipse=False)
+    if close is None or close.explained < _EXPLAINED:
+        return None
+    room = _room(luma, close)
+    radius = close.shape.radius_px
+    if room < radius + 0.5:
+        return None
+    fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
+    if fit is None or fit.explained < _EXPLAINED:
+        return None
+    step = abs(fit.shape.contrast) * fit.light
+    if step < 3.0 * fit.residual or step < 6.0:
+        return None
+    fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, room)))
+    return Dot(fit, room)
+
+
+def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float = 12.0) -> Dot | None:
+    """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
+    best: tuple[float, Dot] | None = None
+    half = math.ceil(reach_px + 2.5 * LARGEST_PX)
+    height, width = luma.shape
+    left, top = max(0, math.floor(x_px) - half), max(0, math.floor(y_px) - half)
+    right, bottom = min(width, math.floor(x_px) + half + 1), min(height, math.floor(y_px) + half + 1)
+    part = np.ascontiguousarray(luma[top:bottom, left:right])
+    for _, x, y, radius, light_dot in _places(part):
+        if math.hypot(x + left - x_px, y + top - y_px) > max(reach_px, 1.2 * radius) + 3.0:
+            continue
+        dot = measure_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
+        if dot is None:
+            continue
+        distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
+        if distance > max(reach_px, dot.radius_px):
+            continue
+        merit = distance - 6.0 * dot.fit.explained
+        if best is None or merit < best[0]:
+            best = (merit, dot)
+    return None if best is None else best[1]
+
+
+def _room(luma: NDArray[np.uint8], fit: DotFit) -> float:
+    """Return how far the brightness around the dot stays that of the stick."""
+    radius = fit.shape.radius_px
+    step = abs(fit.shape.contrast) * fit.light
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    reach = radius + 1.5
+    level = None
+    while reach < 2.0 * radius + 8.0:
+        x = np.rint(fit.x_px + reach * np.cos(angles)).astype(np.int64)
+        y = np.rint(fit.y_px + reach * np.sin(angles)).astype(np.int64)
+        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+            break
+        ring = luma[y, x].astype(np.float64)
+        level = float(np.median(ring)) if level is None else level
+        # A quarter of the step: the outer edge of the stick, blurred, comes in sight.
+        if np.mean(np.abs(ring - level) > max(0.25 * step, 4.0 * fit.residual)) > 0.06:
+            break
+        reach += 0.5
+    return reach - 1.0
+
+
+Place = tuple[float, float, float, float, bool]
+"""Merit, x, y, radius, whether the dot is the lighter one."""
+
+
+def _places(luma: NDArray[np.uint8]) -> list[Place]:
+    """Return places that look like a dot of some radius, the likeliest first."""
+    found: list[Place] = []
+    radius = SMALLEST_PX
+    level, scale = luma, 1.0
+    while radius < LARGEST_PX:
+        while radius * scale > 7.5:
+            level = cv2.pyrDown(level)
+            scale *= 0.5
+        found += _places_at(level, radius * scale, scale)
+        radius *= _RATIO
+    found.sort(key=lambda place: -place[0])
+    kept: list[Place] = []
+    for place in found[:_RANKED]:
+        if all(
+            math.hypot(place[1] - other[1], place[2] - other[2]) > 0.6 * max(place[3], other[3])
+            or not 0.55 < place[3] / other[3] < 1.8
+            for other in kept
+        ):
+            kept.append(place)
+            if len(kept) >= _MOST:
+                break
+    return kept
+
+
+def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
+    picture = level.astype(np.float32)
+    side = (2 * half + 1, 2 * half + 1)
+    mean = cv2.blur(picture, side)
+    return np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0))
+
+
+def disc_picture(radius_px: float) -> NDArray[np.float32]:
+    """Return a blurred light disc in a square that just holds its rim."""
+    half = math.ceil(1.35 * radius_px + 0.5)
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    return np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0).astype(np.float32)
+
+
+def _places_at(level: NDArray[np.uint8], radius_px: float, scale: float) -> list[Place]:
+    pattern = disc_picture(radius_px)
+    half = pattern.shape[0] // 2
+    if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
+        return []
+    score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
+    places: list[Place] = []
+    # Texture has many faint dots, so contrast counts too: the correlation times the spread is the fitted step.
+    spread = _spread(level, half)
+    for sign in (1.0, -1.0):
+        signed = sign * score
+        crest = cv2.dilate(signed, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
+        rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
+        places += [
+            (
+                float(signed[row, column]) * math.sqrt(spread[row + half, column + half]),
+                (column + half) / scale,
+                (row + half) / scale,
+                radius_px / scale,
+                sign > 0,
+            )
+            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
+    return places

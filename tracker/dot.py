@@ -1,0 +1,250 @@
+"""The picture of a round dot on a stick, and its least-squares fit.
+
+Model, in a window around the dot: light · (1 + k · D), where D falls from 1 inside the dot to 0 outside over an edge of
+width ``edge_px``, and the light is a plane: it is uneven. A dark dot has k < 0, a light one k > 0. Circles look like ellipses
+from aside, so the shape carries two terms of anisotropy. Only a disc-shaped window that ends short of the stick's own
+edges is fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+EDGE_PX: Final = 0.7
+"""Edge width at the start of a fit: standard deviation of a sharp lens and square pixels."""
+
+_MARGIN: Final = 2.5
+"""How far the window reaches past the dot, px, where the stick leaves the room."""
+
+_ROUNDS: Final = 15
+_LOOK: Final = 3
+_HOPELESS: Final = 0.5
+"""A fit that explains less than this share after a few rounds is not of a dot."""
+
+
+@dataclass(frozen=True, slots=True)
+class DotShape:
+    """Shape of one dot, which does not change while it moves.
+
+    Attributes
+    ----------
+    radius_px : float
+        Radius of the circle of the same area.
+    edge_px : float
+        Standard deviation of the blur of its edge.
+    stretch : (float, float)
+        Anisotropy: relative lengthening along x (and shortening along y), and along the diagonal.
+    contrast : float
+        Brightness inside over brightness outside, less 1; negative for a dark dot.
+    window_px : float
+        Radius of the window in which it is compared.
+    """
+
+    radius_px: float
+    edge_px: float
+    stretch: tuple[float, float]
+    contrast: float
+    window_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class DotFit:
+    """A dot fitted in one picture.
+
+    Attributes
+    ----------
+    x_px, y_px : float
+        Centre.
+    shape : DotShape
+        Its shape.
+    light : float
+        Brightness of the stick around it, grey levels.
+    residual : float
+        Root mean square of what the fit leaves, grey levels.
+    explained : float
+        Share of the window's variance that the fit explains.
+    """
+
+    x_px: float
+    y_px: float
+    shape: DotShape
+    light: float
+    residual: float
+    explained: float
+
+
+def disc(
+    x_px: NDArray[np.float64],
+    y_px: NDArray[np.float64],
+    *,
+    radius_px: float,
+    edge_px: float,
+    stretch: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Return D at offsets from the dot's centre: 1 inside, 0 outside, one half on the rim."""
+    e, f = stretch
+    u = (1.0 - e) * x_px - f * y_px
+    v = -f * x_px + (1.0 + e) * y_px
+    return step((np.hypot(u, v) - radius_px) / edge_px)
+
+
+def step(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the falling normal step 1 − Φ(z), to 3e-4 (a logistic curve with a cubic term)."""
+    clipped = np.clip(z, -6.0, 6.0)
+    return 1.0 / (1.0 + np.exp(clipped * (1.5976 + 0.07056 * clipped * clipped)))
+
+
+def window_for(radius_px: float, room_px: float = np.inf) -> float:
+    """Return the radius of the window for a dot, given the distance from its centre to the stick's edge."""
+    return max(radius_px + 1.5, min(radius_px + max(_MARGIN, 0.25 * radius_px), room_px))
+
+
+def fit_dot(
+    luma: NDArray[np.uint8],
+    x_px: float,
+    y_px: float,
+    *,
+    radius_px: float,
+    light_dot: bool,
+    room_px: float = np.inf,
+    ellipse: bool = True,
+) -> DotFit | None:
+    """Fit position, shape, contrast and light of the dot near a position.
+
+    Parameters
+    ----------
+    luma : (h, w) uint8
+        Picture.
+    x_px, y_px, radius_px : float
+        Where to start.
+    light_dot : bool
+        Whether the dot is lighter than the stick.
+    room_px : float
+        Distance from the dot's centre to the stick's edge, which the window must not pass.
+    ellipse : bool
+        Fit the anisotropy too.
+
+    Returns
+    -------
+    DotFit or None
+        None where the fit runs away, or the window leaves the picture.
+    """
+    parameters = np.array([x_px, y_px, radius_px, EDGE_PX, 0.0, 0.0])
+    scale = np.array([0.05, 0.05, 0.05, 0.05, 0.01, 0.01])
+    free = 6 if ellipse else 4
+    sign = 1.0 if light_dot else -1.0
+    window = _window(luma, parameters, window_for(radius_px, room_px))
+    if window is None:
+        return None
+    best = _solve(window, parameters)
+    damping = 1e-3
+    for round_number in range(_ROUNDS):
+        if round_number == _LOOK and best.explained < _HOPELESS:
+            return None
+        moved = [_solve(window, _nudged(parameters, i, scale[i])).residual_vector for i in range(free)]
+        jacobian = np.stack([(one - best.residual_vector) / scale[i] for i, one in enumerate(moved)], axis=1)
+        normal = jacobian.T @ jacobian
+        gradient = jacobian.T @ best.residual_vector
+        delta = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), -gradient)
+        delta = np.clip(delta, -0.5 * radius_px, 0.5 * radius_px)
+        trial = parameters.copy()
+        trial[:free] += delta
+        if not _sane(trial, parameters, (x_px, y_px), radius_px):
+            damping = max(damping, 1e-2) * 10.0
+            if damping > 1e4:
+                break
+            continue
+        moved_window = _window(luma, trial, window_for(trial[2], room_px))
+        if moved_window is None:
+            return None
+        # The window follows the dot, so that costs are compared per pixel.
+        other = _solve(moved_window, trial)
+        if other.mean_square > best.mean_square * (1.0 + 1e-9) and damping < 1e4:
+            damping = max(damping, 1e-4) * 10.0
+            continue
+        parameters, window, best = trial, moved_window, other
+        damping = max(damping * 0.2, 1e-9)
+        if np.max(np.abs(delta[:2])) < 1e-4 and np.max(np.abs(delta)) < 1e-3:
+            break
+    return _result(parameters, best, sign, window_for(parameters[2], room_px))
+
+
+@dataclass(slots=True)
+class _Window:
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class _Solved:
+    residual_vector: NDArray[np.float64]
+    mean_square: float
+    light: float
+    step: float
+    explained: float
+
+
+def _window(luma: NDArray[np.uint8], parameters: NDArray[np.float64], radius_px: float) -> _Window | None:
+    cx, cy = round(float(parameters[0])), round(float(parameters[1]))
+    half = int(np.ceil(radius_px))
+    height, width = luma.shape
+    if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
+        return None
+    y, x = np.mgrid[cy - half : cy + half + 1, cx - half : cx + half + 1]
+    inside = (x - parameters[0]) ** 2 + (y - parameters[1]) ** 2 <= radius_px**2
+    patch = luma[cy - half : cy + half + 1, cx - half : cx + half + 1]
+    return _Window(x[inside].astype(np.float64), y[inside].astype(np.float64), patch[inside].astype(np.float64))
+
+
+def _solve(window: _Window, parameters: NDArray[np.float64]) -> _Solved:
+    """Solve the linear part (light, its slope, contrast) for a given shape and position."""
+    dx, dy = window.x - parameters[0], window.y - parameters[1]
+    inside = disc(dx, dy, radius_px=parameters[2], edge_px=parameters[3], stretch=(parameters[4], parameters[5]))
+    basis = np.stack([np.ones_like(dx), inside, dx * (1.0 - inside), dy * (1.0 - inside)], axis=1)
+    normal = basis.T @ basis + 1e-9 * np.eye(4)
+    linear = np.linalg.solve(normal, basis.T @ window.value)
+    residual = window.value - basis @ linear
+    mean_square = float(residual @ residual) / len(residual)
+    spread = float(np.var(window.value))
+    return _Solved(residual, mean_square, float(linear[0]), float(linear[1]), 1.0 - mean_square / max(spread, 1e-12))
+
+
+def _nudged(parameters: NDArray[np.float64], index: int, amount: float) -> NDArray[np.float64]:
+    moved = parameters.copy()
+    moved[index] += amount
+    return moved
+
+
+def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: tuple[float, float], radius_px: float) -> bool:
+    return bool(
+        np.all(np.isfinite(trial))
+        and np.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
+        and 0.4 * radius_px < trial[2] < 2.0 * radius_px
+        and 0.25 < trial[3] < 0.6 * max(now[2], 3.0)
+        and np.hypot(trial[4], trial[5]) < 0.45
+    )
+
+
+def _result(parameters: NDArray[np.float64], solved: _Solved, sign: float, window_px: float) -> DotFit | None:
+    if solved.light <= 0 or solved.step * sign <= 0:
+        return None
+    shape = DotShape(
+        radius_px=float(parameters[2]),
+        edge_px=float(parameters[3]),
+        stretch=(float(parameters[4]), float(parameters[5])),
+        contrast=solved.step / max(solved.light, 1.0),
+        window_px=window_px,
+    )
+    return DotFit(
+        x_px=float(parameters[0]),
+        y_px=float(parameters[1]),
+        shape=shape,
+        light=solved.light,
+        residual=float(np.sqrt(solved.mean_square)),
+        explained=solved.explained,
+    )

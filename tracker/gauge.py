@@ -1,0 +1,92 @@
+"""Whether a reading is of the marker itself, judged by how well the marker has fitted so far."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+from tracker.template import Reading
+
+_RATE: Final = 0.03
+_START_SPREAD: Final = 0.15
+_NEVER: Final = 0.3
+"""A residual above this share of the step is of no dot."""
+_ALWAYS: Final = 0.015
+"""A residual below this share of the step hides nothing."""
+_LEAST_STEP: Final = 4.0
+"""Grey levels below which there is no dot to be seen."""
+
+
+@dataclass(slots=True)
+class Gauge:
+    """Running account of one marker's light, step and fit.
+
+    ``residual`` and ``patch`` are kept as logarithms of their share of the step, with the mean deviation.
+    """
+
+    light: float
+    step: float
+    residual: float
+    residual_spread: float
+    patch: float
+    patch_spread: float
+
+    @classmethod
+    def start(cls, reading: Reading) -> Gauge:
+        """Begin with the first reading, which is known to be of the marker."""
+        return cls(
+            light=reading.light,
+            step=abs(reading.step),
+            residual=_share(reading.residual, reading.step),
+            residual_spread=_START_SPREAD,
+            patch=_share(reading.patch, reading.step),
+            patch_spread=2.0 * _START_SPREAD,
+        )
+
+    def judge(self, reading: Reading | None, *, speed_px: float) -> str:
+        """Return ``""`` where the reading is good, else why it is not: dark or hidden."""
+        if reading is None:
+            return "outside"
+        step = abs(reading.step)
+        if reading.light < 0.25 * self.light and step < 0.35 * self.step or step < _LEAST_STEP:
+            return "dark"
+        if not reading.converged or not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
+            return "hidden"
+        share, patch = reading.residual / step, reading.patch / step
+        if share > _NEVER:
+            return "hidden"
+        # Fast markers smear: what the template lacks then is not something that lies over the dot.
+        smear = 0.06 * min(speed_px, 20.0)
+        limit = math.exp(self.residual + max(5.0 * self.residual_spread, 0.35) + smear)
+        patch_limit = math.exp(self.patch + max(5.0 * self.patch_spread, 0.7) + smear)
+        if share > max(limit, _ALWAYS) or patch > max(patch_limit, _ALWAYS):
+            return "hidden"
+        return ""
+
+    def learn(self, reading: Reading) -> None:
+        """Take in a good reading."""
+        step = abs(reading.step)
+        self.light += 0.1 * (reading.light - self.light)
+        self.step += 0.1 * (step - self.step)
+        off = _share(reading.residual, step) - self.residual
+        self.residual += _RATE * off
+        self.residual_spread += _RATE * (abs(off) - self.residual_spread)
+        off = _share(reading.patch, step) - self.patch
+        self.patch += _RATE * off
+        self.patch_spread += _RATE * (abs(off) - self.patch_spread)
+
+    def to_state(self) -> list[float]:
+        """Return what :meth:`from_state` restores exactly."""
+        return [
+            self.light, self.step, self.residual, self.residual_spread, self.patch, self.patch_spread,
+        ]  # fmt: skip
+
+    @classmethod
+    def from_state(cls, state: list[Any]) -> Gauge:
+        """Restore a gauge."""
+        return cls(*(float(value) for value in state))
+
+
+def _share(value: float, step: float) -> float:
+    return math.log(max(value, 1e-3) / max(abs(step), 1.0))

@@ -1,0 +1,28 @@
+"""What is noted of every frame while a film is followed, before anything is made of it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+ROW: Final = np.dtype(
+    [
+        ("time_s", "<f8"),
+        ("position_px", "<f8", (4, 2)),
+        ("covariance_px2", "<f8", (4, 3)),
+        ("light", "<f4", (4,)),
+        ("step", "<f4", (4,)),
+        ("residual", "<f4", (4,)),
+        ("state", "u1", (4,)),
+    ]
+)
+"""One frame. ``covariance_px2`` holds xx, xy, yy for white noise of the size of the fit's residual."""
+
+STATES: Final = ("seen", "hidden", "shadowed", "dark", "outside", "lost", "damaged")
+"""What a marker can be in a frame; ``state`` holds the index.
+
+hidden: something lies over it. shadowed: the other stick is so close that it is not trusted. dark: the light is
+off. outside: it left the picture. lost: it was not found. damaged: the frame was not decoded whole.
+"""
+CODE: Final = {name: index for index, name in enumerate(STATES)}

@@ -1,0 +1,167 @@
+"""The four markers in the first frames: as a person gives them, or found without help."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.tracks import MARKERS
+from tracker.detect import Dot, dot_near, find_dots
+from tracker.gauge import Gauge
+from tracker.hints import MarkerHints
+from tracker.marker import Marker
+from tracker.source import Frame, FrameSource
+from tracker.sticks import Stick, choose_sticks
+from tracker.template import DotTemplate
+from tracker.texture import TextureTemplate
+
+_CLEAR: Final = 2.0
+"""Score from which a pair of dots is taken at first sight."""
+_LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
+"""Frames in which markers are looked for until they are seen."""
+_SNAP_PX: Final = 12.0
+_TEXTURE_PX: Final = 15.0
+"""Radius of the window of a point without a dot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where following begins.
+
+    Attributes
+    ----------
+    markers : list of Marker
+        Two of one stick, two of the other.
+    frame : int
+        Frame in which they were found.
+    moving : int or None
+        Which stick moves; None where motion has yet to tell.
+    kind : str
+        ``"dot"`` or ``"texture"``.
+    """
+
+    markers: list[Marker]
+    frame: int
+    moving: int | None
+    kind: str
+
+
+def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
+    """Return the markers in the first frame in which they can be seen.
+
+    Raises
+    ------
+    ConfigError
+        When a given marker lies outside the picture.
+    InputError
+        When the source holds no frame.
+    NoResultError
+        When there is no dot at a given position, or no four markers are found.
+    """
+    if hints is not None:
+        hints.check_inside(source.size_px)
+        return _given(source, hints)
+    best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
+    count = 0
+    for frame in _decoded(source):
+        count += 1
+        if frame.index > _LOOKED_AT[-1]:
+            break
+        if frame.index not in _LOOKED_AT or frame.luma is None:
+            continue
+        found = choose_sticks(frame.luma, find_dots(frame.luma))
+        if found is None:
+            continue
+        score = min(found[0].score, found[1].score)
+        if best is None or score > best[0]:
+            best = (score, frame.index, frame.luma.copy(), found)
+        if score > _CLEAR:
+            break
+    if best is None:
+        if count == 0:
+            raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+        raise NoResultError(
+            "four markers, two dots on each of two sticks, were not found",
+            where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, _LOOKED_AT[-1])}",
+            limit="round dots of 3 to 20 px radius, dark on a light stick or light on a dark one",
+            do="give their positions with --markers MARKERS.toml, or light the sticks better",
+        )
+    _, index, luma, sticks = best
+    markers = [_marker(luma, dot) for stick in sticks for dot in (stick.inner, stick.outer)]
+    return Start(markers, index, None, "dot")
+
+
+def _given(source: FrameSource, hints: MarkerHints) -> Start:
+    frame = next(_decoded(source), None)
+    if frame is None or frame.luma is None:
+        raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+    markers: list[Marker] = []
+    for name, (x, y) in zip(MARKERS, hints.position_px.tolist(), strict=True):
+        if hints.kind == "texture":
+            markers.append(_texture_marker(frame.luma, x, y, name=name, hints=hints))
+            continue
+        dot = dot_near(frame.luma, x, y, reach_px=_SNAP_PX)
+        if dot is None:
+            raise NoResultError(
+                "there is no round dot next to this position",
+                where=f"{hints.where}, {name.replace('_', ', ')} marker",
+                value=f"[{x:g}, {y:g}]",
+                limit=f"a dot of 3 to 20 px radius within {_SNAP_PX:g} px, in frame {frame.index}",
+                do='mend the position, or set kind = "texture" for a point without a dot',
+            )
+        for other, marker in zip(MARKERS, markers, strict=False):
+            if math.hypot(marker.x_px - dot.x_px, marker.y_px - dot.y_px) < 0.5 * dot.radius_px:
+                raise NoResultError(
+                    f"is next to the same dot as {other}",
+                    where=f"{hints.where}, {name.replace('_', ', ')} marker",
+                    value=f"[{x:g}, {y:g}]",
+                    do="give one position on each dot",
+                )
+        markers.append(_marker(frame.luma, dot))
+    return Start(markers, frame.index, 1, hints.kind)
+
+
+def _decoded(source: FrameSource) -> Iterator[Frame]:
+    return (frame for frame in source if frame.luma is not None and not frame.damaged)
+
+
+def _marker(luma: NDArray[np.uint8], dot: Dot) -> Marker:
+    template = DotTemplate(dot.fit.shape)
+    reading = template.read(luma, dot.x_px, dot.y_px)
+    if reading is None:
+        raise NoResultError(
+            "a marker lies at the border of the picture",
+            value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
+            do="keep the sticks inside the picture",
+        )
+    return Marker(template, Gauge.start(reading), dot.radius_px, reading.x_px, reading.y_px)
+
+
+def _texture_marker(luma: NDArray[np.uint8], x: float, y: float, *, name: str, hints: MarkerHints) -> Marker:
+    height, width = luma.shape
+    room = min(x, y, width - 1 - x, height - 1 - y) - 2.0
+    window = min(_TEXTURE_PX, room)
+    where = f"{hints.where}, {name.replace('_', ', ')} marker"
+    if window < 6.0:
+        raise NoResultError(
+            "lies too close to the border of the picture", where=where, value=f"[{x:g}, {y:g}]", limit="8 px of room"
+        )
+    template = TextureTemplate(luma, x, y, window_px=window)
+    reading = template.read(luma, x, y)
+    if reading is None or template.spread < 2.0:
+        raise NoResultError(
+            "has no texture around it that could be followed",
+            where=where,
+            value=f"spread of {template.spread:.1f} grey levels",
+            limit="2 grey levels or more within 15 px",
+            do="choose a point with clear structure",
+        )
+    gauge = Gauge.start(reading)
+    gauge.residual = gauge.patch = math.log(0.05)
+    return Marker(template, gauge, 0.5 * window, reading.x_px, reading.y_px)
