@@ -1,0 +1,1 @@
+"""Boards to cameras: lenses with uncertainty, stereo pairs, the pose of the rotation axis."""

@@ -36,7 +36,14 @@ def opencv_px(points_mm, rvec, tvec_mm, intrinsics=LENS):
 def test_rotation_is_rodrigues_formula(rvec):
     expected, _ = cv2.Rodrigues(np.array(rvec))
     assert rotation_matrix(np.array(rvec)) == pytest.approx(expected, abs=1e-15)
-    assert rotation_matrix(rotation_vector(expected)) == pytest.approx(expected, abs=1e-7)
+    assert rotation_vector(expected) == pytest.approx(np.array(rvec), abs=1e-14)
+
+
+@pytest.mark.parametrize("short_of_half_a_turn", [0.0, 1e-9, 1e-4, 0.1, 0.3])
+def test_rotation_vector_undoes_rotation_near_half_a_turn(short_of_half_a_turn):
+    axis = np.array([0.6, -0.48, 0.64])
+    expected = rotation_matrix((np.pi - short_of_half_a_turn) * axis)
+    assert rotation_matrix(rotation_vector(expected)) == pytest.approx(expected, abs=1e-14)
 
 
 def test_projection_agrees_with_opencv(points_mm):

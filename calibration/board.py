@@ -1,0 +1,213 @@
+"""The calibration board: what ``BOARD.toml`` says, and where its corners lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.config import get_number, get_table, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.storage import check_keys, read_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import cv2
+
+KINDS: Final = ("chessboard", "charuco")
+DICTIONARIES: Final = tuple(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
+_KEYS: Final = ("kind", "columns", "rows", "square_mm", "marker_mm", "dictionary", "legacy", "axis_mm")
+_CHARUCO_KEYS: Final = ("marker_mm", "dictionary", "legacy")
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A flat board with a known pattern.
+
+    Attributes
+    ----------
+    kind : {"chessboard", "charuco"}
+        The pattern.
+    columns, rows : int
+        Chessboard: inner corners per row and per column. ChArUco: squares.
+    square_mm : float
+        Side of a square, as measured on the print.
+    marker_mm : float
+        ChArUco: side of a marker; 0 for a chessboard.
+    dictionary : str
+        ChArUco: OpenCV's name of the markers' dictionary.
+    legacy : bool
+        ChArUco: the pattern that OpenCV made before version 4.6.
+    axis_mm : (float, float)
+        Where the rotation axis passes a board that lies on the disk: to the right of and below the board's middle.
+    """
+
+    kind: Literal["chessboard", "charuco"]
+    columns: int
+    rows: int
+    square_mm: float
+    marker_mm: float = 0.0
+    dictionary: str = ""
+    legacy: bool = False
+    axis_mm: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def squares(self) -> tuple[int, int]:
+        """Number of printed squares across and down."""
+        extra = 1 if self.kind == "chessboard" else 0
+        return self.columns + extra, self.rows + extra
+
+    @property
+    def corners(self) -> tuple[int, int]:
+        """Number of inner corners across and down."""
+        across, down = self.squares
+        return across - 1, down - 1
+
+    @property
+    def turned_looks_the_same(self) -> bool:
+        """Whether half a turn brings the pattern onto itself."""
+        across, down = self.corners
+        return self.kind == "chessboard" and (across + down) % 2 == 0
+
+    def points_mm(self) -> NDArray[np.float64]:
+        """Return the inner corners (n, 3) row by row, from the board's middle: x right, y down, z into the board."""
+        across, down = self.corners
+        x = (np.arange(across) - 0.5 * (across - 1)) * self.square_mm
+        y = (np.arange(down) - 0.5 * (down - 1)) * self.square_mm
+        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return np.concatenate((grid, np.zeros((len(grid), 1))), axis=1)
+
+    def describe(self) -> str:
+        """Return the board in words."""
+        if self.kind == "chessboard":
+            return f"a chessboard of {self.columns} × {self.rows} inner corners"
+        return f"a ChArUco board of {self.columns} × {self.rows} squares ({self.dictionary})"
+
+    def content(self) -> dict[str, Any]:
+        """Return the board as keys of ``BOARD.toml``."""
+        content: dict[str, Any] = {
+            "kind": self.kind,
+            "columns": self.columns,
+            "rows": self.rows,
+            "square_mm": self.square_mm,
+        }
+        if self.kind == "charuco":
+            content |= {"marker_mm": self.marker_mm, "dictionary": self.dictionary}
+            content |= {"legacy": True} if self.legacy else {}
+        if self.axis_mm != (0.0, 0.0):
+            content["axis_mm"] = list(self.axis_mm)
+        return content
+
+    def charuco(self) -> cv2.aruco.CharucoBoard:
+        """Return OpenCV's own object for a ChArUco board."""
+        import cv2
+
+        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, dictionary)
+        board.setLegacyPattern(self.legacy)
+        return board
+
+
+def read_board(path: Path) -> Board:
+    """Read ``BOARD.toml``; the keys stand at the top or in a table ``[board]``.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown or missing key, or a value of the wrong kind or out of range.
+    InputError
+        When the file cannot be read.
+    """
+    content = read_toml(path)
+    where = str(path)
+    if "board" in content:
+        check_keys(content, ("board",), where=where)
+        content, where = dict(get_table(content, "board", where=where)), f"{path}, [board]"
+    return board_from(content, where=where)
+
+
+def board_from(table: Mapping[str, Any], *, where: str) -> Board:
+    """Return the board of a table of keys.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown or missing key, or a value of the wrong kind or out of range.
+    """
+    check_keys(table, _KEYS, where=where)
+    kind = get_text(table, "kind", where=where, choices=KINDS)
+    if kind == "chessboard":
+        strangers = [key for key in _CHARUCO_KEYS if key in table]
+        if strangers:
+            raise ConfigError(
+                f"'{strangers[0]}' belongs to a ChArUco board",
+                where=where,
+                value="kind = 'chessboard'",
+                do="set kind = 'charuco', or remove it",
+            )
+        return Board(
+            kind="chessboard",
+            columns=_count(table, "columns", where=where, lower=3),
+            rows=_count(table, "rows", where=where, lower=3),
+            square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
+            axis_mm=_pair(table, where=where),
+        )
+    board = Board(
+        kind="charuco",
+        columns=_count(table, "columns", where=where, lower=3),
+        rows=_count(table, "rows", where=where, lower=3),
+        square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
+        marker_mm=get_number(table, "marker_mm", where=where, lower=1e-3, upper=1e4),
+        dictionary=get_text(table, "dictionary", where=where, default="DICT_4X4_50", choices=DICTIONARIES),
+        legacy=_flag(table, "legacy", where=where),
+        axis_mm=_pair(table, where=where),
+    )
+    if board.marker_mm >= board.square_mm:
+        raise ConfigError(
+            "'marker_mm' does not fit into a square",
+            where=where,
+            value=f"{board.marker_mm:g}",
+            limit=f"below square_mm = {board.square_mm:g}",
+            do="measure both on the print",
+        )
+    return _enough_markers(board, where=where)
+
+
+def _enough_markers(board: Board, *, where: str) -> Board:
+    needed = board.columns * board.rows // 2
+    held = int(board.dictionary.rsplit("_", 1)[1])
+    if needed > held:
+        raise ConfigError(
+            f"'dictionary' {board.dictionary} has too few markers",
+            where=where,
+            value=f"{needed} needed for {board.columns} × {board.rows} squares",
+            limit=f"{held}",
+            do="take a larger dictionary or fewer squares",
+        )
+    return board
+
+
+def _count(table: Mapping[str, Any], key: str, *, where: str, lower: int) -> int:
+    value = get_number(table, key, where=where, lower=lower, upper=100)
+    if value != int(value):
+        raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
+    return int(value)
+
+
+def _flag(table: Mapping[str, Any], key: str, *, where: str) -> bool:
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        raise ConfigError(f"'{key}' is not true or false", where=where, value=repr(value))
+    return value
+
+
+def _pair(table: Mapping[str, Any], *, where: str) -> tuple[float, float]:
+    value = table.get("axis_mm", [0.0, 0.0])
+    if not isinstance(value, list) or len(value) != 2:
+        raise ConfigError("'axis_mm' is not a list of 2 numbers", where=where, value=repr(value))
+    x, y = (get_number({"axis_mm": item}, "axis_mm", where=where) for item in value)
+    return x, y
