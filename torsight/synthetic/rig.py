@@ -102,22 +102,24 @@ class RigRecord:
         return len(self.time_s)
 
     def angle_at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the angle at any instants, rad: cubic between samples from angle and speed, held beyond the ends."""
-        step_s = self.time_s[1] - self.time_s[0]
-        place = np.clip(time_s / step_s, 0.0, len(self) - 1.000001)
-        index = place.astype(np.int64)
-        u = place - index
-        a, b = self.angle_rad[index], self.angle_rad[index + 1]
-        # Backward differences: the speed of a step belongs to its end. A sample's own slope is the mean of both sides.
-        slope = np.gradient(self.angle_rad)
-        # No overshoot where the motion starts or stops within a step (Fritsch and Carlson's limit).
-        rise = b - a
-        bound = 3.0 * np.abs(rise)
-        m0 = np.clip(slope[index], -bound, bound) * (slope[index] * rise > 0)
-        m1 = np.clip(slope[index + 1], -bound, bound) * (slope[index + 1] * rise > 0)
-        h10, h01, h11 = u * (1 - u) ** 2, u * u * (3 - 2 * u), u * u * (u - 1)
-        result: NDArray[np.float64] = a + h01 * rise + h10 * m0 + h11 * m1
-        return result
+        """Return the actuator angle at any instants, rad; held beyond the ends."""
+        return between_samples(self.angle_rad, time_s / (self.time_s[1] - self.time_s[0]))
+
+
+def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a sampled signal at places in units of samples: cubic, without overshoot, held beyond the ends."""
+    place = np.clip(place, 0.0, len(values) - 1.000001)
+    index = place.astype(np.int64)
+    u = place - index
+    start, rise = values[index], values[index + 1] - values[index]
+    slope = np.gradient(values)
+    # Fritsch and Carlson's limit: no overshoot where a motion starts or stops within a sample.
+    bound = 3.0 * np.abs(rise)
+    slopes = [np.where(m * rise > 0, np.clip(m, -bound, bound), 0.0) for m in (slope[index], slope[index + 1])]
+    result: NDArray[np.float64] = (
+        start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * slopes[0] + u * u * (u - 1) * slopes[1]
+    )
+    return result
 
 
 def simulate_rig(

@@ -1,0 +1,29 @@
+"""``torsight render``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def render(
+    scene: Annotated[Path, typer.Argument(help="Scene file; what it leaves out is the reference rig's.")],
+    out: Annotated[Path, typer.Option(help="Folder for film, log and truth.")],
+    *,
+    seed: Annotated[int | None, typer.Option(min=0, help="Replaces the scene's seed.")] = None,
+) -> None:
+    """Film a synthetic rig with known angles: film, temperature log, truth, and a ready experiment.
+
+    Example: torsight render fixtures/scenes/paper.toml --out paper
+    """
+    from torsight.cli.console import progress_bar, say
+    from torsight.core.storage import read_toml
+    from torsight.synthetic.render import render_scene
+    from torsight.synthetic.scene import scene_from
+
+    read = scene_from(read_toml(scene), where=str(scene), seed=seed)
+    with progress_bar() as progress:
+        experiment = render_scene(read, out=out, progress=progress)
+    say(f"filmed {scene} into {out}; analyse it with: torsight run {experiment}")

@@ -1,0 +1,201 @@
+"""A scene played: the rig's signals, what the camera and the log see of them, and their clocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError
+from torsight.core.records import SyncedTable
+from torsight.core.units import DEG, PPM
+from torsight.synthetic.rig import RigRecord, between_samples, reading_angle, simulate_rig
+from torsight.synthetic.scene import Scene, scene_from
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """A scene's signals on the film's clock.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was played.
+    rig : RigRecord or None
+        The rig's signals; None where the motion is given by hand.
+    before_s : float
+        How long the rig's record runs before the film.
+    duration_s : float
+        Length of the film.
+    """
+
+    scene: Scene
+    rig: RigRecord | None
+    before_s: float
+    duration_s: float
+
+    def actuator_angle(self, time_s: Floats) -> Floats:
+        """Return the actuator angle φ, rad, at instants of the film's clock."""
+        if self.rig is None:
+            return hand_motion(self.scene, time_s)
+        return self.rig.angle_at(time_s + self.before_s)
+
+    def stick_angle(self, time_s: Floats) -> Floats:
+        """Return the moving stick's direction less the base stick's, rad, at instants of the film's clock."""
+        effects = dict(self.scene.effects)
+        slip = {"marker_slip": effects.pop("marker_slip")} if "marker_slip" in effects else {}
+        offset_rad = self.scene.sticks.offset_deg * DEG
+        if self.rig is None:
+            read = reading_angle(hand_motion(self.scene, time_s), time_s, effects)
+        else:
+            # Play has a history: it is followed sample by sample, a slip happens between any two.
+            sampled = reading_angle(self.rig.angle_rad, self.rig.time_s - self.before_s, effects)
+            step_s = self.rig.time_s[1] - self.rig.time_s[0]
+            read = between_samples(sampled, (time_s + self.before_s) / step_s)
+        return reading_angle(read, time_s, slip) + offset_rad
+
+    def lit(self, time_s: Floats) -> NDArray[np.bool_]:
+        """Return whether a spring is switched on at instants of the film's clock."""
+        if self.rig is None:
+            return np.zeros(time_s.shape, bool)
+        step_s = self.rig.time_s[1] - self.rig.time_s[0]
+        index = np.clip(((time_s + self.before_s) / step_s).astype(np.int64), 0, len(self.rig) - 1)
+        on: NDArray[np.bool_] = (self.rig.heat_a | self.rig.heat_b)[index]
+        return on
+
+
+def hand_motion(scene: Scene, time_s: Floats) -> Floats:
+    """Return a motion that is given by hand, rad."""
+    motion = scene.motion
+    angle_deg = np.full(time_s.shape, motion.start_deg)
+    if motion.kind == "sweep":
+        angle_deg = angle_deg + motion.sweep_deg * (np.cos(2.0 * math.pi * time_s / motion.period_s) - 1.0)
+    elif motion.kind == "turn":
+        angle_deg = angle_deg + motion.rate_deg_s * time_s
+    return angle_deg * DEG
+
+
+def play_scene(scene: Scene) -> Played:
+    """Let the scene's rig run (nothing is filmed or written)."""
+    if scene.motion.kind != "rig":
+        return Played(scene, None, 0.0, scene.motion.duration_s)
+    total_s = scene.film.seconds or scene.protocol.duration_s
+    before_s = math.ceil(scene.log.before_s / scene.sensor.sample_s) * scene.sensor.sample_s
+    rig = simulate_rig(
+        scene.values,
+        scene.protocol,
+        effects=scene.effects,
+        mechanics=scene.mechanics,
+        thermal=scene.thermal,
+        sensor=scene.sensor,
+        rng=scene.rng("sensor"),
+        before_s=before_s,
+        after_s=scene.log.after_s,
+    )
+    return Played(scene, rig, before_s, min(total_s, scene.protocol.duration_s))
+
+
+def clock(scene: Scene) -> tuple[float, float]:
+    """Return offset, s, and drift, ppm, of the log's clock: declared ones and the hidden ones together."""
+    hidden = scene.effects.get("clock_offset")
+    offset_s, drift_ppm = scene.log.offset_s, scene.log.drift_ppm
+    return (offset_s, drift_ppm) if hidden is None else (offset_s + hidden.offset_s, drift_ppm + hidden.drift_ppm)
+
+
+def log_columns(played: Played) -> dict[str, Any]:
+    """Return the temperature log on its own clock, column by column as in ``temps.csv``."""
+    scene = played.scene
+    offset_s, drift_ppm = clock(scene)
+    rig = played.rig
+    if rig is None:
+        film_s = np.arange(-scene.log.before_s, played.duration_s + scene.log.after_s, scene.sensor.sample_s)
+        noise = scene.rng("sensor").standard_normal((len(film_s), 2)) * scene.sensor.noise_c + scene.thermal.room_c
+        columns: dict[str, Any] = {"temp_a_c": noise[:, 0], "temp_b_c": noise[:, 1]}
+    else:
+        film_s = rig.time_s - played.before_s
+        columns = {
+            "temp_a_c": rig.temp_a_c,
+            "temp_b_c": rig.temp_b_c,
+            "heat_a": rig.heat_a,
+            "heat_b": rig.heat_b,
+            "current_a_a": rig.current_a_a.round(4),
+            "current_b_a": rig.current_b_a.round(4),
+        }
+    columns = {"time_s": (film_s * (1.0 + drift_ppm * PPM) + offset_s).round(6), **columns}
+    kept = (film_s <= played.duration_s + scene.log.after_s) & (
+        scene.rng("lost rows").random(len(film_s)) >= scene.log.lost
+    )
+    return {name: values[kept] for name, values in columns.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """A record without a film, for the discovery benchmark.
+
+    Attributes
+    ----------
+    table : SyncedTable
+        What a film and a log would have given, merged.
+    angle_rad : (n,) float64
+        The true angle as a camera would read it, without noise.
+    played : Played
+        The signals behind it.
+    """
+
+    table: SyncedTable
+    angle_rad: Floats
+    played: Played
+
+
+def make_record(
+    content: Mapping[str, Any] | Scene, *, seed: int | None = None, rate_hz: float = 4.0, sigma_deg: float = 0.06
+) -> Record:
+    """Return the merged table of a scene without filming it.
+
+    Parameters
+    ----------
+    content : mapping or Scene
+        Content of a scene file (film, camera and light do not matter).
+    seed : int, optional
+        Replaces the scene's seed.
+    rate_hz : float
+        Frames per second.
+    sigma_deg : float
+        Standard deviation of the angle's noise.
+
+    Returns
+    -------
+    Record
+        Temperatures stand as the clocks' declared offset puts them: ``[log]`` is undone, a hidden ``clock_offset`` is
+        not.
+    """
+    scene = content if isinstance(content, Scene) else scene_from(content, seed=seed)
+    if scene.motion.kind != "rig":
+        raise ConfigError("has no rig", where="[motion] kind", value=scene.motion.kind, limit="rig")
+    played = play_scene(scene)
+    rig = played.rig
+    assert rig is not None  # noqa: S101 - play_scene gives one for every rig motion
+    time_s = np.arange(0.0, played.duration_s, 1.0 / rate_hz)
+    angle_rad = played.stick_angle(time_s)
+    noise = scene.rng("angle").standard_normal(len(time_s)) * sigma_deg * DEG
+    hidden = scene.effects.get("clock_offset")
+    shift_s, drift_ppm = (0.0, 0.0) if hidden is None else (hidden.offset_s, hidden.drift_ppm)
+    # Temperature time = film time (1 + drift) + offset: read at film time t, the log shows what happened earlier.
+    then_s = (time_s - shift_s) / (1.0 + drift_ppm * PPM) + played.before_s
+    index = np.clip(np.rint(then_s / scene.sensor.sample_s).astype(np.int64), 0, len(rig) - 1)
+    table = SyncedTable(
+        time_s=time_s,
+        angle_rad=angle_rad + noise,
+        angle_sigma_rad=np.full(len(time_s), sigma_deg * DEG),
+        temp_a_c=np.interp(then_s, rig.time_s, rig.temp_a_c),
+        temp_b_c=np.interp(then_s, rig.time_s, rig.temp_b_c),
+        heat_a=rig.heat_a[index],
+        heat_b=rig.heat_b[index],
+    )
+    return Record(table=table, angle_rad=angle_rad, played=played)

@@ -1,0 +1,168 @@
+"""Writing films: H.264, FFV1, MJPEG or a folder of pictures, from 8-bit luma, with exact stamps."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import shutil
+import tempfile
+import threading
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import OutputError
+from torsight.core.storage import atomic_path
+from torsight.synthetic.scene import FilmSettings
+
+Luma = NDArray[np.uint8]
+
+TICKS: Final = {"h264": Fraction(1, 90000), "ffv1": Fraction(1, 1000), "mjpeg": Fraction(1, 1000), "png": Fraction(1, 90000)}
+"""Resolution of the frames' stamps (Matroska counts milliseconds)."""
+
+SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
+
+_FULL_RANGE: Final = 2
+
+
+class Writer(Protocol):
+    """Takes the frames of a film in order."""
+
+    def add(self, tick: int, luma: Luma) -> None:
+        """Add a frame with its stamp; the array is not changed afterwards."""
+
+
+@contextlib.contextmanager
+def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[Writer]:
+    """Give a writer for a film that appears at ``path`` when it is whole.
+
+    Raises
+    ------
+    OutputError
+        When the film cannot be written.
+    """
+    if settings.codec == "png":
+        with _open_folder(path) as folder_writer:
+            yield folder_writer
+        return
+    with atomic_path(path) as temporary, _Encoder(temporary, settings, size_px) as encoder:
+        yield encoder
+
+
+@contextlib.contextmanager
+def _open_folder(path: Path) -> Iterator[Writer]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        yield _Pictures(temporary)
+        temporary.chmod(0o755)
+        if path.is_dir():
+            shutil.rmtree(path)
+        temporary.replace(path)
+    except OSError as error:
+        raise OutputError(f"cannot be written ({error.strerror or error})", where=str(path)) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+class _Pictures:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._count = 0
+
+    def add(self, tick: int, luma: Luma) -> None:
+        import cv2
+
+        del tick
+        done, data = cv2.imencode(".png", luma)
+        if not done:
+            raise OutputError("picture cannot be encoded", where=str(self._folder))
+        (self._folder / f"{self._count:06d}.png").write_bytes(data.tobytes())
+        self._count += 1
+
+
+class _Encoder:
+    """Encodes in a thread of its own, so that drawing and encoding share the cores."""
+
+    def __init__(self, path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> None:
+        import av
+
+        self._codec = settings.codec
+        self._tick = TICKS[settings.codec]
+        name = "mp4" if settings.codec == "h264" else "matroska"
+        # bitexact: no dates, versions or random identifiers in the container.
+        self._container = av.open(str(path), "w", format=name, options={"fflags": "+bitexact"})
+        self._stream: Any = self._add_stream(settings, size_px)
+        self._queue: queue.Queue[tuple[int, Luma] | None] = queue.Queue(maxsize=16)
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)
+
+    def _add_stream(self, settings: FilmSettings, size_px: tuple[int, int]) -> Any:
+        rate = Fraction(settings.fps).limit_denominator(100000)
+        codec, options = {
+            "h264": ("libx264", {"crf": str(settings.crf), "preset": "veryfast", "x264-params": "threads=2"}),
+            "ffv1": ("ffv1", {"level": "3"}),
+            "mjpeg": ("mjpeg", {}),
+        }[settings.codec]
+        stream: Any = self._container.add_stream(codec, rate=rate, options=options)
+        stream.width, stream.height = size_px
+        stream.pix_fmt = {"h264": "yuv420p", "ffv1": "gray", "mjpeg": "yuvj420p"}[settings.codec]
+        context = stream.codec_context
+        context.time_base = self._tick
+        context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT
+        if settings.codec != "ffv1":
+            context.color_range = _FULL_RANGE
+        if settings.codec == "mjpeg":
+            context.qmin = context.qmax = 2
+        return stream
+
+    def __enter__(self) -> _Encoder:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: object, *rest: object) -> None:
+        self._queue.put(None)
+        self._thread.join()
+        self._container.close()
+        if kind is None and self._failure is not None:
+            raise OutputError(
+                f"film cannot be written ({self._failure})", where=str(self._container.name)
+            ) from self._failure
+
+    def add(self, tick: int, luma: Luma) -> None:
+        """Hand a frame to the encoder."""
+        self._queue.put((tick, luma))
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            if self._failure is not None:
+                continue
+            try:
+                self._encode(*item)
+            except Exception as error:  # noqa: BLE001 - handed to the caller's thread
+                self._failure = error
+        if self._failure is None:
+            try:
+                self._container.mux(self._stream.encode(None))
+            except Exception as error:  # noqa: BLE001 - handed to the caller's thread
+                self._failure = error
+
+    def _encode(self, tick: int, luma: Luma) -> None:
+        import av
+
+        if self._codec == "ffv1":
+            frame = av.VideoFrame.from_ndarray(luma, format="gray")
+        else:
+            # The grey levels are the luma plane as they are; both colour planes stay neutral.
+            height, width = luma.shape
+            planes = np.full((height * 3 // 2, width), 128, np.uint8)
+            planes[:height] = luma
+            frame = av.VideoFrame.from_ndarray(planes, format=self._stream.pix_fmt)
+            frame.color_range = _FULL_RANGE
+        frame.pts = tick
+        frame.time_base = self._tick
+        self._container.mux(self._stream.encode(frame))
