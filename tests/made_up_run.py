@@ -18,7 +18,7 @@ SIZE_PX = (320, 240)
 CENTRE_PX = np.array([160.0, 120.0])
 RADII_PX = (35.0, 90.0)
 BASE_RAD = np.deg2rad(200.0)
-LOST = slice(300, 330)
+LOST_S = (30.0, 33.0)
 
 
 def stroke_deg(temp_c: np.ndarray, *, low: float, high: float, start: float, end: float) -> np.ndarray:
@@ -51,7 +51,7 @@ def curves(*, half_cycles: int = 4, rate_hz: float = 10.0, seed: int = 3) -> pd.
     rest_c = 25.0 + 4.0 * np.exp(-(((local_s - 60.0) / 30.0) ** 2))
     noise = np.random.default_rng(seed).normal(0.0, 0.06, len(time_s))
     angle = sign * true + noise
-    angle[LOST] = np.nan
+    angle[(time_s >= LOST_S[0]) & (time_s < LOST_S[1])] = np.nan
     table = pd.DataFrame(
         {
             "time_s": time_s,
@@ -152,14 +152,13 @@ def write_made_up_run(folder: Path, *, half_cycles: int = 4, rate_hz: float = 10
 
 
 def documents() -> dict[str, dict[str, object]]:
-    lost = float(LOST.start) / 10.0
     return {
         "track": {
             "schema": 1,
             "frames": 4000,
             "events": [
-                {"time_s": lost, "frame": LOST.start, "kind": "occlusion", "text": "moving_outer is covered"},
-                {"time_s": lost + 3.0, "frame": LOST.stop, "kind": "found", "text": "moving_outer is found again"},
+                {"time_s": LOST_S[0], "frame": 300, "kind": "occlusion", "text": "moving_outer is covered"},
+                {"time_s": LOST_S[1], "frame": 330, "kind": "found", "text": "moving_outer is found again"},
             ],
             "advice": ["The film is compressed hard (H.264 CRF 28): a lower CRF would halve the noise of the angle."],
         },

@@ -4,11 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
+
+VARIABLES: Final = {
+    "angle_deg": "the angle",
+    "angle_rate_deg_s": "the rate of the angle",
+    "temp_active_c": "the driven spring's temperature",
+    "temp_passive_c": "the other spring's temperature",
+    "temp_rate_c_s": "the rate of the temperature",
+    "time_s": "time",
+    "cycle": "the number of the cycle",
+    "dwell_s": "the time at rest",
+    "direction": "the direction",
+}
+"""What a missing effect can depend on, in words."""
+
+
+def variable_name(identifier: str) -> str:
+    """Return a driver of ``discovery.json`` as words."""
+    return VARIABLES.get(identifier, effect_name(identifier))
 
 
 def effect_name(identifier: str) -> str:
-    """Return an effect's or variable's id as words: ``sensor_lag`` becomes ``sensor lag``."""
+    """Return an effect's id as words: ``sensor_lag`` becomes ``sensor lag``."""
     return identifier.replace("_", " ")
 
 
@@ -68,7 +86,7 @@ def verdict_sentence(discovery: Mapping[str, Any]) -> str:
     if verdict == "ambiguous":
         options = explanations(discovery)
         return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."
-    drivers = [effect_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
+    drivers = [variable_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
     depends = f" It depends on {listed(drivers)}." if drivers else ""
     return "Something real is missing that no known effect explains." + depends
 

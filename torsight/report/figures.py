@@ -259,8 +259,8 @@ def branches(curves: pd.DataFrame) -> list[NDArray[np.bool_]]:
     keys = [name for name in ("active", "direction") if name in curves.columns]
     if not keys:
         return [np.ones(len(curves), dtype=bool)]
-    words = curves[keys].astype(str).agg(" ".join, axis=1).to_numpy()
-    return [np.asarray(words == one) for one in dict.fromkeys(words.tolist())]
+    number_of = curves.groupby(keys, sort=False).ngroup().to_numpy()
+    return [np.asarray(number_of == one) for one in range(int(number_of.max()) + 1)]
 
 
 def bin_means(

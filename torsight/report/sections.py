@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from torsight.core.results import RunResults
-from torsight.core.wording import effect_name, estimate, explanations, fixed, number
+from torsight.core.wording import effect_name, estimate, explanations, fixed, number, variable_name
 from torsight.report.priors import Prior, priors
 
 FILES: Final = {
@@ -152,7 +152,8 @@ def missing(results: RunResults) -> dict[str, Any]:
     largest = max((float(item["share"]) for item in discovery.get("drivers") or []), default=0.0)
     drivers = [
         {
-            "name": item["variable"],
+            "name": variable_name(str(item["variable"])),
+            "variable": item["variable"],
             "percent": 100.0 * float(item["share"]),
             "length": 100.0 * float(item["share"]) / largest if largest > 0 else 0.0,
         }

@@ -55,7 +55,7 @@ def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[
         Pixels of the picture that is shown per pixel of the film.
     """
     shown = position_px * scale
-    found: NDArray[np.bool_] = np.isfinite(shown).all(axis=1)
+    found = np.asarray(np.isfinite(shown).all(axis=1))
     pairs = [(stick, shown[first : first + 2]) for stick, first in (("base", 0), ("moving", 2))]
     whole = [(stick, ends) for stick, ends in pairs if np.isfinite(ends).all()]
     arc = _arc(shown, angle_rad) if found.all() and np.isfinite(angle_rad) else np.empty((0, 2))

@@ -84,10 +84,10 @@ def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int |
 def _connected(viewer: Viewer) -> ViewerClient:
     from rerun.experimental import ViewerClient
 
-    client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
     end = time.monotonic() + START_S
     while viewer.running and time.monotonic() < end:
         try:
+            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
             client.get_state()
         except (RuntimeError, ConnectionError, OSError):
             time.sleep(0.1)

@@ -26,6 +26,9 @@ _CODECS: Final = (
     ("libx264", {"preset": "veryfast", "crf": "26", "g": "50"}),
 )
 
+# Videos hold black to white as 16 to 235.
+_VIDEO_LEVELS: Final = np.round(16.0 + np.arange(256) * (219.0 / 255.0)).astype(np.uint8)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Preview:
@@ -103,4 +106,4 @@ def _picture(luma: NDArray[np.uint8]) -> Any:
     import av
 
     colourless = np.full((luma.shape[0] // 2, luma.shape[1]), 128, np.uint8)
-    return av.VideoFrame.from_ndarray(np.vstack([luma, colourless]), format="yuv420p")
+    return av.VideoFrame.from_ndarray(np.vstack([_VIDEO_LEVELS[luma], colourless]), format="yuv420p")

@@ -1,0 +1,212 @@
+"""The page as a whole: right numbers, from any subset of files, self-contained, well-formed."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_run import curves, discovery, documents, parameter, write_made_up_run
+
+from torsight.core.errors import InputError
+from torsight.report import write_report
+from torsight.report.figures import driver_columns, slope
+
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+ACTUATOR = """
+[material]
+E_A_gpa = 60
+A_s_c = 36
+A_f_c = 54
+C_A_mpa_per_k = 32
+[friction]
+tau_c_mnm = 0.8
+[uncertainty]
+E_A_gpa = 1.8
+A_s_c = 0.4
+A_f_c = 0.4
+"""
+
+
+class Balance(HTMLParser):
+    """Fails on a tag that is closed without being open, or left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.outside: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        self.outside += [value or "" for name, value in attrs if name in {"src", "srcset", "data", "action"}]
+        if tag in {"script", "link", "iframe", "object"}:
+            self.outside.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Pass: a self-closing SVG element is whole."""
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    write_made_up_run(tmp_path, rate_hz=5.0)
+    actuator = tmp_path / "actuator.toml"
+    actuator.write_text(ACTUATOR, encoding="utf-8")
+    rewrite(tmp_path, "provenance", configuration={"actuator": {"file": str(actuator)}})
+    return tmp_path
+
+
+def rewrite(folder: Path, name: str, **changes: object) -> None:
+    content = documents()[name] | changes
+    (folder / f"{name}.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
+
+
+def text_of(folder: Path) -> str:
+    return write_report(folder).read_text(encoding="utf-8")
+
+
+def test_the_whole_page_is_well_formed_self_contained_and_small(run: Path) -> None:
+    text = text_of(run)
+    checker = Balance()
+    checker.feed(text)
+    assert checker.open == []
+    assert checker.outside == []
+    without_namespace = text.replace('xmlns="http://www.w3.org/2000/svg"', "")
+    assert not re.search(r"https?://|url\(|@import", without_namespace)
+    assert len(text.encode()) < 3_000_000
+    for figure in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL):
+        ET.fromstring(figure)  # noqa: S314 - our own text
+
+
+def test_it_says_the_numbers_of_the_results(run: Path) -> None:
+    text = text_of(run)
+    angle = pd.read_csv(run / "angle.csv")["angle_deg"]
+    for words in (
+        "The model lacked sensor lag.",
+        f"{angle.max() - angle.min():.1f}",
+        "0.793",
+        "0.771 to 0.815",
+        "33.4 → 0.44",
+        "0.060",
+        "4.020 s",
+        "0.996",
+        "moving_outer is covered",
+        "lower CRF",
+        "12.31 s",
+        "9f9f9f9f9f9f9f9f",
+        "The angle is not known in 15 of 2000 frames.",
+    ):
+        assert words in text, words
+
+
+def test_the_pull_is_the_distance_in_standard_deviations_of_the_characterisation(run: Path) -> None:
+    text = text_of(run)
+    # (38.9 − 36) / 0.4 = 7.25 and (36.2 − 36) / 0.4 = 0.5
+    row = re.search(r"<tr><td><code>A_s_c</code>.*?</tr>", text, flags=re.DOTALL)
+    assert row is not None
+    assert re.search(r'class="figure far">\+7\.2', row.group())
+    assert re.search(r'class="figure">\+0\.5', row.group())
+    assert "36.00 ± 0.40" in row.group()
+
+
+def test_what_the_fit_tells_of_its_priors_comes_before_the_actuator_file(run: Path) -> None:
+    told = {"A_s_c": parameter(38.9, 0.1, "°C", nominal=37.9, prior_sigma=0.5)}
+    rewrite(run, "fit", parameters=told)
+    assert "37.90 ± 0.50" in text_of(run)
+
+
+@pytest.mark.parametrize(
+    ("kept", "there", "absent"),
+    [
+        ("angle.csv", "The motion was measured", "The residual"),
+        ("merged.csv", "Temperatures against time", "Parameters"),
+        ("markers.csv", "Where the markers went", "The motion</h2>"),
+        ("track.json", "moving_outer is covered", "The motion</h2>"),
+        ("sync.json", "The two clocks", "Parameters"),
+        ("fit.json", "The plain model was fitted", "What was missing"),
+        ("discovery.json", "The model lacked sensor lag", "The motion</h2>"),
+        ("curves.csv", "What is left", "Parameters"),
+        ("provenance.json", "torsight run", "Parameters"),
+    ],
+)
+def test_any_single_file_makes_a_page_of_its_sections(run: Path, kept: str, there: str, absent: str) -> None:
+    for file in run.iterdir():
+        if file.name != kept:
+            file.unlink()
+    text = text_of(run)
+    assert there in text
+    assert absent not in text
+
+
+def test_the_same_results_make_the_same_bytes(run: Path) -> None:
+    assert text_of(run) == text_of(run)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"verdict": "none", "effects": []}, "Nothing is missing from the model that this record can show."),
+        (
+            {"verdict": "ambiguous", "alternatives": [["clock_offset"], ["viscous_friction", "fatigue"]]},
+            "this record cannot tell which: sensor lag, clock offset or viscous friction with fatigue.",
+        ),
+        (
+            {"verdict": "unknown", "effects": []},
+            "It depends on the rate of the temperature, the direction and the driven spring&#39;s temperature.",
+        ),
+        ({"held_out": [], "after": None, "before": None}, "No half-cycle could be held out"),
+        ({"effects": [discovery()["effects"][0] | {"probability": 0.71}]}, "with probability 0.71 only"),
+        ({"next_experiment": {"text": "Hold spring A at 60 °C for 120 s."}}, "Hold spring A at 60 °C for 120 s."),
+        (
+            {"parameters": {"A_s_c": parameter(40.0, 0.1, "°C")}},
+            "The record contradicts the characterised A_s_c by 10.0 standard deviations.",
+        ),
+    ],
+)
+def test_every_kind_of_answer_has_its_words(run: Path, changes: dict[str, object], words: str) -> None:
+    rewrite(run, "discovery", **changes)
+    assert words in text_of(run)
+
+
+def test_names_from_outside_cannot_become_markup(run: Path) -> None:
+    rewrite(run, "track", advice=["<script>alert(1)</script>"], events=[{"time_s": 1.0, "text": "a < b & c"}])
+    text = text_of(run)
+    assert "<script" not in text
+    assert "a &lt; b &amp; c" in text
+
+
+def test_an_empty_or_missing_folder_or_a_damaged_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no results"):
+        write_report(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        write_report(tmp_path / "nowhere")
+    (tmp_path / "fit.json").write_text('{"schema": 1, "parameters"', encoding="utf-8")
+    with pytest.raises(InputError, match=r"fit\.json.*is not JSON"):
+        write_report(tmp_path)
+    (tmp_path / "fit.json").unlink()
+    (tmp_path / "curves.csv").write_text("time_s,angle_deg\n0,1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"curves\.csv.*plain_deg"):
+        write_report(tmp_path)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_slope_is_that_of_the_line_and_does_not_cross_from_spring_to_spring() -> None:
+    table = curves(half_cycles=2)
+    rate = driver_columns(table)["temp_rate_c_s"]
+    inside = (table["time_s"] > 5) & (table["time_s"] < 55)
+    # 50 °C in 60 s
+    assert rate[inside] == pytest.approx(50.0 / 60.0, rel=1e-9)
+    active = table["active"].to_numpy()
+    apart = np.concatenate([[False], active[1:] != active[:-1]])
+    time_s = table["time_s"].to_numpy()
+    crossing = slope(time_s, table["temp_a_c"].to_numpy(), window_s=2.0, apart=apart)
+    change = int(apart.nonzero()[0][0])
+    assert pd.isna(crossing[change - 5 : change + 5]).all()
