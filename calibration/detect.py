@@ -49,6 +49,8 @@ class View:
         The same in the wide window.
     square_px : float
         Width of the smallest square in the picture.
+    edge_px : float
+        Width of the edges at the corners: contrast over steepest slope; grows with blur.
     """
 
     name: str
@@ -58,6 +60,7 @@ class View:
     corners_px: Floats
     wide_px: Floats
     square_px: float
+    edge_px: float = 1.0
 
 
 def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quick: bool = False) -> View | None:
@@ -87,14 +90,16 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     # Among the squares of a ChArUco board lie markers: their edges are nearer than the next corner.
     room = (board.square_mm - board.marker_mm) / (2.0 * board.square_mm) if board.marker_mm else 1.0
     narrow, wide = (min(share, room) * square_px for share in (_NARROW_SHARE, _WIDE_SHARE))
+    corners = _measured(grey, rough, narrow)
     return View(
         name=name,
         index=index,
         corner=corner,
         points_mm=points,
-        corners_px=_measured(grey, rough, narrow),
+        corners_px=corners,
         wide_px=_measured(grey, rough, wide),
         square_px=square_px,
+        edge_px=_edge_px(grey, corners, narrow),
     )
 
 
@@ -175,6 +180,18 @@ def _measured(grey: Grey, rough: Floats, half_side_px: float) -> Floats:
     half = int(np.clip(round(half_side_px), _NARROWEST_PX, _WIDEST_PX))
     start = rough.astype(np.float32).reshape(-1, 1, 2)
     return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _STOP), np.float64).reshape(-1, 2)
+
+
+def _edge_px(grey: Grey, corners_px: Floats, half_side_px: float) -> float:
+    half = int(np.clip(round(half_side_px), _NARROWEST_PX, _WIDEST_PX)) + 1
+    widths = []
+    for column, row in corners_px.round().astype(int):
+        patch = grey[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1].astype(np.float64)
+        if min(patch.shape) < 3:
+            continue
+        slopes = np.gradient(patch)
+        widths.append(np.ptp(patch) / max(float(np.hypot(*slopes).max()), 1e-6))
+    return float(np.median(widths)) if widths else np.inf
 
 
 def goes_on(grey: Grey, view: View, board: Board) -> bool:

@@ -79,8 +79,19 @@ def expand(sources: Sequence[Path]) -> list[Path]:
     return files
 
 
-def read_pictures(files: Sequence[Path]) -> Iterator[Picture]:
-    """Give every picture, and evenly spread frames of every film, one at a time.
+def is_film(path: Path) -> bool:
+    """Return whether a file is taken as a film."""
+    return path.suffix.lower() not in PICTURE_SUFFIXES
+
+
+def film_step(files: Sequence[Path]) -> int:
+    """Return every how many-th frame of the films is looked at, so that the longest gives some hundred."""
+    longest = max((_frame_count(path) for path in files if is_film(path)), default=0)
+    return max(1, longest // _FILM_CANDIDATES)
+
+
+def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
+    """Give every picture, and every ``step``-th frame of every film, one at a time.
 
     Raises
     ------
@@ -88,10 +99,10 @@ def read_pictures(files: Sequence[Path]) -> Iterator[Picture]:
         When a file is neither a picture nor a film that can be decoded.
     """
     for path in files:
-        if path.suffix.lower() in PICTURE_SUFFIXES:
-            yield _picture(path)
+        if is_film(path):
+            yield from _frames(path, step)
         else:
-            yield from _frames(path)
+            yield _picture(path)
 
 
 def _picture(path: Path) -> Picture:
@@ -125,13 +136,12 @@ def _device(path: Path) -> str:
     return " ".join(str(word).strip(" \0") for word in words if word)
 
 
-def _frames(path: Path) -> Iterator[Picture]:
-    """Give evenly spread frames of a film; what cannot be decoded is passed over."""
+def _frames(path: Path, step: int) -> Iterator[Picture]:
+    """Give every ``step``-th frame of a film; what cannot be decoded is passed over."""
     import av
 
     digest = file_hash(path)
     try:
-        step = max(1, _frame_count(path) // _FILM_CANDIDATES)
         with av.open(str(path)) as container:
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
@@ -144,20 +154,27 @@ def _frames(path: Path) -> Iterator[Picture]:
                         group=path.name,
                     )
     except (av.error.FFmpegError, IndexError, OSError) as error:
-        raise InputError(
-            f"is neither a picture nor a film that can be decoded ({error})",
-            where=str(path),
-            limit=f"a film, or a picture ({', '.join(PICTURE_SUFFIXES)})",
-            do="convert or record it again",
-        ) from error
+        raise _no_film(path, error) from error
 
 
 def _frame_count(path: Path) -> int:
     """Count the frames by their packets: cheaper than decoding, and right where the header is not."""
     import av
 
-    with av.open(str(path)) as container:
-        return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
+    try:
+        with av.open(str(path)) as container:
+            return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
+    except (av.error.FFmpegError, IndexError, OSError) as error:
+        raise _no_film(path, error) from error
+
+
+def _no_film(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"is neither a picture nor a film that can be decoded ({error})",
+        where=str(path),
+        limit=f"a film, or a picture ({', '.join(PICTURE_SUFFIXES)})",
+        do="convert or record it again",
+    )
 
 
 def _decoded(container: Any, stream: Any) -> Iterator[Any]:

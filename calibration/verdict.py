@@ -28,6 +28,9 @@ class Verdict:
     reasons: tuple[str, ...] = ()
 
 
+GOOD: Final = Verdict("good")
+
+
 @dataclass(frozen=True, slots=True)
 class _Criterion:
     """One number against what is good and what is usable; ``more`` is better, or less."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.config import get_number, get_table
-from torsight.core.errors import ConfigError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.storage import check_keys, read_toml
 
 _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
@@ -132,6 +132,31 @@ def read_camera(path: Path) -> Camera:
             tvec_mm=_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]"),
         )
     return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
+
+
+def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str) -> None:
+    """Refuse pictures of another size than the ones that the camera was calibrated with.
+
+    Raises
+    ------
+    InputError
+        When width or height differ; a swap of both, and a plain scaling, are named as such.
+    """
+    if size_px == intrinsics.size_px:
+        return
+    width, height = intrinsics.size_px
+    do = "calibrate with pictures of this size, taken with the same camera, focus and zoom"
+    if size_px == (height, width):
+        do = "the picture is turned by a quarter: film as in the calibration, or calibrate as you film"
+    elif size_px[0] * height == size_px[1] * width:
+        do = "the picture was scaled or filmed in another mode: film as in the calibration, or " + do
+    raise InputError(
+        "has another picture size than the camera's calibration",
+        where=where,
+        value=f"{size_px[0]} × {size_px[1]}",
+        limit=f"{width} × {height}",
+        do=do,
+    )
 
 
 def camera_content(camera: Camera) -> dict[str, Any]:

@@ -1,0 +1,198 @@
+"""The whole stage: pictures of a board to a camera, or to a stereo pair, with an account of how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibration.board import Board
+from calibration.detect import View
+from calibration.disk import DiskPose, pose_on_disk
+from calibration.lens import LensCalibration, calibrate_lens
+from calibration.pair import PairCalibration, calibrate_pair
+from calibration.pictures import expand, is_film
+from calibration.verdict import GOOD, Verdict, judge_lens, judge_pair, worst_of
+from calibration.views import Seen, find_views
+from torsight.core.camera import Camera, Intrinsics, require_size
+from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.progress import Progress, silent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """One camera of a calibration: what its pictures show and the lens that they give."""
+
+    seen: Seen
+    lens: LensCalibration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """The result of the stage.
+
+    Attributes
+    ----------
+    board : Board
+        The board.
+    left : Side or None
+        The (left) camera; None where only the pose was measured, with a camera that was known.
+    right : Side or None
+        The right camera of a pair.
+    pair : PairCalibration or None
+        Where the right camera stands.
+    disk : DiskPose or None
+        The rotation axis, from a board on the disk.
+    disk_seen : Seen or None
+        The pictures of the board on the disk.
+    verdict : Verdict
+        On all of it.
+    """
+
+    board: Board
+    left: Side | None = None
+    right: Side | None = None
+    pair: PairCalibration | None = None
+    disk: DiskPose | None = None
+    disk_seen: Seen | None = None
+    verdict: Verdict = GOOD
+
+
+def calibrate_one(images: Sequence[Path], board: Board, *, progress: Progress = silent) -> Calibration:
+    """Calibrate one camera from pictures or films of a board.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be used, or pictures differ in size or camera.
+    NoResultError
+        When the board is not found, or the views do not determine a camera.
+    """
+    side = _side(find_views(images, board, progress=progress))
+    verdict = judge_lens(side.lens, side.seen.size_px)
+    return Calibration(board, side, verdict=verdict)
+
+
+def calibrate_two(
+    images: Sequence[Path], right: Sequence[Path], board: Board, *, progress: Progress = silent
+) -> Calibration:
+    """Calibrate a stereo pair from pictures in the same order on both sides, or from two films that start together.
+
+    Raises
+    ------
+    InputError
+        When the sides differ in number, a file cannot be used, or pictures of one side differ in size or camera.
+    NoResultError
+        When the board is not found, or the views do not determine the cameras.
+    """
+    _require_pairing(expand(images), expand(right))
+    seen_left = find_views(images, board, progress=progress)
+    # Of two films the left one's choice of frames holds for both; of pictures each lens may use those of its own.
+    films = any(is_film(path) for path in expand(images))
+    only = frozenset(view.index for view in seen_left.views) if films else None
+    seen_right = find_views(right, board, step=seen_left.step, only=only, progress=progress)
+    sides = _side(seen_left), _side(seen_right)
+    pair = calibrate_pair(sides[0].lens, sides[1].lens)
+    verdict = worst_of(
+        [
+            ("left", judge_lens(sides[0].lens, seen_left.size_px)),
+            ("right", judge_lens(sides[1].lens, seen_right.size_px)),
+            (
+                "pair",
+                judge_pair(
+                    pairs=len(pair.index),
+                    epipolar_px=float(pair.epipolar_px.mean()),
+                    baseline_share=pair.baseline_sigma_mm / pair.baseline_mm,
+                ),
+            ),
+        ]
+    )
+    return Calibration(board, *sides, pair, verdict=verdict)
+
+
+def measure_axis(
+    images: Sequence[Path],
+    board: Board,
+    intrinsics: Intrinsics,
+    *,
+    base_z_mm: float = 0.0,
+    moving_z_mm: float = 0.0,
+    progress: Progress = silent,
+) -> tuple[DiskPose, Seen]:
+    """Find the rotation axis from pictures of the board on the disk.
+
+    Raises
+    ------
+    ConfigError
+        When the board looks the same after half a turn and several positions of the disk are shown.
+    InputError
+        When the pictures are of another size or camera.
+    NoResultError
+        When the board is not found in one of them.
+    """
+    seen = find_views(images, board, progress=progress)
+    require_size(intrinsics, seen.size_px, where=seen.sources[0].name)
+    missing = [source.name for source in seen.sources if source.note]
+    if missing:
+        raise NoResultError(
+            "the board on the disk was not found",
+            where=missing[0],
+            limit=board.describe(),
+            do="leave the picture out, or take it again with the whole board in it",
+        )
+    if len(seen.views) > 1 and (board.turned_looks_the_same or board.columns == board.rows):
+        raise ConfigError(
+            "this board does not show by how much the disk was turned",
+            where="BOARD.toml",
+            value=board.describe(),
+            limit="columns + rows odd, or a ChArUco board",
+            do="give one picture of the board on the disk, or take another board",
+        )
+    pose = pose_on_disk(seen.views, intrinsics, board, base_z_mm=base_z_mm, moving_z_mm=moving_z_mm)
+    return pose, seen
+
+
+def camera_of(calibration: Calibration, known: Camera | None = None) -> Camera:
+    """Return the camera that goes into ``CAMERA.toml``, without the account."""
+    intrinsics = calibration.left.lens.fit.intrinsics if calibration.left else None
+    if intrinsics is None:
+        if known is None:
+            raise ConfigError("needs pictures of a board, or a camera that is known", where="calibrate")
+        intrinsics = known.intrinsics
+    return Camera(
+        intrinsics=intrinsics,
+        pose=calibration.disk.pose if calibration.disk else None,
+        right=calibration.pair.right if calibration.pair else None,
+    )
+
+
+def views_of(side: Side) -> tuple[list[View], list[View]]:
+    """Return the views that the lens rests on, and those that were set aside."""
+    kept = set(side.lens.kept.tolist())
+    views = side.lens.views
+    return (
+        [view for place, view in enumerate(views) if place in kept],
+        [view for place, view in enumerate(views) if place not in kept],
+    )
+
+
+def _side(seen: Seen) -> Side:
+    return Side(seen, calibrate_lens(seen.views, seen.size_px))
+
+
+def _require_pairing(left: Sequence[Path], right: Sequence[Path]) -> None:
+    if len(left) != len(right):
+        raise InputError(
+            "left and right are not pairs",
+            where="IMAGES and --right",
+            value=f"{len(left)} left, {len(right)} right",
+            limit="as many right as left, in the same order",
+            do="leave out pictures without a partner",
+        )
+    twins = [one for one, other in zip(left, right, strict=True) if one.resolve() == other.resolve()]
+    if twins:
+        raise InputError(
+            "is given as left and as right",
+            where=str(twins[0]),
+            do="give the second camera's pictures with --right",
+        )

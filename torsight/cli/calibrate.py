@@ -1,0 +1,188 @@
+"""``torsight calibrate``: pictures or films of a board to a camera file, for one camera or a stereo pair."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from torsight.core.errors import ConfigError
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from calibration.board import Board
+    from calibration.stage import Calibration
+    from torsight.core.camera import Camera
+
+_LISTS = ("--right", "--pose")
+
+
+class Command(TyperCommand):
+    """Lets ``--right`` and ``--pose`` take several files in a row, as a shell's wildcard gives them."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat the option before every file that follows it."""
+        return super().parse_args(ctx, _spread(args))
+
+
+def _spread(words: list[str]) -> list[str]:
+    """Return the words with ``--right a b`` written as ``--right a --right b``."""
+    spread: list[str] = []
+    option, taken = "", False
+    for word in words:
+        if word.startswith("-"):
+            name = word.split("=", 1)[0]
+            option, taken = (name if name in _LISTS else ""), "=" in word
+            spread.append(word)
+        elif option and taken:
+            spread += [option, word]
+        else:
+            spread.append(word)
+            taken = bool(option)
+    return spread
+
+
+def calibrate(
+    images: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="IMAGES...", help="Pictures, folders or globs of them, or films, of the board.", show_default=False
+        ),
+    ] = None,
+    *,
+    board: Annotated[Path, typer.Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")],
+    out: Annotated[Path, typer.Option(metavar="CAMERA.toml", help="The camera file to write.")],
+    right: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="IMAGES...", help="The right camera's pictures or film, in the same order."),
+    ] = None,
+    pose: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="IMAGES...",
+            help="The board lying on the disk: one picture, or several with the disk turned in between.",
+        ),
+    ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="CAMERA.toml", help="A camera that is known, to add --pose to; then without IMAGES."),
+    ] = None,
+    base_z_mm: Annotated[
+        float, typer.Option(help="Height of the base stick's markers above the board on the disk.")
+    ] = 0.0,
+    moving_z_mm: Annotated[
+        float, typer.Option(help="Height of the moving stick's markers above the board on the disk.")
+    ] = 0.0,
+) -> None:
+    """Calibrate one camera or two from pictures of a board, and find the pose of the rotation axis.
+
+    Files in a row after --right and --pose belong to them: name IMAGES first. Beside the camera file a picture shows
+    which parts of the view the board has covered. The camera file keeps the board, the pictures' hashes, the errors
+    and a plain verdict.
+
+    Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
+    """
+    from torsight.cli.console import progress_bar, say
+
+    with progress_bar() as progress:
+        lines = calibrate_to_file(
+            images or [],
+            board=board,
+            right=right or [],
+            pose=pose or [],
+            camera=camera,
+            heights_mm=(base_z_mm, moving_z_mm),
+            out=out,
+            progress=progress,
+        )
+    for line in lines:
+        say(line)
+
+
+def calibrate_to_file(
+    images: list[Path],
+    *,
+    board: Path,
+    out: Path,
+    right: list[Path] | None = None,
+    pose: list[Path] | None = None,
+    camera: Path | None = None,
+    heights_mm: tuple[float, float] = (0.0, 0.0),
+    progress: Progress = silent,
+) -> list[str]:
+    """Write the camera file and the picture of the coverage; return what there is to say.
+
+    ``heights_mm`` are those of the base and the moving stick's markers above a board on the disk.
+    """
+    from dataclasses import replace
+
+    import tomli_w
+
+    from calibration.account import account, summary
+    from calibration.board import read_board
+    from calibration.coverage import draw_coverage
+    from calibration.stage import camera_of
+    from torsight.core.camera import camera_content, read_camera
+    from torsight.core.storage import write_text
+
+    _check_usage(images, right or [], pose or [], camera)
+    chosen = read_board(board)
+    known = read_camera(camera) if camera else None
+    result = _calibrated(images, right or [], chosen, progress=progress)
+    result = _with_axis(result, pose or [], known, heights_mm=heights_mm, progress=progress)
+    made = camera_of(result, known)
+    made = replace(made, extra=account(result, earlier=dict(known.extra) if known else None))
+    write_text(out, tomli_w.dumps(camera_content(made)))
+    lines = summary(result)
+    if result.left is not None:
+        picture = out.with_suffix(".coverage.png")
+        sides = [("left" if result.right else "camera", result.left)]
+        draw_coverage(picture, sides + ([("right", result.right)] if result.right else []))
+        lines.append(f"Coverage        {picture}")
+    return [*lines, f"Camera file     {out}"]
+
+
+def _check_usage(images: list[Path], right: list[Path], pose: list[Path], camera: Path | None) -> None:
+    where = "torsight calibrate"
+    if images and camera:
+        raise ConfigError("takes IMAGES or a known --camera, not both", where=where)
+    if not images and not (camera and pose):
+        raise ConfigError("needs IMAGES of a board, or a known --camera with --pose", where=where)
+    if right and (pose or camera):
+        raise ConfigError(
+            "takes no --pose for a stereo pair",
+            where=where,
+            do="leave it away: the axis of a pair is found from the tracks",
+        )
+
+
+def _calibrated(images: list[Path], right: list[Path], board: Board, *, progress: Progress) -> Calibration:
+    from calibration.stage import Calibration, calibrate_one, calibrate_two
+
+    if not images:
+        return Calibration(board)
+    if right:
+        return calibrate_two(images, right, board, progress=progress)
+    return calibrate_one(images, board, progress=progress)
+
+
+def _with_axis(
+    result: Calibration, pose: list[Path], known: Camera | None, *, heights_mm: tuple[float, float], progress: Progress
+) -> Calibration:
+    from dataclasses import replace
+
+    from calibration.stage import camera_of, measure_axis
+
+    if not pose:
+        return result
+    disk, seen = measure_axis(
+        pose,
+        result.board,
+        camera_of(result, known).intrinsics,
+        base_z_mm=heights_mm[0],
+        moving_z_mm=heights_mm[1],
+        progress=progress,
+    )
+    return replace(result, disk=disk, disk_seen=seen)
