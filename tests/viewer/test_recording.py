@@ -193,7 +193,7 @@ def test_every_curve_is_drawn_across_its_pane(panes: dict[str, np.ndarray], pane
     picture = next(image for name, image in panes.items() if name.lower().startswith(pane))
     for series in layout.SERIES:
         if series.entity.startswith(pane):
-            # Where two curves coincide the later one covers the other; in the strokes, a quarter of the width, both show.
+            # Where two curves coincide one covers the other; in the strokes, a quarter of the width, both show.
             assert columns_with(picture, series.colour) > 0.15, series.name
 
 
@@ -216,7 +216,7 @@ def test_the_moving_stick_is_drawn_where_the_film_shows_its_dots(panes: dict[str
     for colour in (layout.BASE_COLOUR, layout.MOVING_COLOUR):
         drawn = (np.linalg.norm(inside - np.array(colour, float), axis=2) < 60.0).astype(np.uint8)
         blobs, _, stats, centres = cv2.connectedComponentsWithStats(
-            cv2.morphologyEx(drawn, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+            cv2.morphologyEx(drawn, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
         )
         assert blobs >= 3
         for k in np.argsort(stats[1:, cv2.CC_STAT_AREA])[-2:] + 1:
