@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
+ALWAYS_FAMILY: Final = "start"
+"""Effects of this family say what came before the record: they are always fitted and never named."""
 _NOISE_DRAWS: Final = 6
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
@@ -70,13 +72,13 @@ class ActuatorProblem:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The plain model's free parameters."""
-        return ActuatorModel(self.spec).parameters
+        """The plain model's free parameters, and those of what is always fitted beside them."""
+        return self.model().parameters
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Every effect file as a candidate."""
-        return tuple(_candidate(effect) for effect in load_effects().values())
+        """Every effect file as a candidate, but for what is always fitted."""
+        return tuple(_candidate(effect) for effect in load_effects().values() if effect.family != ALWAYS_FAMILY)
 
     @cached_property
     def time_s(self) -> Array:
@@ -122,8 +124,9 @@ class ActuatorProblem:
         return actuator_drivers(self.drive, self.rows, self.observed, self.rest)
 
     def model(self, effects: Sequence[str] = ()) -> ActuatorModel:
-        """Return the model with these effects."""
-        return ActuatorModel(self.spec, tuple(effects))
+        """Return the model with these effects and what is always fitted."""
+        always = tuple(effect.id for effect in load_effects().values() if effect.family == ALWAYS_FAMILY)
+        return ActuatorModel(self.spec, (*effects, *always))
 
     def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:
         """Simulate the whole record."""

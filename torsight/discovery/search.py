@@ -38,6 +38,9 @@ class Settings:
         A set is named where it explains this share of what was to explain ...
     near_floor : float
         ... or leaves less than this many times the floor.
+    least_size : float
+        An effect that moves the model by less than this many of the problem's resolutions (root mean square) is not
+        worth a name.
     """
 
     most_effects: int = 3
@@ -46,6 +49,7 @@ class Settings:
     rival_gain: float = 12.0
     share_explained: float = 0.7
     near_floor: float = 2.0
+    least_size: float = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ What is reported is always refitted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,14 @@ class HeldOut:
         Sum of squares times weights.
     rms : float
         Root mean square over the samples that count.
+    folds : tuple of (int, mapping)
+        For each block its label and the parameters fitted without it; empty where no refit was made.
     """
 
     residual: Array
     information: float
     rms: float
+    folds: tuple[tuple[int, dict[str, float]], ...] = ()
 
 
 def block_labels(problem: Problem) -> NDArray[np.int64]:
@@ -68,16 +71,17 @@ def held_out_by_refit(fitter: Fitter, fit: Fit) -> HeldOut:
     problem = fitter.problem
     labels = block_labels(problem)
 
-    def without(label: np.int64) -> Array:
+    def without(label: int) -> Fit:
         weight = np.where(problem.block == label, 0.0, fitter.weight)
-        return fitter.refit(fit, weight=weight).solution.prediction
+        return fitter.refit(fit, weight=weight)
 
-    predictions: list[Array] = in_parallel(labels.tolist(), without)
+    fits: list[Fit] = in_parallel(labels.tolist(), without)
     left = np.zeros(len(problem.observed))
-    for label, prediction in zip(labels, predictions, strict=True):
+    for label, fold in zip(labels, fits, strict=True):
         rows = (problem.block == label) & problem.valid
-        left[rows] = problem.observed[rows] - prediction[rows]
-    return _score(problem, fitter.weight, left)
+        left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
+    folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
+    return replace(_score(problem, fitter.weight, left), folds=folds)
 
 
 def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:

@@ -1,0 +1,59 @@
+"""The variables that an effect without a name may depend on, as rows of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+
+Array = NDArray[np.float64]
+
+
+def actuator_drivers(
+    drive: Drive, rows: NDArray[np.int64], angle_deg: Array, rest: NDArray[np.bool_]
+) -> Mapping[str, Array]:
+    """Return the drivers of the contract at the kept rows.
+
+    ``angle_deg`` is the angle (measured or modelled) there, ``rest`` where it stands still. ``direction`` is +1, −1 or
+    the last of them while at rest; ``dwell_s`` the time since the angle last moved (0 in motion); ``cycle`` how often
+    the driven spring had been heated before.
+    """
+    time_s = drive.time_s[rows]
+    is_a = drive.cycles.active[rows] == 0
+    active = np.where(is_a, drive.temp_a_c[rows], drive.temp_b_c[rows])
+    passive = np.where(is_a, drive.temp_b_c[rows], drive.temp_a_c[rows])
+    temp_rate = np.where(is_a, drive.rate_a_c_s[rows], drive.rate_b_c_s[rows])
+    angle = np.interp(np.arange(len(rows)), np.flatnonzero(np.isfinite(angle_deg)), angle_deg[np.isfinite(angle_deg)])
+    rate = np.where(rest, 0.0, _rate(time_s, angle))
+    return {
+        "angle_deg": angle,
+        "angle_rate_deg_s": rate,
+        "temp_active_c": active,
+        "temp_passive_c": passive,
+        "temp_rate_c_s": temp_rate,
+        "time_s": time_s - time_s[0],
+        "cycle": drive.cycles.counts()[drive.cycles.half[rows]].astype(np.float64),
+        "dwell_s": _since(time_s, moving=~rest),
+        "direction": _last_sign(rate),
+    }
+
+
+def _rate(time_s: Array, angle: Array) -> Array:
+    """Return the angle's slope over five seconds to either side, °/s."""
+    low = np.searchsorted(time_s, time_s - 5.0)
+    high = np.searchsorted(time_s, time_s + 5.0, side="right") - 1
+    span = time_s[high] - time_s[low]
+    return np.where(span > 0.0, (angle[high] - angle[low]) / np.where(span > 0.0, span, 1.0), 0.0)
+
+
+def _since(time_s: Array, *, moving: NDArray[np.bool_]) -> Array:
+    last = np.maximum.accumulate(np.where(moving, time_s, -np.inf))
+    return np.where(np.isfinite(last), time_s - last, time_s - time_s[0])
+
+
+def _last_sign(rate: Array) -> Array:
+    index = np.where(np.abs(rate) > 0.02, np.arange(len(rate)), 0)
+    return np.sign(rate[np.maximum.accumulate(index)])

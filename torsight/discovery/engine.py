@@ -1,0 +1,98 @@
+"""The engine: from a record and a model to what the model lacks.
+
+The order of work: fit the base model; measure the noise floor and what a residual is worth (:mod:`.noise`); fit every
+candidate together with the base, then sets of the best (:mod:`.search`); believe what beats chance and predicts blocks
+that the fit has not seen, name what is adequate, tell rivals (:mod:`.decide`); and where something real is left without
+a name, learn a stand-in and say what it depends on (:mod:`.closure`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from torsight.core.errors import InputError
+from torsight.core.progress import Progress, silent
+from torsight.discovery.closure import learn_closure
+from torsight.discovery.decide import Decision, decide
+from torsight.discovery.interface import Closure, Problem
+from torsight.discovery.search import Field, Search, Settings
+from torsight.discovery.validate import HeldOut, block_labels, held_out_by_refit
+
+Verdict = Literal["none", "identified", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What the engine found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+    field : Field
+        Everything that was fitted, at the last weights.
+    decision : Decision
+        What is named and why.
+    before, after : HeldOut or None
+        Prediction of unseen blocks by the base model and by the named set; None where there is one block only.
+    closure : Closure or None
+        The learned stand-in, for ``unknown``.
+    """
+
+    verdict: Verdict
+    field: Field
+    decision: Decision
+    before: HeldOut | None
+    after: HeldOut | None
+    closure: Closure | None
+
+
+def find_missing(
+    problem: Problem, *, settings: Settings | None = None, seed: int = 0, progress: Progress = silent
+) -> Findings:
+    """Find what a model lacks.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model.
+    settings : Settings, optional
+        How to decide.
+    seed : int
+        Of the draws for the threshold; the same seed gives the same answer.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        When no sample counts.
+    """
+    chosen_settings = settings or Settings()
+    if not np.any(problem.valid):
+        raise InputError("no sample counts", where="record", do="record it again")
+    can_hold_out = len(block_labels(problem)) > 1
+    field = Search(problem, settings=chosen_settings, progress=progress).run()
+    progress("what chance gains", 0, 1)
+    decision = decide(field, settings=chosen_settings, seed=seed, can_hold_out=can_hold_out)
+    progress("what chance gains", 1, 1)
+    before = after = closure = None
+    if can_hold_out:
+        progress("held-out blocks", 0, 2)
+        before = held_out_by_refit(field.fitter, field.base.fit)
+        progress("held-out blocks", 1, 2)
+        named = bool(decision.chosen.effects)
+        after = held_out_by_refit(field.fitter, decision.chosen.fit) if named else before
+        progress("held-out blocks", 2, 2)
+        if not named:
+            closure = learn_closure(field, field.base, seed=seed)
+    return Findings(_verdict(decision, closure), field, decision, before, after, closure)
+
+
+def _verdict(decision: Decision, closure: Closure | None) -> Verdict:
+    if decision.chosen.effects:
+        return "ambiguous" if decision.rivals else "identified"
+    return "unknown" if closure is not None else "none"
