@@ -68,7 +68,7 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     """Return the verdict on one camera."""
     normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in lens.fit.rvec])
     focal = lens.fit.intrinsics.matrix[0, 0]
-    kept = [lens.views[index] for index in lens.kept]
+    covered = cells_covered([lens.views[index] for index in lens.kept], size_px)
     return _verdict(
         [
             _Criterion("views", len(lens.kept), 10, 6, more=True, text="{:.0f}", do="take more pictures"),
@@ -85,11 +85,23 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
                 do="tilt the board to the left, right, top and bottom by 20° to 45°",
             ),
             _Criterion(
-                "coverage", 100.0 * float(cells_covered(kept, size_px).mean()), 60.0, 35.0, more=True,
-                text="{:.0f} % of the picture", do="bring the board into the empty parts that the picture shows",
+                "coverage", 100.0 * float(covered.mean()), 75.0, 35.0, more=True,
+                text="{:.0f} % of the picture", do=f"bring the board also {_empty_sides(covered)}",
             ),
         ]
     )  # fmt: skip
+
+
+def _empty_sides(covered: NDArray[np.bool_]) -> str:
+    """Return in words where along the picture's edges most cells hold no corner."""
+    edges = {
+        "to the left": covered[:, 0],
+        "to the right": covered[:, -1],
+        "to the top": covered[0],
+        "to the bottom": covered[-1],
+    }
+    empty = [name for name, cells in edges.items() if cells.mean() < 0.5]
+    return ", ".join(empty) or "into the empty parts that the picture of the coverage shows"
 
 
 def judge_pair(*, pairs: int, epipolar_px: float, baseline_share: float) -> Verdict:

@@ -24,6 +24,8 @@ COMMANDS: Final = (
     "simulate",
     "predict",
     "render",
+    "calibrate",
+    "board",
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
@@ -58,7 +60,7 @@ def _options(
 
 for _name in COMMANDS:
     _module = importlib.import_module(f"torsight.cli.{_name}")
-    app.command(_name)(getattr(_module, _name))
+    app.command(_name, cls=getattr(_module, "Command", None))(getattr(_module, _name))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
