@@ -21,7 +21,8 @@ def demo(
     from torsight.cli.experiment import read_experiment
     from torsight.cli.run import run_experiment
     from torsight.cli.summary import summary
-    from torsight.synthetic import demo_scene, render_scene
+    from torsight.synthetic.render import render_scene
+    from torsight.synthetic.scene import demo_scene
 
     film = out / "rig"
     with progress_lines() as progress:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 COMMANDS: Final = (
+    "init",
     "demo",
     "run",
     "track",
@@ -23,9 +24,10 @@ COMMANDS: Final = (
     "discover",
     "simulate",
     "predict",
-    "render",
     "calibrate",
-    "board",
+    "render",
+    "view",
+    "batch",
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 

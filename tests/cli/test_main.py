@@ -1,0 +1,72 @@
+"""The command line: every command has an example, errors are told once, exit codes are the contract's."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from torsight.cli.main import COMMANDS, app, main
+
+
+def leave(*words: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return int(end.value.code or 0)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave(name, "--help") == 0
+    assert f"Example: torsight {name}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_every_command_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("--help") == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in COMMANDS)
+    assert len(app.registered_commands) == len(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("trak",),
+        ("track",),
+        ("run",),
+        ("sync", "--angle", "a.csv"),
+        ("discover", "m.csv", "--actuator", "a.toml", "--out", "o", "--seed", "x"),
+    ],
+)
+def test_wrong_usage_is_2(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave(*words) == 2
+    assert capsys.readouterr().err.strip()
+
+
+def test_a_missing_file_is_one_line_and_debug_shows_the_traceback(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("run", str(tmp_path / "experiment.toml"))
+    assert leave(*words) == 3
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "experiment.toml: no such file" in told
+    assert leave(*words, "--debug") == 3
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_start_up_stays_light() -> None:
+    """Help needs none of the heavy libraries: what it imports, not how long it takes, is checked."""
+    heavy = ("cv2", "scipy", "pandas", "numba", "rerun", "matplotlib", "av", "jinja2")
+    code = f"""
+import sys, contextlib
+from torsight.cli.main import main
+with contextlib.suppress(SystemExit):
+    main(["--help"])
+print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
