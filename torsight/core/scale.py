@@ -1,0 +1,145 @@
+"""A check of scale: each stick keeps the distance of its two markers, and both sticks must be measured alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import NoResultError
+
+Floats = NDArray[np.float64]
+
+_STICKS = {"base": (0, 1), "moving": (2, 3)}
+_SIGNIFICANT = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class StickLength:
+    """The measured distance of one stick's markers.
+
+    Attributes
+    ----------
+    length_mm, sigma_mm : float
+        Weighted mean over the film and its standard deviation, widened where the scatter is larger than the
+        positions' sigmas say.
+    misfit : float
+        Root of χ² per degree of freedom of a constant length: about 1, and more where the cameras' geometry is wrong
+        (the length then depends on where the stick points).
+    known_mm : float or None
+        The distance measured by hand.
+    """
+
+    length_mm: float
+    sigma_mm: float
+    misfit: float
+    known_mm: float | None = None
+
+    @property
+    def ratio(self) -> float:
+        """Measured over known distance; NaN where it is not known."""
+        return self.length_mm / self.known_mm if self.known_mm else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleCheck:
+    """Both sticks' lengths and what they say of the scale; ``complaints`` is empty where all agrees."""
+
+    sticks: Mapping[str, StickLength]
+    complaints: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form that stands in the JSON outputs."""
+        return {
+            "sticks": {
+                name: {
+                    "length_mm": stick.length_mm,
+                    "sigma_mm": stick.sigma_mm,
+                    "misfit": stick.misfit,
+                    "known_mm": stick.known_mm,
+                }
+                for name, stick in self.sticks.items()
+            },
+            "complaints": list(self.complaints),
+        }
+
+
+def check_scale(
+    position_mm: Floats,
+    covariance_mm2: Floats,
+    *,
+    known_mm: Mapping[str, float] | None = None,
+    known_sigma_mm: float = 0.1,
+) -> ScaleCheck:
+    """Measure the distance of each stick's markers over a film, and compare.
+
+    Parameters
+    ----------
+    position_mm : (n, 4, 3) float64
+        Markers in space, in the order of :data:`torsight.core.tracks.MARKERS`; NaN where not known.
+    covariance_mm2 : (n, 4, 3, 3) float64
+        Their covariance.
+    known_mm : mapping of str to float, optional
+        Distances measured by hand, for ``base`` and ``moving``.
+    known_sigma_mm : float
+        Standard deviation of a measurement by hand.
+
+    Raises
+    ------
+    NoResultError
+        When a stick is never seen with both markers.
+    """
+    known = known_mm or {}
+    sticks = {
+        name: _length(position_mm[:, ends], covariance_mm2[:, ends], name=name, known_mm=known.get(name))
+        for name, ends in ((name, list(pair)) for name, pair in _STICKS.items())
+    }
+    return ScaleCheck(sticks, tuple(_complaints(sticks, known_sigma_mm)))
+
+
+def _length(position: Floats, covariance: Floats, *, name: str, known_mm: float | None) -> StickLength:
+    stick = position[:, 1] - position[:, 0]
+    length = np.linalg.norm(stick, axis=1)
+    along = stick / length[:, None]
+    variance = np.einsum("ni,nij,nj->n", along, covariance.sum(axis=1), along)
+    good = np.isfinite(length) & np.isfinite(variance)
+    if not good.any():
+        raise NoResultError(
+            f"both markers of the {name} stick are never seen together by both cameras",
+            do="film so that all four markers stay in both pictures",
+        )
+    length, weight = length[good], 1.0 / variance[good]
+    mean = float(np.sum(weight * length) / np.sum(weight))
+    misfit = float(np.sqrt(np.sum(weight * (length - mean) ** 2) / max(len(length) - 1, 1)))
+    sigma = max(misfit, 1.0) / float(np.sqrt(np.sum(weight)))
+    return StickLength(mean, sigma, misfit if len(length) > 1 else 1.0, known_mm)
+
+
+def _complaints(sticks: Mapping[str, StickLength], known_sigma_mm: float) -> list[str]:
+    found = []
+    scales = {}
+    for name, stick in sticks.items():
+        if stick.misfit > 2.0:
+            found.append(
+                f"the {name} stick's marker distance is not constant: it scatters {stick.misfit:.1f} times as much "
+                "as the markers' sigmas explain; check the calibration and that neither camera moved"
+            )
+        if stick.known_mm:
+            sigma = float(np.hypot(stick.sigma_mm, known_sigma_mm)) / stick.known_mm
+            scales[name] = (stick.ratio, sigma)
+            if abs(stick.ratio - 1.0) > _SIGNIFICANT * sigma:
+                found.append(
+                    f"the {name} stick is measured {100.0 * (stick.ratio - 1.0):+.2f} % off its known "
+                    f"{stick.known_mm:g} mm; check square_mm of the board"
+                )
+    if len(scales) == 2:
+        (first, first_sigma), (second, second_sigma) = scales.values()
+        if abs(first - second) > _SIGNIFICANT * np.hypot(first_sigma, second_sigma):
+            found.append(
+                f"the two sticks disagree on the scale by {100.0 * abs(first - second):.2f} %; "
+                "check their known distances and the stereo geometry"
+            )
+    return found
