@@ -38,7 +38,9 @@ class Bar:
     level: float
 
 
-def frame_ticks(settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator) -> NDArray[np.int64]:
+def frame_ticks(
+    settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator
+) -> NDArray[np.int64]:
     """Return the stamps of the frames that the film has, in ticks of its container."""
     count = int(duration_s * settings.fps + 1e-9)
     place = np.arange(count, dtype=np.float64)

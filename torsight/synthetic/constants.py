@@ -1,4 +1,4 @@
-"""The rig's numbers as the compiled integrator takes them: one flat record, every effect at its null unless it is on."""
+"""The rig's numbers as the compiled integrator takes them: one flat record, effects at their nulls unless on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG
+from torsight.synthetic.hidden import HiddenEffect, NonuniformTemperature
 from torsight.synthetic.values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG
@@ -41,6 +42,7 @@ class Constants(NamedTuple):
     to_room: float
     to_body: float
     between: float
+    between_more: float
     body_capacity: float
     body_to_room: float
     # control
@@ -98,6 +100,7 @@ _NULLS: Final[Mapping[str, float]] = {
     "sensor_form": 0,
     "bulge_c": 0.0,
     "crosstalk": 0,
+    "between_more": 0.0,
     "zone_scale": 5.0,
     "zone_form": 0,
     "coil": 0.0,
@@ -141,12 +144,14 @@ _WHOLE: Final = frozenset(
 
 
 def to_record(constants: Constants) -> NDArray[np.void]:
-    """Return the constants as a one-element record array: compiled functions take it by reference, not field by field."""
+    """Return the constants as an array of one record, which compiled functions take by reference."""
     layout = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
     return np.array([tuple(constants)], dtype=layout)
 
 
-def pack(values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, Any]) -> Constants:
+def pack(
+    values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, HiddenEffect]
+) -> Constants:
     """Return the constants of a rig.
 
     Parameters
@@ -191,74 +196,18 @@ def pack(values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, e
         "current_max": thermal.current_max_a,
         "quantum_c": quantum_c,
     }
-    for name, effect in effects.items():
-        plain |= _changes(name, effect, plain)
+    for effect in effects.values():
+        plain |= effect.constants()
     return Constants(**plain)
 
 
-def _changes(name: str, effect: Any, plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the constants that one effect sets; effects of the reading set none."""
-    match name:
-        case "sensor_lag":
-            return {"lag_s": effect.lag_s, "lag_stages": 2 if effect.form == "two_stage" else 1}
-        case "sensor_gain":
-            return {"sensor_gain": effect.gain, "sensor_form": int(effect.form == "curved")}
-        case "heat_crosstalk":
-            return {"crosstalk": 1, "between": plain["between"] + effect.conductance_w_per_k}
-        case "nonuniform_temperature":
-            profile = effect.form == "profile"
-            return {"zone_scale": 50.0 if profile else 5.0, "zone_form": int(profile)}
-        case "coil_friction":
-            form = ("linear", "quadratic", "exponential").index(effect.form)
-            return {"coil": effect.rise_mnm * MNM, "coil_onset": effect.onset_deg * DEG, "coil_form": form}
-        case "viscous_friction":
-            return {"viscous": effect.viscous_mnm_s_per_rad * MNM, "viscous_form": int(effect.form == "power")}
-        case "position_friction":
-            form = int(effect.form == "flattened")
-            return {"position": effect.amplitude, "position_phase": effect.phase_rad, "position_form": form}
-        case "stiffening":
-            form = ("cubic", "third_slope", "quadratic").index(effect.form)
-            return {"stiff": effect.rise_mnm * MNM, "stiff_onset": effect.onset_deg * DEG, "stiff_form": form}
-        case "fatigue":
-            form = int(effect.form == "saturating")
-            return {"fatigue": effect.loss, "fatigue_cycles": effect.cycles, "fatigue_form": form}
-    return _more_changes(name, effect)
-
-
-def _more_changes(name: str, effect: Any) -> dict[str, Any]:
-    match name:
-        case "creep":
-            return {"creep": effect.relaxation, "creep_onset": effect.onset_s}
-        case "torque_bias":
-            return {"bias": effect.bias_mnm * MNM}
-        case "gravity":
-            return {"gravity": effect.amplitude_mnm * MNM, "gravity_phase": effect.phase_rad}
-        case "grease_temperature":
-            return {"grease": effect.per_k}
-        case "static_friction":
-            return {"static_excess": effect.excess, "static_ageing": effect.ageing_s}
-        case "direction_friction":
-            return {"asymmetry": effect.asymmetry}
-        case "r_phase":
-            return {"r_step": effect.step_deg * DEG, "r_start": effect.start_c, "r_width": effect.width_c}
-        case "thermistor_curve":
-            return {"bulge_c": effect.bulge_c}
-        case "end_stop":
-            return {"stop_angle": effect.angle_deg * DEG, "stop_stiffness": effect.stiffness_mnm_per_rad * MNM}
-        case "imbalance":
-            return {"imbalance": effect.excess}
-        case "kinetics_shape":
-            return {"bend": effect.bend, "tanaka": effect.tanaka}
-    return {}
-
-
-def zones(effects: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def zones(effects: Mapping[str, HiddenEffect]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
     effect = effects.get("nonuniform_temperature")
-    if effect is None:
+    if not isinstance(effect, NonuniformTemperature):
         return np.ones(1), np.zeros(1)
     if effect.form == "two_zone":
         return np.array([1.0 - effect.share, effect.share]), np.array([0.0, effect.cooler_c])
     # A parabola from the middle to the end, seven points of equal length.
-    place = (np.arange(7) + 0.5) / 7.0
+    place = (np.arange(7, dtype=np.float64) + 0.5) / 7.0
     return np.full(7, 1.0 / 7.0), effect.cooler_c * place**2

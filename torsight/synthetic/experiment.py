@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG, PPM
+from torsight.synthetic.hidden import ClockOffset
 from torsight.synthetic.rig import RigRecord, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 
@@ -103,9 +104,14 @@ def play_scene(scene: Scene) -> Played:
 
 def clock(scene: Scene) -> tuple[float, float]:
     """Return offset, s, and drift, ppm, of the log's clock: declared ones and the hidden ones together."""
-    hidden = scene.effects.get("clock_offset")
-    offset_s, drift_ppm = scene.log.offset_s, scene.log.drift_ppm
-    return (offset_s, drift_ppm) if hidden is None else (offset_s + hidden.offset_s, drift_ppm + hidden.drift_ppm)
+    offset_s, drift_ppm = hidden_clock(scene)
+    return scene.log.offset_s + offset_s, scene.log.drift_ppm + drift_ppm
+
+
+def hidden_clock(scene: Scene) -> tuple[float, float]:
+    """Return offset, s, and drift, ppm, that nobody declared."""
+    effect = scene.effects.get("clock_offset")
+    return (effect.offset_s, effect.drift_ppm) if isinstance(effect, ClockOffset) else (0.0, 0.0)
 
 
 def log_columns(played: Played) -> dict[str, Any]:
@@ -184,8 +190,7 @@ def make_record(
     time_s = np.arange(0.0, played.duration_s, 1.0 / rate_hz)
     angle_rad = played.stick_angle(time_s)
     noise = scene.rng("angle").standard_normal(len(time_s)) * sigma_deg * DEG
-    hidden = scene.effects.get("clock_offset")
-    shift_s, drift_ppm = (0.0, 0.0) if hidden is None else (hidden.offset_s, hidden.drift_ppm)
+    shift_s, drift_ppm = hidden_clock(scene)
     # Temperature time = film time (1 + drift) + offset: read at film time t, the log shows what happened earlier.
     then_s = (time_s - shift_s) / (1.0 + drift_ppm * PPM) + played.before_s
     index = np.clip(np.rint(then_s / scene.sensor.sample_s).astype(np.int64), 0, len(rig) - 1)

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,12 @@ from torsight.synthetic.scene import FilmSettings
 
 Luma = NDArray[np.uint8]
 
-TICKS: Final = {"h264": Fraction(1, 90000), "ffv1": Fraction(1, 1000), "mjpeg": Fraction(1, 1000), "png": Fraction(1, 90000)}
+TICKS: Final = {
+    "h264": Fraction(1, 90000),
+    "ffv1": Fraction(1, 1000),
+    "mjpeg": Fraction(1, 1000),
+    "png": Fraction(1, 90000),
+}
 """Resolution of the frames' stamps (Matroska counts milliseconds)."""
 
 SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
@@ -120,7 +125,7 @@ class _Encoder:
             context.qmin = context.qmax = 2
         return stream
 
-    def __enter__(self) -> _Encoder:
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 

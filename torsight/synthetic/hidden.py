@@ -13,27 +13,45 @@ from typing import Any, Final
 
 from torsight.core.config import get_table
 from torsight.core.storage import check_keys
+from torsight.core.units import DEG, MNM
 from torsight.synthetic.keys import key, read_section
 
 
 @dataclass(frozen=True, slots=True)
-class SensorLag:
+class HiddenEffect:
+    """One effect that a rig has and its ``actuator.toml`` does not declare; its keys are the scene file's."""
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants of the integrator that it sets; none where it acts on clock or reading only."""
+        return {}
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLag(HiddenEffect):
     """The sensor follows the wire late: τ dT_m/dt = T − T_m, once or in two stages of τ/2."""
 
     lag_s: float = key(6.0, "time constant of the sensor", lower=0.0, upper=600.0)
     form: str = key("first_order", "law", choices=("first_order", "two_stage"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"lag_s": self.lag_s, "lag_stages": 2 if self.form == "two_stage" else 1}
+
 
 @dataclass(frozen=True, slots=True)
-class SensorGain:
+class SensorGain(HiddenEffect):
     """The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter."""
 
     gain: float = key(0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0)
     form: str = key("linear", "law", choices=("linear", "curved"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"sensor_gain": self.gain, "sensor_form": int(self.form == "curved")}
+
 
 @dataclass(frozen=True, slots=True)
-class ClockOffset:
+class ClockOffset(HiddenEffect):
     """A clock error that nobody corrected: the temperatures of a merged table are this late or early."""
 
     offset_s: float = key(1.0, "temperature time less film time at the start", lower=-600.0, upper=600.0)
@@ -41,58 +59,86 @@ class ClockOffset:
 
 
 @dataclass(frozen=True, slots=True)
-class HeatCrosstalk:
+class HeatCrosstalk(HiddenEffect):
     """More heat passes to the other spring, which starts to transform at its own temperature and stress."""
 
     conductance_w_per_k: float = key(0.012, "heat passing directly between the wires", lower=0.0, upper=1.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"crosstalk": 1, "between_more": self.conductance_w_per_k}
+
 
 @dataclass(frozen=True, slots=True)
-class NonuniformTemperature:
+class NonuniformTemperature(HiddenEffect):
     """Ends and contacts are cooler: two zones, or a profile along the wire."""
 
     cooler_c: float = key(8.0, "how much cooler the ends are than the middle", lower=0.0, upper=50.0)
     share: float = key(0.25, "share of the wire that is cool (two zones)", lower=0.0, upper=1.0)
     form: str = key("two_zone", "law", choices=("two_zone", "profile"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        profile = self.form == "profile"
+        return {"zone_scale": 50.0 if profile else 5.0, "zone_form": int(profile)}
+
 
 @dataclass(frozen=True, slots=True)
-class CoilFriction:
+class CoilFriction(HiddenEffect):
     """Tight coils rub: friction that grows with the winding of either spring past an onset."""
 
     rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0)
     onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0)
     form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = ("linear", "quadratic", "exponential").index(self.form)
+        return {"coil": self.rise_mnm * MNM, "coil_onset": self.onset_deg * DEG, "coil_form": form}
+
 
 @dataclass(frozen=True, slots=True)
-class ViscousFriction:
+class ViscousFriction(HiddenEffect):
     """Grease: torque with the speed, or with its power 0.7."""
 
     viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0)
     form: str = key("linear", "law", choices=("linear", "power"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"viscous": self.viscous_mnm_s_per_rad * MNM, "viscous_form": int(self.form == "power")}
+
 
 @dataclass(frozen=True, slots=True)
-class PositionFriction:
+class PositionFriction(HiddenEffect):
     """Friction that changes once per turn: a sine, or one flattened at its extremes."""
 
     amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95)
     phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0)
     form: str = key("sine", "law", choices=("sine", "flattened"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = int(self.form == "flattened")
+        return {"position": self.amplitude, "position_phase": self.phase_rad, "position_form": form}
+
 
 @dataclass(frozen=True, slots=True)
-class Stiffening:
+class Stiffening(HiddenEffect):
     """The stress-induced martensite ends: a wound spring stiffens past an onset."""
 
     rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0)
     onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
     form: str = key("cubic", "law", choices=("cubic", "third_slope", "quadratic"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = ("cubic", "third_slope", "quadratic").index(self.form)
+        return {"stiff": self.rise_mnm * MNM, "stiff_onset": self.onset_deg * DEG, "stiff_form": form}
+
 
 @dataclass(frozen=True, slots=True)
-class Eccentricity:
+class Eccentricity(HiddenEffect):
     """Disk or markers off the axis: the stick's angle errs once per turn."""
 
     amplitude_deg: float = key(1.5, "size of the error", lower=0.0, upper=30.0)
@@ -101,16 +147,21 @@ class Eccentricity:
 
 
 @dataclass(frozen=True, slots=True)
-class Fatigue:
+class Fatigue(HiddenEffect):
     """The recoverable angle falls from cycle to cycle, without end or towards a limit."""
 
     loss: float = key(0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9)
     cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4)
     form: str = key("geometric", "law", choices=("geometric", "saturating"))
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = int(self.form == "saturating")
+        return {"fatigue": self.loss, "fatigue_cycles": self.cycles, "fatigue_form": form}
+
 
 @dataclass(frozen=True, slots=True)
-class MarkerSlip:
+class MarkerSlip(HiddenEffect):
     """The moving stick slips on its disk at one moment of the film."""
 
     time_s: float = key(300.0, "when, on the film's clock", lower=-1e7, upper=1e7)
@@ -118,97 +169,141 @@ class MarkerSlip:
 
 
 @dataclass(frozen=True, slots=True)
-class Creep:
+class Creep(HiddenEffect):
     """The wound cold spring relaxes with the logarithm of time since the other one was switched on."""
 
     relaxation: float = key(0.03, "share of the torque lost per decade of time", lower=0.0, upper=0.5)
     onset_s: float = key(10.0, "time at which it starts to show", lower=1e-3, upper=1e6)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"creep": self.relaxation, "creep_onset": self.onset_s}
+
 
 @dataclass(frozen=True, slots=True)
-class TorqueBias:
+class TorqueBias(HiddenEffect):
     """A constant stray torque: lead wires."""
 
     bias_mnm: float = key(0.15, "torque towards positive angles", lower=-20.0, upper=20.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"bias": self.bias_mnm * MNM}
+
 
 @dataclass(frozen=True, slots=True)
-class Gravity:
+class Gravity(HiddenEffect):
     """An unbalanced disk: a torque that goes with the sine of the angle and does not change with direction."""
 
     amplitude_mnm: float = key(0.15, "largest torque", lower=0.0, upper=20.0)
     phase_rad: float = key(0.0, "angle at which it vanishes, negative", lower=-10.0, upper=10.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"gravity": self.amplitude_mnm * MNM, "gravity_phase": self.phase_rad}
+
 
 @dataclass(frozen=True, slots=True)
-class GreaseTemperature:
+class GreaseTemperature(HiddenEffect):
     """The grease thins as the body warms up: friction falls exponentially."""
 
     per_k: float = key(0.05, "relative fall per kelvin of the body above the room", lower=0.0, upper=1.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"grease": self.per_k}
+
 
 @dataclass(frozen=True, slots=True)
-class Backlash:
+class Backlash(HiddenEffect):
     """Play between the disk and the stick."""
 
     gap_deg: float = key(3.0, "width of the play", lower=0.0, upper=90.0)
 
 
 @dataclass(frozen=True, slots=True)
-class StaticFriction:
+class StaticFriction(HiddenEffect):
     """Friction at rest is above sliding friction and grows with the time at rest: stick and slip."""
 
     excess: float = key(0.3, "relative excess after a long rest", lower=0.0, upper=5.0)
     ageing_s: float = key(60.0, "time constant of its growth", lower=1e-3, upper=1e6)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"static_excess": self.excess, "static_ageing": self.ageing_s}
+
 
 @dataclass(frozen=True, slots=True)
-class DirectionFriction:
+class DirectionFriction(HiddenEffect):
     """Friction differs by direction."""
 
     asymmetry: float = key(0.2, "relative excess in the positive direction", lower=-0.95, upper=0.95)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"asymmetry": self.asymmetry}
+
 
 @dataclass(frozen=True, slots=True)
-class RPhase:
+class RPhase(HiddenEffect):
     """A small, reversible early step of the spring's torque."""
 
     step_deg: float = key(25.0, "recoverable angle of the step", lower=0.0, upper=360.0)
     start_c: float = key(26.0, "temperature at which it begins", lower=-100.0, upper=200.0)
     width_c: float = key(12.0, "width of the step", lower=0.1, upper=200.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"r_step": self.step_deg * DEG, "r_start": self.start_c, "r_width": self.width_c}
+
 
 @dataclass(frozen=True, slots=True)
-class ThermistorCurve:
+class ThermistorCurve(HiddenEffect):
     """An error of the sensor's curve that bulges between 20 and 100 °C."""
 
     bulge_c: float = key(1.0, "largest error, at 60 °C", lower=-20.0, upper=20.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"bulge_c": self.bulge_c}
+
 
 @dataclass(frozen=True, slots=True)
-class EndStop:
+class EndStop(HiddenEffect):
     """A soft stop that pushes back beyond an angle on either side."""
 
     angle_deg: float = key(215.0, "where it begins", lower=0.0, upper=3000.0)
     stiffness_mnm_per_rad: float = key(3.0, "its stiffness", lower=0.0, upper=1e4)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"stop_angle": self.angle_deg * DEG, "stop_stiffness": self.stiffness_mnm_per_rad * MNM}
+
 
 @dataclass(frozen=True, slots=True)
-class Imbalance:
+class Imbalance(HiddenEffect):
     """Spring B is stronger than spring A throughout."""
 
     excess: float = key(0.05, "relative excess of B's torque", lower=-0.9, upper=5.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"imbalance": self.excess}
+
 
 @dataclass(frozen=True, slots=True)
-class KineticsShape:
+class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 
     bend: float = key(0.1, "shift of the progress at mid-window, as a share of it", lower=-0.9, upper=0.9)
     tanaka: float = key(0.0, "share of the exponential law mixed in", lower=0.0, upper=1.0)
 
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"bend": self.bend, "tanaka": self.tanaka}
 
-HIDDEN: Final[Mapping[str, type[Any]]] = {
+
+HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
     "sensor_lag": SensorLag,
     "sensor_gain": SensorGain,
     "clock_offset": ClockOffset,
@@ -237,7 +332,7 @@ HIDDEN: Final[Mapping[str, type[Any]]] = {
 """Effects by id; the first twelve are those of the public contract."""
 
 
-def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, Any]:
+def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, HiddenEffect]:
     """Read the table [effects]: one sub-table per effect that the rig has.
 
     Raises
@@ -246,7 +341,7 @@ def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, Any]:
         For an effect or a key that is not known (naming the nearest).
     """
     check_keys(table, tuple(HIDDEN), where=f"{where}, [effects]")
-    found = {}
+    found: dict[str, HiddenEffect] = {}
     for name in table:
         place = f"{where}, [effects.{name}]"
         found[name] = read_section(HIDDEN[name], get_table(table, name, where=f"{where}, [effects]"), where=place)

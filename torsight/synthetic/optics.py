@@ -49,7 +49,7 @@ class View:
         columns = np.column_stack(
             [self.rotation[:, 0], self.rotation[:, 1], self.rotation[:, 2] * z_mm + self.translation_mm]
         )
-        return np.linalg.inv(columns)
+        return np.asarray(np.linalg.inv(columns), np.float64)
 
     def rays(self, margin_px: int) -> Matrix:
         """Return undistorted rays (h + 2m, w + 2m, 2) of all pixels and a margin around the picture."""
@@ -97,7 +97,8 @@ def rotation_about(axis: Matrix, angle_rad: float) -> Matrix:
     """Return the rotation (3, 3) about an axis, by Rodrigues' formula."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross
+    rotation: Matrix = np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross
+    return rotation
 
 
 def rotation_vector(rotation: Matrix) -> Matrix:

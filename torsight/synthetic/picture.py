@@ -62,7 +62,7 @@ def stick_value(
     u, v = cos * x_mm + sin * y_mm, -sin * x_mm + cos * y_mm
     value = below
     du, dv = max(u - shape[0], -shape[2] - u), abs(v) - shape[1]
-    if max(du, dv) < 2.0 * shape[1]:
+    if max(du, dv) < shape[1]:
         along = math.sqrt(scale[0, 0] * cos * cos + 2 * scale[0, 1] * cos * sin + scale[0, 2] * sin * sin)
         across = math.sqrt(scale[0, 0] * sin * sin - 2 * scale[0, 1] * cos * sin + scale[0, 2] * cos * cos)
         share = edge_share(du / along, blur_px) * edge_share(dv / across, blur_px)
@@ -78,10 +78,21 @@ def stick_value(
                 value += edge_share((r - shape[5]) / size, blur_px) * (shape[7] - value)
     if shape[8] > 0.0:
         r = math.sqrt(u * u + v * v)
-        if r < 3.0 * shape[8]:
+        if r < 2.0 * shape[8]:
             size = math.sqrt(0.5 * (scale[0, 0] + scale[0, 2]))
             value += edge_share((r - shape[8]) / size, blur_px) * (shape[9] - value)
     return value
+
+
+@njit(cache=True, nogil=True)
+def near_stick(x_mm: float, y_mm: float, turns: Floats, shape: Floats) -> bool:
+    """Return whether a point of the plane can be touched by the stick in any of its directions."""
+    if x_mm * x_mm + y_mm * y_mm < 4.0 * shape[8] * shape[8]:
+        return True
+    near = False
+    for k in range(turns.shape[0]):
+        near |= abs(turns[k, 0] * y_mm - turns[k, 1] * x_mm) < 2.0 * shape[1]
+    return near
 
 
 @njit(cache=True, nogil=True)
@@ -119,6 +130,8 @@ def draw_stick(
     for y in range(box[2], box[3]):
         for x in range(box[0], box[1]):
             x_mm, y_mm = plane_point(rays, plane, x - shift_px[0], y - shift_px[1])
+            if not near_stick(x_mm, y_mm, turns, shape):
+                continue
             below = picture[y, x] / light[y, x]
             total = 0.0
             for k in range(turns.shape[0]):
@@ -127,9 +140,7 @@ def draw_stick(
 
 
 @njit(cache=True, nogil=True)
-def draw_bar(
-    picture: Picture, light: Picture, ends_px: Floats, radius_px: float, level: float, blur_px: float
-) -> None:
+def draw_bar(picture: Picture, light: Picture, ends_px: Floats, radius_px: float, level: float, blur_px: float) -> None:
     """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) a lamp."""
     ax, ay, bx, by = ends_px
     height, width = picture.shape
@@ -150,15 +161,12 @@ def draw_bar(
 
 @njit(cache=True, nogil=True)
 def expose(
-    picture: Picture, gain: float, read: float, shot: float, noise: Picture, start: int, out: NDArray[np.uint8]
+    picture: Picture, gain: np.float32, read: np.float32, shot: np.float32, noise: Picture, out: NDArray[np.uint8]
 ) -> None:
-    """Turn light into 8-bit grey levels: gain, shot and read noise (normal numbers from a pool), rounding."""
-    height, width = picture.shape
-    mask = noise.size - 1
-    for y in range(height):
-        row = start + y * width
-        for x in range(width):
-            value = gain * picture[y, x]
-            sigma = math.sqrt(read * read + shot * max(value, 0.0))
-            value += sigma * noise[(row + x) & mask] + 0.5
-            out[y, x] = min(max(int(value), 0), 255)
+    """Turn light into 8-bit grey levels: gain, shot and read noise (one normal number per pixel), rounding."""
+    half, top, none = np.float32(0.5), np.float32(255.0), np.float32(0.0)
+    flat, levels = picture.reshape(-1), out.reshape(-1)
+    for i in range(flat.size):
+        value = max(gain * flat[i], none)
+        value += np.sqrt(read * read + shot * value) * noise[i] + half
+        levels[i] = np.uint8(min(max(value, none), top))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import DEG
 from torsight.synthetic.constants import Constants, pack, to_record, zones
+from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
 from torsight.synthetic.protocol import Commands, Protocol, commands
@@ -35,7 +35,7 @@ class Thermal:
 
     room_c: float = key(23.4, "room temperature", lower=-50.0, upper=100.0)
     resistance_ohm: float = key(0.45, "resistance of one wire", lower=1e-3, upper=1e3)
-    wire_capacity_j_per_k: float = key(0.36, "heat capacity of a wire with what sticks to it", lower=1e-4, upper=1e3)
+    wire_capacity_j_per_k: float = key(0.5, "heat capacity of a wire with what sticks to it", lower=1e-4, upper=1e3)
     wire_to_room_w_per_k: float = key(0.010, "loss of a wire to the room", lower=0.0, upper=10.0)
     wire_to_body_w_per_k: float = key(0.0015, "loss of a wire to the rig's body", lower=0.0, upper=10.0)
     between_wires_w_per_k: float = key(0.0004, "heat passing directly between the wires", lower=0.0, upper=10.0)
@@ -126,7 +126,7 @@ def simulate_rig(
     values: RigValues,
     protocol: Protocol,
     *,
-    effects: Mapping[str, Any] | None = None,
+    effects: Mapping[str, HiddenEffect] | None = None,
     mechanics: Mechanics | None = None,
     thermal: Thermal | None = None,
     sensor: Sensor | None = None,
@@ -183,7 +183,7 @@ def simulate_rig(
 def scaled_constants(
     values: RigValues,
     protocol: Protocol,
-    effects: Mapping[str, Any],
+    effects: Mapping[str, HiddenEffect],
     *,
     mechanics: Mechanics,
     thermal: Thermal,
@@ -232,7 +232,7 @@ def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> 
     command = orders.command[orders.recorded :]
     signals = {name: np.ascontiguousarray(kept[:, i]) for i, name in enumerate(SIGNALS)}
     return RigRecord(
-        time_s=np.arange(len(kept)) * sample_s,
+        time_s=sample_s * np.arange(len(kept), dtype=np.float64),
         heat_a=command == 1,
         heat_b=command == 2,
         half_cycle=orders.half_cycle[orders.recorded :],
@@ -241,7 +241,7 @@ def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> 
 
 
 def reading_angle(
-    angle_rad: NDArray[np.float64], time_s: NDArray[np.float64], effects: Mapping[str, Any]
+    angle_rad: NDArray[np.float64], time_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]
 ) -> NDArray[np.float64]:
     """Return the angle that a perfect camera would read, rad: play, eccentricity and a slipped stick on top of φ.
 
@@ -255,19 +255,18 @@ def reading_angle(
         Hidden effects by id.
     """
     read = angle_rad.copy()
-    if "backlash" in effects:
-        read = play(read, effects["backlash"].gap_deg * DEG)
-    if "eccentricity" in effects:
-        effect = effects["eccentricity"]
-        turned = read + effect.phase_rad
-        size = math.sin(effect.amplitude_deg * DEG)
-        if effect.form == "lever":
-            read = read + np.arctan2(size * np.sin(turned), 1.0 - size * np.cos(turned))
-        else:
-            read = read + effect.amplitude_deg * DEG * np.sin(turned)
-    if "marker_slip" in effects:
-        effect = effects["marker_slip"]
-        read = read + np.where(time_s >= effect.time_s, effect.step_deg * DEG, 0.0)
+    for effect in effects.values():
+        if isinstance(effect, Backlash):
+            read = play(read, effect.gap_deg * DEG)
+    for effect in effects.values():
+        if isinstance(effect, Eccentricity):
+            turned = read + effect.phase_rad
+            size = math.sin(effect.amplitude_deg * DEG)
+            lever = np.arctan2(size * np.sin(turned), 1.0 - size * np.cos(turned))
+            read = read + (lever if effect.form == "lever" else effect.amplitude_deg * DEG * np.sin(turned))
+    for effect in effects.values():
+        if isinstance(effect, MarkerSlip):
+            read = read + np.where(time_s >= effect.time_s, effect.step_deg * DEG, 0.0)
     return read
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
 from torsight.core.storage import check_keys, read_toml
-from torsight.synthetic.hidden import read_hidden
+from torsight.synthetic.hidden import HiddenEffect, read_hidden
 from torsight.synthetic.keys import key, read_section
 from torsight.synthetic.protocol import Protocol, read_protocol
 from torsight.synthetic.rig import Mechanics, Sensor, Thermal
@@ -37,7 +37,9 @@ class FilmSettings:
     """Section [film]."""
 
     fps: float = key(30.0, "frame rate", lower=0.1, upper=1000.0)
-    codec: str = key("h264", "h264 in .mp4; ffv1 and mjpeg in .mkv; png as a folder", choices=("h264", "ffv1", "mjpeg", "png"))
+    codec: str = key(
+        "h264", "h264 in .mp4; ffv1 and mjpeg in .mkv; png as a folder", choices=("h264", "ffv1", "mjpeg", "png")
+    )
     crf: int = key(18, "quality of H.264, 0 (lossless) to 51", lower=0, upper=51)
     exposure: float = key(0.3, "share of the frame's time for which the shutter is open", lower=0.0, upper=1.0)
     dropped: float = key(0.0, "share of frames that are missing", lower=0.0, upper=0.9)
@@ -165,7 +167,7 @@ class Scene:
     thermal: Thermal
     sensor: Sensor
     protocol: Protocol
-    effects: Mapping[str, Any]
+    effects: Mapping[str, HiddenEffect]
     motion: Motion
     film: FilmSettings
     camera: CameraSettings

@@ -51,7 +51,7 @@ def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
     """Return a torque that starts at an onset and reaches ``rise`` 100° past it."""
     if rise == 0.0 or theta <= onset:
         return 0.0
-    return rise * ((theta - onset) / ONSET_SCALE_RAD) ** power
+    return rise * math.pow((theta - onset) / ONSET_SCALE_RAD, power)
 
 
 @njit(cache=True)
@@ -84,10 +84,10 @@ def progress(c: Constants, share: float) -> float:
 
 
 @njit(cache=True)
-def zone_fraction(c: Constants, warming: bool, temp_c: float, tau: float, xi0: float, xi: float) -> float:
+def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
     """Return the martensite fraction of one zone; it only advances."""
     stress = c.stress_per_nm * tau
-    if warming:
+    if warming == 1:
         done = progress(c, (temp_c - c.a_s - stress / c.c_a) / c.a_width)
         return min(xi, xi0 * (1.0 - done))
     done = progress(c, (c.m_s + stress / c.c_m - temp_c) / c.m_width)
@@ -106,7 +106,7 @@ def zone_temperature(c: Constants, temp_c: float, cooler_c: float) -> float:
 @njit(cache=True)
 def fraction(
     c: Constants,
-    warming: bool,
+    warming: int,
     temp_c: float,
     tau: float,
     xi0: NDArray[np.float64],
@@ -126,6 +126,7 @@ def fraction(
 def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c: float) -> float:
     """Return a spring's torque at an angle and a martensite fraction, N·m."""
     stiffness = c.k_a + xi * (c.k_m - c.k_a)
+    tau: float
     if s[MODE] == COLD:
         wound = max(theta, s[THETA_MAX])
         tau = (loading(c, wound) - c.k_m * (wound - theta)) * s[FACTOR]
@@ -158,7 +159,7 @@ def solve_spring(
     """Return the torque at which phase and stress agree, N·m; the state stays as it is."""
     if not transforms(c, s):
         return torque(c, s, theta, s[XI], temp_c)
-    warming = s[WARMING] > 0.5
+    warming = int(s[WARMING])
     a = s[TAU]
     b = torque(c, s, theta, fraction(c, warming, temp_c, a, xi0, xi, weight, cooler_c), temp_c)
     # More torque leaves more martensite, more martensite makes less torque: the answer lies between a and b.
@@ -197,7 +198,7 @@ def commit_spring(
         total = 0.0
         for i in range(weight.size):
             zone_c = zone_temperature(c, temp_c, cooler_c[i])
-            xi[i] = zone_fraction(c, s[WARMING] > 0.5, zone_c, tau, xi0[i], xi[i])
+            xi[i] = zone_fraction(c, int(s[WARMING]), zone_c, tau, xi0[i], xi[i])
             total += weight[i] * xi[i]
         s[XI] = total
     s[TAU] = tau
@@ -206,9 +207,9 @@ def commit_spring(
 
 
 @njit(cache=True)
-def turn(s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], warming: bool) -> None:
+def turn(s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], warming: int) -> None:
     """Begin a transformation in the other direction from the present fractions."""
-    s[WARMING] = 1.0 if warming else 0.0
+    s[WARMING] = warming
     for i in range(xi.size):
         xi0[i] = xi[i]
 
@@ -222,12 +223,12 @@ def follow_passive(
         if temp_c > s[TURN_C]:
             s[TURN_C] = temp_c
         elif temp_c < s[TURN_C] - slack_c:
-            turn(s, xi0, xi, False)
+            turn(s, xi0, xi, 0)
             s[TURN_C] = temp_c
     elif temp_c < s[TURN_C]:
         s[TURN_C] = temp_c
     elif temp_c > s[TURN_C] + slack_c:
-        turn(s, xi0, xi, True)
+        turn(s, xi0, xi, 1)
         s[TURN_C] = temp_c
 
 
@@ -274,7 +275,7 @@ def start_heating(
     if c.fatigue_form == 1:
         left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
     s[THETA_L] = recoverable(c, s[THETA_MAX]) * left
-    turn(s, xi0, xi, True)
+    turn(s, xi0, xi, 1)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = HEATING
 
@@ -284,6 +285,6 @@ def start_cooling(
     c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
 ) -> None:
     """Switch a heated spring off."""
-    turn(s, xi0, xi, False)
+    turn(s, xi0, xi, 0)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = COOLING

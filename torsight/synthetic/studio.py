@@ -15,7 +15,7 @@ from torsight.synthetic.scene import Scene
 
 Floats = NDArray[np.float64]
 
-_NOISE_POOL = 1 << 21
+_NOISE_POOL = 1 << 22
 _BLUR_STEP_PX = 0.35
 _MOST_POSES = 24
 
@@ -71,8 +71,10 @@ class Studio:
             draw_bar(picture, self._light, bar.ends_px, bar.radius_px, bar.level, 2.0 * self._blur_px)
         out = np.empty(picture.shape, np.uint8)
         light = self._scene.light
-        start = int(self._rng.integers(_NOISE_POOL))
-        expose(picture, gain, light.read_noise, light.shot_noise, self._noise, start, out)
+        # A stretch at random of a pool of normal numbers: new ones for each frame would cost more than the rest.
+        start = int(self._rng.integers(_NOISE_POOL - out.size))
+        noise = self._noise[start : start + out.size]
+        expose(picture, np.float32(gain), np.float32(light.read_noise), np.float32(light.shot_noise), noise, out)
         return out
 
     def poses(self, speed_rad: float) -> int:

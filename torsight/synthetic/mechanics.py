@@ -1,0 +1,163 @@
+"""Motion of the rig, compiled: springs against each other, friction, mass.
+
+Backward Euler; the torques are those at the end of the step, phase included::
+
+    J φ'' + b φ' = τ^B(θ_P/2 − φ) − τ^A(θ_P/2 + φ) − τ_f + stray torques
+
+Friction is a bristle: τ_f = κ z with z following φ until |κ z| reaches the limit, then sliding at the limit. It tends
+to Coulomb's law as κ grows, and the whole to the quasi-static model as the motion gets slow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from torsight.synthetic.constants import ONSET_SCALE_RAD, Constants
+from torsight.synthetic.springs import past_onset, solve_spring
+
+Floats: TypeAlias = NDArray[np.float64]
+Springs: TypeAlias = tuple[Floats, Floats, Floats, Floats, Floats]
+"""States of both springs; their zones' fractions at the last turn, and now; the zones' weights and coolness."""
+
+# Entries of the motion's state.
+PHI: Final = 0
+SPEED: Final = 1
+BRISTLE: Final = 2
+REST: Final = 3
+
+_RESIDUAL_NM: Final = 1e-10
+
+
+@njit(cache=True)
+def friction_limit(c: Constants, phi: float, body_c: float, side: float, rest_s: float) -> float:
+    """Return the torque at which friction lets go (``rest_s`` > 0) or slides, N·m."""
+    limit = c.tau_c * (1.0 + c.asymmetry * side)
+    if c.position != 0.0:
+        wave = math.sin(phi + c.position_phase)
+        if c.position_form == 1:
+            wave = math.tanh(2.0 * wave) / math.tanh(2.0)
+        limit *= 1.0 + c.position * wave
+    if c.coil != 0.0:
+        for theta in (0.5 * c.theta_p + phi, 0.5 * c.theta_p - phi):
+            if c.coil_form == 2:
+                x = max(theta - c.coil_onset, 0.0) / ONSET_SCALE_RAD
+                limit += c.coil * math.expm1(x) / math.expm1(1.0)
+            else:
+                limit += past_onset(theta, c.coil_onset, c.coil, 1.0 + c.coil_form)
+    if c.grease != 0.0:
+        limit *= math.exp(-c.grease * (body_c - c.room_c))
+    if rest_s > 0.0:
+        limit *= 1.0 - c.static_excess * math.expm1(-rest_s / c.static_ageing)
+    return max(limit, 0.0)
+
+
+@njit(cache=True)
+def stray_torque(c: Constants, phi: float) -> float:
+    """Return torques that are neither spring nor friction, N·m, positive towards positive angles."""
+    tau = c.bias
+    if c.gravity != 0.0:
+        tau -= c.gravity * math.sin(phi + c.gravity_phase)
+    if abs(phi) > c.stop_angle:
+        tau -= c.stop_stiffness * (phi - math.copysign(c.stop_angle, phi))
+    return tau
+
+
+@njit(cache=True)
+def residual(
+    c: Constants, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, w: float, kind: int
+) -> float:
+    """Return the unbalanced torque if the step ended at angle ``w``; it rises with ``w``.
+
+    ``kind`` 0 sticks, ±1 slides that way.
+    """
+    s, xi0, xi, weight, cooler_c = springs
+    half = 0.5 * c.theta_p
+    speed = (w - motion[PHI]) / step_s
+    tau_a = solve_spring(c, s[0], xi0[0], xi[0], weight, cooler_c, half + w, temps_c[0])
+    tau_b = solve_spring(c, s[1], xi0[1], xi[1], weight, cooler_c, half - w, temps_c[1])
+    tau: float = tau_a - tau_b * (1.0 + c.imbalance) - stray_torque(c, w)
+    tau += c.inertia * (speed - motion[SPEED]) / step_s + c.damping * speed
+    if c.viscous != 0.0:
+        power = 0.7 if c.viscous_form == 1 else 1.0
+        tau += math.copysign(c.viscous * math.pow(abs(speed), power), speed)
+    if kind == 0:
+        return tau + c.bristle * (motion[BRISTLE] + w - motion[PHI])
+    return tau + kind * friction_limit(c, w, temps_c[2], kind, 0.0)
+
+
+@njit(cache=True)
+def find_angle(
+    c: Constants,
+    springs: Springs,
+    motion: Floats,
+    temps_c: Floats,
+    step_s: float,
+    low: tuple[float, float],
+    high: tuple[float, float],
+    kind: int,
+) -> float:
+    """Return the angle of balance between ``low`` (angle, residual < 0) and ``high`` (residual > 0)."""
+    a, ra = low
+    b, rb = high
+    for _ in range(100):
+        if abs(b - a) < 1e-13 or rb == ra:
+            break
+        new = b - rb * (b - a) / (rb - ra)
+        r = residual(c, springs, motion, temps_c, step_s, new, kind)
+        if (r > 0.0) == (rb > 0.0):
+            # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
+            ra *= 0.5
+        else:
+            a, ra = b, rb
+        b, rb = new, r
+        if abs(r) < _RESIDUAL_NM:
+            break
+    return b
+
+
+@njit(cache=True)
+def slide(
+    c: Constants, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, start: float, side: int
+) -> float:
+    """Return the angle at the end of a step that slides to one side from ``start``."""
+    first = residual(c, springs, motion, temps_c, step_s, start, side)
+    if first * side >= 0.0:
+        return start
+    reach = abs(first) / (0.3 * c.k_s + c.inertia / step_s**2)
+    for _ in range(40):
+        end = start + side * reach
+        last = residual(c, springs, motion, temps_c, step_s, end, side)
+        if last * side >= 0.0:
+            break
+        reach *= 2.0
+    if side > 0:
+        return find_angle(c, springs, motion, temps_c, step_s, (start, first), (end, last), side)
+    return find_angle(c, springs, motion, temps_c, step_s, (end, last), (start, first), side)
+
+
+@njit(cache=True)
+def step_angle(
+    c: Constants, springs: Springs, motion: Floats, temps_c: Floats, step_s: float
+) -> tuple[float, float, bool]:
+    """Return angle and bristle deflection at the end of one step, and whether it slid."""
+    phi, body_c, rest_s = motion[PHI], temps_c[2], motion[REST]
+    up = friction_limit(c, phi, body_c, 1.0, rest_s) / c.bristle
+    down = friction_limit(c, phi, body_c, -1.0, rest_s) / c.bristle
+    # The limit may have fallen below the deflection since the last step.
+    motion[BRISTLE] = min(max(motion[BRISTLE], -down), up)
+    high, low = phi + up - motion[BRISTLE], phi - (down + motion[BRISTLE])
+    r_high = residual(c, springs, motion, temps_c, step_s, high, 0)
+    if r_high < 0.0:
+        w = slide(c, springs, motion, temps_c, step_s, high, 1)
+        return w, friction_limit(c, w, body_c, 1.0, 0.0) / c.bristle, True
+    r_low = residual(c, springs, motion, temps_c, step_s, low, 0)
+    if r_low > 0.0:
+        w = slide(c, springs, motion, temps_c, step_s, low, -1)
+        return w, -friction_limit(c, w, body_c, -1.0, 0.0) / c.bristle, True
+    w = find_angle(c, springs, motion, temps_c, step_s, (low, r_low), (high, r_high), 0)
+    return w, motion[BRISTLE] + w - phi, False
