@@ -1,0 +1,327 @@
+"""Corners: instants that a lag of the sensor rounds but does not move, in the log, and abrupt stops on the film.
+
+When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the corner at the same
+instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at which the wire
+stops getting warmer. So a corner in the log and a stop on the film are one event, whatever the lag; and the roundness of
+the log's corners is an upper limit of the lag (a larger one would have rounded them more), and its size where the power is
+cut at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.channels import noise_c
+from sync.flanks import Flank
+from sync.motion import Stroke
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
+
+MAX_LAG_S: Final = 15.0
+LAG_GRID_S: Final = np.concatenate([np.arange(0.0, 2.0, 0.05), np.arange(2.0, MAX_LAG_S + 0.01, 0.1)])
+_POINTS: Final = 160
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corner:
+    """A corner of a temperature.
+
+    Attributes
+    ----------
+    time_s, time_sigma_s : float
+        When, on the log's clock.
+    lag_s, lag_sigma_s : float
+        First-order lag that rounds it like this.
+    """
+
+    time_s: float
+    time_sigma_s: float
+    lag_s: float
+    lag_sigma_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """An abrupt end of a stroke.
+
+    Attributes
+    ----------
+    stroke : int
+        Number of the stroke.
+    time_s, time_sigma_s : float
+        When, on the film's clock.
+    """
+
+    stroke: int
+    time_s: float
+    time_sigma_s: float
+
+
+def lagged_power(x_s: NDArray[np.float64], power: int, lag_s: float) -> NDArray[np.float64]:
+    """Return what a sensor with a first-order lag shows of ``max(x, 0) ** power``."""
+    x = np.maximum(x_s, 0.0)
+    if lag_s <= 0.0:
+        return np.asarray(x**power)
+    shown = np.where(x > 0, 1.0 - np.exp(-x / lag_s), 0.0)
+    for exponent in range(1, power + 1):
+        shown = x**exponent - exponent * lag_s * shown
+    return shown
+
+
+def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float) -> NDArray[np.float64]:
+    """Return what a sensor with a first-order lag shows of ``1 - exp(-x / decay)`` from x = 0 on."""
+    x = np.maximum(x_s, 0.0)
+    if lag_s <= 0.0:
+        return np.asarray(1.0 - np.exp(-x / decay_s))
+    if abs(lag_s / decay_s - 1.0) < 1e-3:
+        lag_s = decay_s * 1.001
+    mixed = (decay_s * np.exp(-x / decay_s) - lag_s * np.exp(-x / lag_s)) / (decay_s - lag_s)
+    return np.asarray(1.0 - mixed)
+
+
+def fit_corner(
+    time_s: NDArray[np.float64],
+    temp_c: NDArray[np.float64],
+    *,
+    near_s: tuple[float, float],
+    before_s: float,
+    after_s: float,
+    noise: float,
+    powers_before: int,
+    decay_s: float | None = None,
+    lag_s: float | None = None,
+) -> Corner | None:
+    """Find a corner and its roundness by least squares over its time and the lag.
+
+    ``near_s`` bounds its time; a polynomial holds before it, a lagged straight line is added behind it, and a lagged
+    decay with the time ``decay_s`` where one is given. ``lag_s`` holds the lag fixed.
+    ``None`` where there are too few readings or no corner stands out.
+    """
+    window = (time_s >= near_s[0] - before_s) & (time_s <= near_s[1] + after_s) & np.isfinite(temp_c)
+    if np.count_nonzero(window) < 12:
+        return None
+    x, y, spread = _thinned(time_s[window], temp_c[window], noise)
+    width = near_s[1] - near_s[0]
+    at = np.linspace(near_s[0], near_s[1], 1 if width < 1e-6 else 25)
+    lags = np.concatenate([np.arange(0.0, 3.0, 0.25), np.arange(3.0, MAX_LAG_S + 0.1, 0.75)])
+    if lag_s is not None:
+        lags = np.array([lag_s])
+    corner: Corner | None = None
+    for _ in range(3):
+        loss = _losses(x, y, at, lags, before_s, after_s, powers_before, decay_s)
+        if not np.isfinite(loss).any():
+            return None
+        corner, best = _summary(loss, at, lags, spread, len(x))
+        step_at = at[1] - at[0] if len(at) > 1 else 0.0
+        at = at if len(at) == 1 else np.linspace(at[best[0]] - 2.5 * step_at, at[best[0]] + 2.5 * step_at, 15)
+        if len(lags) == 1:
+            continue
+        step_lag = lags[min(best[1] + 1, len(lags) - 1)] - lags[max(best[1] - 1, 0)]
+        lags = np.unique(np.clip(lags[best[1]] + step_lag * np.linspace(-1.5, 1.5, 15), 0.0, MAX_LAG_S))
+    return corner
+
+
+def _thinned(
+    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Average fast logs down to some hundred points; return times, values, noise of one."""
+    group = max(1, len(time_s) // _POINTS)
+    if group == 1:
+        return time_s, temp_c, max(noise, 1e-3)
+    whole = len(time_s) // group * group
+    x = time_s[:whole].reshape(-1, group).mean(axis=1)
+    y = temp_c[:whole].reshape(-1, group).mean(axis=1)
+    return x, y, max(noise, 1e-3) / float(np.sqrt(group))
+
+
+def _losses(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    at: NDArray[np.float64],
+    lags: NDArray[np.float64],
+    before_s: float,
+    after_s: float,
+    powers_before: int,
+    decay_s: float | None,
+) -> NDArray[np.float64]:
+    """Return the mean square that is left, for every time and lag."""
+    loss = np.full((len(at), len(lags)), np.inf)
+    for i, corner_s in enumerate(at):
+        inside = (x >= corner_s - before_s) & (x <= corner_s + after_s)
+        away, here = x[inside] - corner_s, y[inside]
+        if np.count_nonzero(away < 0) < powers_before + 2 or np.count_nonzero(away > 0) < 5:
+            continue
+        steady = [away**power for power in range(powers_before + 1)]
+        for j, lag_s in enumerate(lags):
+            rising = [lagged_power(away, 1, float(lag_s))]
+            if decay_s is not None:
+                rising.append(lagged_decay(away, decay_s, float(lag_s)))
+            design = np.stack([*steady, *rising], axis=1)
+            scale = np.maximum(np.abs(design).max(axis=0), 1e-12)
+            basis, _ = np.linalg.qr(design / scale)
+            left = here - basis @ (basis.T @ here)
+            loss[i, j] = float(left @ left) / (len(here) - design.shape[1])
+    return loss
+
+
+def _summary(
+    loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
+) -> tuple[Corner, tuple[int, int]]:
+    """Return the best corner with sigmas from how fast the loss grows around it."""
+    best = np.unravel_index(int(np.argmin(loss)), loss.shape)
+    lowest = float(loss[best])
+    # What the polynomials cannot follow counts as noise too.
+    unit = max(lowest, spread**2)
+    weight = np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0))
+    weight = np.where(np.isfinite(loss), weight, 0.0)
+    total = float(weight.sum())
+    at_weight, lag_weight = weight.sum(axis=1) / total, weight.sum(axis=0) / total
+    mean_at, mean_lag = float(at_weight @ at), float(lag_weight @ lags)
+    step_at = at[1] - at[0] if len(at) > 1 else 0.0
+    step_lag = float(np.median(np.diff(lags))) if len(lags) > 1 else 0.0
+    corner = Corner(
+        time_s=mean_at,
+        time_sigma_s=float(np.sqrt(at_weight @ (at - mean_at) ** 2 + step_at**2 / 12.0)),
+        lag_s=mean_lag,
+        lag_sigma_s=float(np.sqrt(lag_weight @ (lags - mean_lag) ** 2 + step_lag**2 / 12.0)),
+    )
+    return corner, (int(best[0]), int(best[1]))
+
+
+def cooling_corner(
+    log: TemperatureLog, flank: Flank, *, noise: float, switch_s: NDArray[np.float64] | None = None
+) -> Corner | None:
+    """Find the instant at which the power went off at the beginning of a cooling.
+
+    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one.
+    """
+    temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
+    length_s = flank.end_s - flank.begin_s
+    inside = (log.time_s >= flank.begin_s) & (log.time_s <= flank.end_s) & np.isfinite(temp_c)
+    hot = temp_c[inside] >= flank.high_c - max(0.02 * (flank.high_c - flank.low_c), 4.0 * noise)
+    if not hot.any():
+        return None
+    drop_s = float(log.time_s[inside][np.flatnonzero(hot)[-1]])
+    decay_s = _decay(log.time_s[inside], temp_c[inside], flank)
+    if decay_s is None:
+        return None
+    near = (drop_s - float(np.clip(0.15 * decay_s, 0.5, 6.0)), drop_s)
+    if switch_s is not None and len(switch_s):
+        closest = float(switch_s[int(np.argmin(np.abs(switch_s - drop_s)))])
+        if abs(closest - drop_s) < 0.2 * length_s + 1.0:
+            near = (closest, closest)
+    return fit_corner(
+        log.time_s,
+        temp_c,
+        near_s=near,
+        before_s=float(np.clip(0.1 * decay_s, 0.5, 4.0)),
+        after_s=float(np.clip(0.6 * decay_s, 1.0, 30.0)),
+        noise=noise,
+        powers_before=2,
+        decay_s=decay_s,
+    )
+
+
+def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], flank: Flank) -> float | None:
+    """Return the time constant of a cooling from its later part, where a lag shows no more."""
+    rise = flank.high_c - flank.low_c
+    later = (temp_c < flank.low_c + 0.65 * rise) & (temp_c > flank.low_c + 0.12 * rise)
+    x, y = time_s[later], temp_c[later]
+    if len(x) < 10 or x[-1] <= x[0]:
+        return None
+    x = x - x[0]
+    group = max(1, len(x) // _POINTS)
+    x, y = x[::group], y[::group]
+    best: tuple[float, float] | None = None
+    for decay_s in x[-1] * np.geomspace(0.15, 3.0, 60):
+        design = np.stack([np.ones_like(x), np.exp(-x / decay_s)], axis=1)
+        basis, _ = np.linalg.qr(design)
+        left = y - basis @ (basis.T @ y)
+        loss = float(left @ left)
+        if best is None or loss < best[0]:
+            best = (loss, float(decay_s))
+    return None if best is None else best[1]
+
+
+def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | None:
+    """Find the abrupt end of a stroke; ``None`` where the motion fades out instead."""
+    length_s = stroke.end_s - stroke.begin_s
+    window_s = float(np.clip(0.12 * length_s, 0.4, 8.0))
+    inside = (np.abs(angles.time_s - stroke.end_s) <= window_s) & angles.valid
+    time_s, angle = angles.time_s[inside], angles.angle_rad[inside]
+    if len(time_s) < 12:
+        return None
+    travel = stroke.sign * (angle - stroke.start_rad)
+    best: tuple[float, float, float] | None = None
+    step_s = float(np.median(np.diff(time_s)))
+    at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
+    losses = np.full(len(at), np.inf)
+    for index, stop_s in enumerate(at):
+        before = np.maximum(stop_s - time_s, 0.0)
+        if np.count_nonzero(before > 0) < 5 or np.count_nonzero(before == 0) < 4:
+            continue
+        design = np.stack([np.ones_like(before), before, before**2], axis=1)
+        coefficient, *_ = np.linalg.lstsq(design, travel, rcond=None)
+        left = travel - design @ coefficient
+        losses[index] = float(left @ left) / (len(left) - 3)
+        if best is None or losses[index] < best[0]:
+            best = (losses[index], -float(coefficient[1]), float(stop_s))
+    if best is None:
+        return None
+    lowest, closing, _ = best
+    usual = stroke.length_rad / max(length_s, 1e-9)
+    if closing < 0.4 * usual:
+        return None
+    weight = np.exp(-0.5 * np.minimum((losses - lowest) / lowest * len(time_s), 200.0))
+    weight = np.where(np.isfinite(losses), weight, 0.0) / np.where(np.isfinite(losses), weight, 0.0).sum()
+    mean = float(weight @ at)
+    sigma = float(np.sqrt(weight @ (at - mean) ** 2))
+    return Stop(stroke=number, time_s=mean, time_sigma_s=float(np.hypot(sigma, 0.1 * step_s)))
+
+
+def heating_end(
+    log: TemperatureLog,
+    flank: Flank,
+    cooling: Corner | None,
+    *,
+    near_s: tuple[float, float],
+    noise: float,
+    lag_s: float | None,
+) -> Corner | None:
+    """Find the instant at which the temperature stopped rising at the end of a heating.
+
+    ``lag_s`` is the roundness of the log's sharp corners, where it is known: this one is rounded as much. Where a hold follows, that is the corner between the ramp and the hold; else it is the beginning of the cooling.
+    """
+    temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
+    off_s = cooling.time_s if cooling is not None else flank.end_s
+    length_s = max(flank.end_s - flank.begin_s, 1e-9)
+    rate = (flank.high_c - flank.low_c) / length_s
+    tail_s = float(np.clip(0.05 * length_s, 0.4, 4.0))
+    before_off = (log.time_s > off_s - tail_s) & (log.time_s < off_s) & np.isfinite(temp_c)
+    if np.count_nonzero(before_off) < 4:
+        return None
+    slope = float(np.polyfit(log.time_s[before_off] - off_s, temp_c[before_off], 1)[0])
+    if slope > 0.5 * rate:
+        return cooling
+    # The hold must be long enough to see where it began.
+    last = min(near_s[1], off_s - 0.4 * tail_s)
+    before_s = float(np.clip(0.06 * length_s, 0.6, 8.0))
+    cut = log.time_s < off_s
+    corner = fit_corner(
+        log.time_s[cut],
+        temp_c[cut],
+        near_s=(min(near_s[0], last), last),
+        before_s=before_s,
+        after_s=float(np.clip(off_s - near_s[0], 0.5, 4.0 * before_s)),
+        noise=noise,
+        powers_before=1,
+        lag_s=lag_s,
+    )
+    if corner is None or corner.time_s > last - 1e-3 or corner.time_sigma_s > 2.0:
+        return None
+    return corner

@@ -1,0 +1,268 @@
+"""All that motion and temperature say together about a clock: coarse range, thresholds, stops, roundness of corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.belief import DRIFT_SIGMA_PPM, Belief
+from sync.channels import noise_c
+from sync.coarse import Plateau, assign, explained_share, find_plateaus
+from sync.corners import Corner, cooling_corner, find_stop, heating_end
+from sync.flanks import Flank, LogPicture, picture_log
+from sync.lag import LagBelief, lag_belief
+from sync.merge import longest_gap_s
+from sync.motion import Stroke, find_strokes
+from sync.thresholds import Crossings, collect_crossings, refine, scan
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
+from torsight.core.units import PPM
+
+_PLATEAUS: Final = 12
+_STARTS: Final = 4
+_LEFT_OUT: Final = 8.0
+"""Logarithm of how much less likely it is that a stroke has no flank at all."""
+_STOP_SIGMA_S: Final = 0.05
+_CORNER_PER_LAG: Final = 0.6
+_STOP_ASTRAY_S: Final = 3.0
+_STOP_ASTRAY_SHARE: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionEvidence:
+    """Belief about the clock from motion and temperature.
+
+    Attributes
+    ----------
+    beliefs : tuple of Belief
+        A mixture.
+    middle_s : float
+        Film time at which its offsets hold.
+    lag : LagBelief
+        What is known about the sensor's lag.
+    strokes, matched, stops : int
+        How many strokes the film has, how many have a flank, how many abrupt stops were paired with a corner.
+    plateaus : tuple of Plateau
+        Ranges that the coarse search left.
+    rate_spread : float
+        Spread of the heating rates over their mean: what tells an offset from a threshold.
+    swapped : bool
+        Whether the motion fits better with the springs the other way round.
+    """
+
+    beliefs: tuple[Belief, ...]
+    middle_s: float
+    lag: LagBelief
+    strokes: int
+    matched: int
+    stops: int
+    plateaus: tuple[Plateau, ...]
+    rate_spread: float
+    swapped: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    angles: StickAngles
+    log: TemperatureLog
+    strokes: tuple[Stroke, ...]
+    picture: LogPicture
+    corners: tuple[tuple[Flank, Corner], ...]
+    lag: LagBelief
+
+
+def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief | None = None) -> MotionEvidence | None:
+    """Weigh motion against temperature over the whole range of offsets.
+
+    ``prior`` narrows the range (a hint about the offset, a given drift). ``None`` where nothing moves, nothing is
+    heated, or no offset explains the motion.
+    """
+    strokes = find_strokes(angles)
+    picture = picture_log(log, max_gap_s=longest_gap_s(log))
+    if not strokes or not picture.flanks:
+        return None
+    span = (float(angles.time_s[0]), float(angles.time_s[-1]))
+    plateaus = find_plateaus(strokes, picture, film_span_s=span)
+    if prior is not None:
+        sigma = float(np.sqrt(prior.covariance[0, 0]))
+        reach = max(5.0 * sigma, 2.0)
+        plateaus = tuple(
+            replace(p, low_s=max(p.low_s, prior.mean[0] - reach), high_s=min(p.high_s, prior.mean[0] + reach))
+            for p in plateaus
+            if p.low_s <= prior.mean[0] + reach and p.high_s >= prior.mean[0] - reach
+        )
+    if not plateaus:
+        return None
+    corners = _corners(log, picture)
+    scene = _Scene(angles, log, strokes, picture, corners, lag_belief([corner for _, corner in corners]))
+    found = [part for plateau in plateaus[:_PLATEAUS] if (part := _weigh(scene, plateau, prior)) is not None]
+    if not found:
+        return None
+    best = max(found, key=lambda part: part.weight)
+    # Offsets of all parts are told at one instant of the film.
+    beliefs = [_moved(belief, part.middle_s, best.middle_s) for part in found for belief in part.beliefs]
+    mirrored = [replace(flank, spring="b" if flank.spring == "a" else "a") for flank in picture.flanks]
+    offsets = np.arange(plateaus[0].low_s - 2000.0, plateaus[0].high_s + 2000.0, 5.0)
+    swapped = float(explained_share(strokes, mirrored, offsets).max()) > plateaus[0].score + 0.3
+    return MotionEvidence(
+        beliefs=tuple(beliefs),
+        middle_s=best.middle_s,
+        lag=scene.lag,
+        strokes=len(strokes),
+        matched=best.matched,
+        stops=best.stops,
+        plateaus=plateaus,
+        rate_spread=_rate_spread(picture.flanks),
+        swapped=swapped,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighed:
+    beliefs: list[Belief]
+    middle_s: float
+    matched: int
+    stops: int
+
+    @property
+    def weight(self) -> float:
+        return max(belief.log_weight for belief in self.beliefs)
+
+
+def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | None:
+    """Refine one range of offsets: thresholds first, then the lag's share of it, then the stops."""
+    center_s = 0.5 * (plateau.low_s + plateau.high_s)
+    flanks = assign(scene.strokes, scene.picture.flanks, center_s)
+    matched = sum(flank is not None for flank in flanks)
+    crossings = collect_crossings(scene.strokes, flanks)
+    if crossings is None:
+        return None
+    wide = prior or Belief(
+        np.array([center_s, 0.0]),
+        np.diag([(0.5 * (plateau.high_s - plateau.low_s) + 1.0) ** 2, (DRIFT_SIGMA_PPM * PPM) ** 2]),
+        0.0,
+    )
+    if prior is not None:
+        wide = _moved(prior, 0.0, crossings.middle_s)
+    # The thresholds see offset and lag as one delay; the stops see the offset alone.
+    delays = _delays(crossings, scene.picture, plateau, wide)
+    if not delays:
+        return None
+    lost = _LEFT_OUT * (len(scene.strokes) - matched)
+    beliefs: list[Belief] = []
+    paired = _paired_stops(scene, flanks, max(delays, key=lambda part: part.log_weight), crossings.middle_s)
+    for delay in delays:
+        for lag_s, log_weight in zip(scene.lag.grid_s, scene.lag.log_weight, strict=True):
+            belief = Belief(
+                delay.mean - np.array([lag_s, 0.0]), delay.covariance, delay.log_weight + float(log_weight) - lost
+            )
+            for film_s, log_s, variance in paired:
+                belief = _with_stop(belief, film_s - crossings.middle_s, log_s - film_s, variance)
+            beliefs.append(belief)
+    return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
+
+
+def _with_stop(belief: Belief, away_s: float, offset_s: float, variance: float) -> Belief:
+    """Take a stop into account; one that contradicts the rest may have another cause."""
+    design = np.array([1.0, away_s])
+    sharp = belief.updated(design, offset_s, variance)
+    blunt = belief.updated(design, offset_s, variance + _STOP_ASTRAY_S**2)
+    sharp_weight = sharp.log_weight + float(np.log1p(-_STOP_ASTRAY_SHARE))
+    blunt_weight = blunt.log_weight + float(np.log(_STOP_ASTRAY_SHARE))
+    chosen = sharp if sharp_weight >= blunt_weight else blunt
+    return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
+
+
+def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: Belief) -> list[Belief]:
+    """Return the distinct local answers of the thresholds on a plateau, from a scan over it."""
+    step_s = max(0.5, (plateau.high_s - plateau.low_s) / 100.0)
+    offset_s = np.arange(plateau.low_s, plateau.high_s + step_s, step_s)
+    evidence = scan(crossings, picture, offset_s=offset_s, lag_s=0.0)
+    if not np.isfinite(evidence).any():
+        return []
+    order = np.argsort(evidence)[::-1]
+    starts: list[float] = []
+    for index in order[: max(20, len(order) // 4)]:
+        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < _STARTS:
+            starts.append(float(offset_s[index]))
+    found: list[Belief] = []
+    for start_s in starts:
+        delay = refine(crossings, picture, start_s=start_s, prior=wide, lag_s=0.0)
+        if delay is None:
+            continue
+        sigma = float(np.sqrt(delay.covariance[0, 0]))
+        same = [other for other in found if abs(other.mean[0] - delay.mean[0]) < max(0.3 * sigma, 0.02)]
+        if not same:
+            found.append(delay)
+    return found
+
+
+def _paired_stops(
+    scene: _Scene, flanks: Sequence[Flank | None], delay: Belief, middle_s: float
+) -> list[tuple[float, float, float]]:
+    """Pair abrupt ends of motion with the ends of the heatings that drove them: film time, log time, variance."""
+    pairs: list[tuple[float, float, float]] = []
+    lag_s = scene.lag.value_s or 0.0
+    for number, (stroke, flank) in enumerate(zip(scene.strokes, flanks, strict=True)):
+        if flank is None or not flank.heating:
+            continue
+        stop = find_stop(scene.angles, stroke, number=number)
+        if stop is None:
+            continue
+        away_s = stop.time_s - middle_s
+        expected = stop.time_s + float(delay.mean[0]) - lag_s + float(delay.mean[1]) * away_s
+        row = np.array([1.0, away_s])
+        reach = float(np.clip(3.0 * np.sqrt(row @ delay.covariance @ row) + 0.5 * lag_s + 1.0, 1.0, 20.0))
+        cooling = next(
+            (c for f, c in scene.corners if f.spring == flank.spring and abs(f.begin_s - flank.end_s) < 1.0), None
+        )
+        temperature = scene.log.temp_a_c if flank.spring == "a" else scene.log.temp_b_c
+        corner = heating_end(
+            scene.log,
+            flank,
+            cooling,
+            near_s=(expected - reach, expected + reach),
+            noise=noise_c(temperature),
+            lag_s=scene.lag.value_s,
+        )
+        if corner is not None and abs(corner.time_s - expected) <= reach + 1.0:
+            # A corner looks the earlier, the later the sensor is taken to be.
+            lag_part = _CORNER_PER_LAG * (scene.lag.sigma_s or 0.0)
+            variance = stop.time_sigma_s**2 + corner.time_sigma_s**2 + lag_part**2 + _STOP_SIGMA_S**2
+            pairs.append((stop.time_s, corner.time_s, variance))
+    return pairs
+
+
+def _corners(log: TemperatureLog, picture: LogPicture) -> tuple[tuple[Flank, Corner], ...]:
+    found: list[tuple[Flank, Corner]] = []
+    noise = {"a": noise_c(log.temp_a_c), "b": noise_c(log.temp_b_c)}
+    switches = {"a": _off_times(log.time_s, log.heat_a), "b": _off_times(log.time_s, log.heat_b)}
+    for flank in picture.flanks:
+        if flank.heating:
+            continue
+        corner = cooling_corner(log, flank, noise=noise[flank.spring], switch_s=switches[flank.spring])
+        if corner is not None:
+            found.append((flank, corner))
+    return tuple(found)
+
+
+def _off_times(time_s: NDArray[np.float64], switch: NDArray[np.bool_] | None) -> NDArray[np.float64] | None:
+    if switch is None:
+        return None
+    off = np.flatnonzero(switch[:-1] & ~switch[1:])
+    return np.asarray(0.5 * (time_s[off] + time_s[off + 1]))
+
+
+def _rate_spread(flanks: Sequence[Flank]) -> float:
+    rates = np.array([(f.high_c - f.low_c) / max(f.end_s - f.begin_s, 1e-9) for f in flanks if f.heating])
+    return float(np.std(rates) / np.mean(rates)) if len(rates) > 1 else 0.0
+
+
+def _moved(belief: Belief, from_s: float, to_s: float) -> Belief:
+    """Return the same belief with its offset told at another film time."""
+    change = np.array([[1.0, to_s - from_s], [0.0, 1.0]])
+    return Belief(change @ belief.mean, change @ belief.covariance @ change.T, belief.log_weight)

@@ -1,0 +1,114 @@
+"""Heating and cooling of the two springs in the log: flanks, and the direction in which each drives the actuator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.signals import EvenSignal, even_signal
+from torsight.core.records import TemperatureLog
+
+_MIN_RISE_C: Final = 12.0
+_MIN_SHARE: Final = 0.3
+"""A rise smaller than this share of the largest one is the other spring's warmth."""
+
+Spring = Literal["a", "b"]
+
+
+@dataclass(frozen=True, slots=True)
+class Flank:
+    """One heating or cooling of one spring.
+
+    Attributes
+    ----------
+    spring : {"a", "b"}
+        Which one.
+    heating : bool
+        False for a cooling.
+    begin_s, end_s : float
+        Times of the log.
+    low_c, high_c : float
+        Temperatures at its cold and its hot end.
+    """
+
+    spring: Spring
+    heating: bool
+    begin_s: float
+    end_s: float
+    low_c: float
+    high_c: float
+
+    @property
+    def sign(self) -> int:
+        """Direction in which it drives the angle: heating A turns it down, heating B up, cooling the other way."""
+        return (-1 if self.spring == "a" else 1) * (1 if self.heating else -1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogPicture:
+    """The log as even signals, with its flanks in the order of time."""
+
+    springs: dict[Spring, EvenSignal]
+    flanks: tuple[Flank, ...]
+
+
+def picture_log(log: TemperatureLog, *, max_gap_s: float) -> LogPicture:
+    """Smooth both temperatures and find their flanks."""
+    springs: dict[Spring, EvenSignal] = {}
+    readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
+    for name, temperature in readings:
+        signal = even_signal(log.time_s, temperature, window_s=2.0, max_gap_s=max_gap_s)
+        if signal is not None:
+            springs[name] = signal
+    rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
+    largest = max(rises.values(), default=0.0)
+    threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
+    flanks = [flank for name, signal in springs.items() for flank in _flanks(name, signal, threshold_c)]
+    return LogPicture(springs=springs, flanks=tuple(sorted(flanks, key=lambda flank: flank.begin_s)))
+
+
+def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flank]:
+    value, time_s = signal.value, signal.time_s
+    turns = _turning_points(value, threshold_c)
+    found: list[Flank] = []
+    for first, last in zip(turns[:-1], turns[1:], strict=True):
+        low, high = sorted((float(value[first]), float(value[last])))
+        if high - low < threshold_c:
+            continue
+        heating = bool(value[last] > value[first])
+        piece = value[first : last + 1]
+        # A turning point anywhere on a noisy rest says little: the flank begins and ends where 4 % of it are done.
+        margin = 0.04 * (high - low)
+        if heating:
+            begin = first + int(np.flatnonzero(piece <= low + margin)[-1])
+            end = last
+        else:
+            begin = first
+            end = first + int(np.flatnonzero(piece <= low + margin)[0])
+        found.append(Flank(spring, heating, float(time_s[begin]), float(time_s[end]), low, high))
+    return found
+
+
+def _turning_points(value: NDArray[np.float64], threshold: float) -> list[int]:
+    """Return the indices of extremes that differ from the next by at least the threshold (zigzag)."""
+    turns: list[int] = [0]
+    low = high = 0
+    direction = 0
+    # Only points where the value changes enough matter: a coarse pass keeps the loop short.
+    stride = max(1, len(value) // 50_000)
+    for index in range(0, len(value), stride):
+        if value[index] > value[high]:
+            high = index
+        if value[index] < value[low]:
+            low = index
+        if direction <= 0 and value[index] - value[low] >= threshold:
+            turns.append(low)
+            direction, high = 1, index
+        elif direction >= 0 and value[high] - value[index] >= threshold:
+            turns.append(high)
+            direction, low = -1, index
+    turns.append(high if direction > 0 else low)
+    return turns

@@ -1,0 +1,63 @@
+"""How late the sensor is: belief from the roundness of the corners in the log.
+
+A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
+the power was cut at once, which is how these springs are driven; that gets most of the belief, the rest is spread evenly
+below, because something else may have rounded the corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.corners import MAX_LAG_S, Corner
+
+_SURE_SHARE: Final = 0.8
+_MODEL_SHARE: Final = 0.05
+"""How far a real sensor is from a first-order lag, as a share of the lag."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LagBelief:
+    """What the log says about the sensor's lag.
+
+    Attributes
+    ----------
+    value_s, sigma_s : float or None
+        Roundness of the corners; None where no corner could be read.
+    grid_s : (n,) float64
+        Lags.
+    log_weight : (n,) float64
+        Logarithm of their weights.
+    """
+
+    value_s: float | None
+    sigma_s: float | None
+    grid_s: NDArray[np.float64]
+    log_weight: NDArray[np.float64]
+
+
+def lag_belief(corners: Sequence[Corner]) -> LagBelief:
+    """Pool the corners of a log."""
+    usable = [corner for corner in corners if corner.lag_s < 0.9 * MAX_LAG_S and corner.lag_sigma_s < 2.0]
+    if not usable:
+        grid = np.arange(0.25, MAX_LAG_S, 0.5)
+        return LagBelief(None, None, grid, np.full(len(grid), -np.log(len(grid))))
+    lags = np.array([corner.lag_s for corner in usable])
+    sigmas = np.array([corner.lag_sigma_s for corner in usable])
+    value = float(np.median(lags))
+    spread = 1.4826 * float(np.median(np.abs(lags - value)))
+    sigma = float(np.hypot(np.median(sigmas), spread)) * 1.25 / np.sqrt(len(usable))
+    sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
+    grid = np.unique(
+        np.concatenate([np.linspace(0.0, value, 30), np.linspace(max(value - 4 * sigma, 0.0), value + 4 * sigma, 33)])
+    )
+    width = np.gradient(grid) if len(grid) > 1 else np.ones(1)
+    peak = np.exp(-0.5 * ((grid - value) / sigma) ** 2) * width
+    below = np.where(grid <= value + 1e-12, width, 0.0)
+    weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
+    return LagBelief(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))

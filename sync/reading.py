@@ -1,0 +1,237 @@
+"""Temperature logs as they come, mended into one strictly increasing record, with an account of every change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.channels import clean_channel
+from sync.joining import join_blocks
+from sync.repairs import LogReading, Repair
+from sync.stamps import OrderedStamps, order_stamps, usual_step_s
+from sync.table_text import read_text_table
+from torsight.core.errors import InputError
+from torsight.core.records import TemperatureLog
+from torsight.core.storage import is_parquet, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
+_SWITCHES: Final = ("heat_a", "heat_b")
+_COARSE_SHARE: Final = 0.2
+"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
+_MIN_ROWS: Final = 3
+
+
+def read_temperature_log(path: Path) -> LogReading:
+    """Read ``TEMPS.csv`` (or Parquet) as it comes and mend what can be mended.
+
+    Returns
+    -------
+    LogReading
+        Time in seconds as stamped (from the first stamp where the stamps are dates), temperatures in °C with NaN where
+        no reading can be trusted, the heating switches where there are any, and all other columns.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, lacks ``time_s``, ``temp_a_c`` or ``temp_b_c``, is ambiguous in its numbers, or
+        holds too little to use; the message names line and column.
+    """
+    frame, first_line, repairs = _read(path)
+    if len(frame) == 0:
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    stamp_s, zero = _stamps(frame["time_s"], path=path, first_line=first_line)
+    ordered = order_stamps(stamp_s, first_line=first_line)
+    repairs += ordered.repairs
+    if len(ordered.row) < _MIN_ROWS:
+        raise InputError(
+            "has too few rows with a time",
+            where=f"{path}, column time_s",
+            value=str(len(ordered.row)),
+            limit=f"at least {_MIN_ROWS}",
+            do="record it again",
+        )
+    columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
+    stamps, merged = _distinct(ordered, columns, path=path, first_line=first_line, repairs=repairs)
+    joined = join_blocks(stamps.time_s, stamps.block, [merged.numbers[name] for name in REQUIRED[1:]])
+    temperatures: dict[str, NDArray[np.float64]] = {}
+    for name in REQUIRED[1:]:
+        temperatures[name], told = clean_channel(joined.time_s, merged.numbers[name], name=name)
+        repairs += told
+        if not np.isfinite(temperatures[name]).any():
+            raise InputError(
+                "holds no temperature", where=f"{path}, column {name}", do="record it again; both springs are needed"
+            )
+    switches = {name: _switch(merged.numbers[name]) for name in _SWITCHES if name in merged.numbers}
+    extra: dict[str, NDArray[np.generic]] = {
+        name: values for name, values in merged.numbers.items() if name not in (*REQUIRED, *_SWITCHES)
+    }
+    log = TemperatureLog(
+        time_s=joined.time_s,
+        temp_a_c=temperatures["temp_a_c"],
+        temp_b_c=temperatures["temp_b_c"],
+        heat_a=switches.get("heat_a"),
+        heat_b=switches.get("heat_b"),
+        extra=extra | merged.texts,
+    )
+    repairs += _gaps(joined.time_s)
+    return LogReading(log=log, repairs=tuple(repairs), restarts=joined.restarts, zero=zero)
+
+
+def _read(path: Path) -> tuple[pd.DataFrame, int, list[Repair]]:
+    if is_parquet(path):
+        frame = read_table(path)
+        for name in REQUIRED:
+            if name not in frame.columns:
+                raise InputError(
+                    f"has no column '{name}'", where=str(path), value=", ".join(frame.columns[:12]), do="add the column"
+                )
+        return frame, 1, []
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    table = read_text_table(path, required=REQUIRED)
+    return table.frame, table.first_line, list(table.repairs)
+
+
+def _stamps(column: pd.Series[Any], *, path: Path, first_line: int) -> tuple[NDArray[np.float64], str | None]:
+    """Return seconds, and the instant of second 0 where the stamps are dates."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column):
+        return column.to_numpy(np.float64), None
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return _since_first(pd.to_datetime(column, utc=True))
+    text = column.astype("string").str.strip().str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
+    numbers = pd.to_numeric(text, errors="coerce")
+    given = int(text.notna().sum())
+    if numbers.notna().sum() > 0.5 * given:
+        return numbers.to_numpy(np.float64, na_value=np.nan), None
+    dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
+    if dates.notna().sum() > 0.5 * given:
+        return _since_first(dates)
+    wrong = int(np.flatnonzero((numbers.isna() & dates.isna() & text.notna()).to_numpy())[0]) if given else 0
+    raise InputError(
+        "is neither a number of seconds nor an ISO 8601 date",
+        where=f"{path}, line {wrong + first_line}, column time_s",
+        value=repr(column.iloc[wrong]),
+        limit="12.345 or 2024-05-01T10:00:00.345",
+        do="export the stamps in one of these forms",
+    )
+
+
+def _since_first(dates: pd.Series[Any]) -> tuple[NDArray[np.float64], str]:
+    first = dates.dropna().iloc[0]
+    seconds = (dates - first).dt.total_seconds().to_numpy(np.float64, na_value=np.nan)
+    return seconds, str(first.isoformat())
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    numbers: dict[str, NDArray[np.float64]]
+    texts: dict[str, NDArray[np.generic]]
+
+
+def _distinct(
+    ordered: OrderedStamps,
+    columns: dict[str, pd.Series[Any]],
+    *,
+    path: Path,
+    first_line: int,
+    repairs: list[Repair],
+) -> tuple[OrderedStamps, _Columns]:
+    """Bring the columns into the rows' order and give every row a stamp of its own."""
+    import pandas as pd
+
+    numbers: dict[str, NDArray[np.float64]] = {}
+    texts: dict[str, NDArray[np.generic]] = {}
+    for name, column in columns.items():
+        if pd.api.types.is_numeric_dtype(column):
+            numbers[name] = column.to_numpy(np.float64, na_value=np.nan)[ordered.row]
+            continue
+        values = pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+        if name in (*REQUIRED, *_SWITCHES):
+            values = np.where(np.isfinite(values), values, _words(column))
+            numbers[name] = values[ordered.row]
+        else:
+            texts[name] = column.astype("object").to_numpy()[ordered.row]
+    same = np.concatenate([[False], (np.diff(ordered.time_s) == 0) & (np.diff(ordered.block) == 0)])
+    count = int(np.count_nonzero(same))
+    if count == 0:
+        return ordered, _Columns(numbers, texts)
+    line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
+    if count > _COARSE_SHARE * len(same):
+        repairs.append(
+            Repair("coarse_stamp", count, f"{count} stamps repeat (coarse clock); rows were spread evenly between them")
+        )
+        return _spread(ordered, same), _Columns(numbers, texts)
+    repairs.append(
+        Repair(
+            "repeated_stamp",
+            count,
+            f"{count} rows repeat a stamp, the first on line {line}; each set was replaced by its mean",
+        )
+    )
+    group = np.cumsum(~same) - 1
+    first = np.flatnonzero(~same)
+    averaged = {name: _group_mean(values, group, len(first)) for name, values in numbers.items()}
+    kept = OrderedStamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
+    return kept, _Columns(averaged, {name: values[first] for name, values in texts.items()})
+
+
+def _words(column: pd.Series[Any]) -> NDArray[np.float64]:
+    """Read switches written as words; everything else is not a number."""
+    words = {"true": 1.0, "on": 1.0, "yes": 1.0, "false": 0.0, "off": 0.0, "no": 0.0}
+    lowered = column.astype("string").str.strip().str.lower()
+    return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
+
+
+def _group_mean(values: NDArray[np.float64], group: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    known = np.isfinite(values)
+    total = np.bincount(group[known], weights=values[known], minlength=count)
+    number = np.bincount(group[known], minlength=count)
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
+    group = np.cumsum(~same) - 1
+    first = np.flatnonzero(~same)
+    size = np.bincount(group)
+    stamp = ordered.time_s[first]
+    width = np.empty(len(stamp))
+    width[:-1] = np.diff(stamp)
+    usual = usual_step_s(stamp)
+    width[-1] = usual
+    # Behind a gap or a restart the rows of one stamp do not fill the time up to the next.
+    width = np.where((width > 0) & (width < 3 * usual), width, usual)
+    rank = np.arange(len(group)) - first[group]
+    time_s = ordered.time_s + width[group] * rank / size[group]
+    return OrderedStamps(ordered.row, time_s, ordered.block, ordered.repairs)
+
+
+def _switch(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return a switch as it stood: an empty field goes on with the last known state."""
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)] > 0.5, False)
+
+
+def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:
+    step = np.diff(time_s)
+    usual = float(np.median(step))
+    long = step > max(5.0 * usual, 1.0)
+    if not long.any():
+        return []
+    first = int(np.flatnonzero(long)[0])
+    return [
+        Repair(
+            "gap",
+            int(np.count_nonzero(long)),
+            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, the first at {time_s[first]:g} s",
+        )
+    ]

@@ -1,0 +1,205 @@
+"""Delimited text as instruments and spreadsheets write it: delimiter, decimal sign, preamble, broken rows.
+
+A decimal comma is read as one only where nothing else is possible: the fields are not parted by commas, and at least
+one number has other than three digits behind its comma (``1,234`` alone might be a thousand and more).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sync.repairs import Repair
+from torsight.core.errors import InputError
+from torsight.core.storage import missing_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_DELIMITERS: Final = (",", ";", "\t", "|")
+_COMMA_NUMBER: Final = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
+_SURE_COMMA: Final = re.compile(r"(?<![\d.,])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
+_PREAMBLE_LINES: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A table as read: text or numbers per column, and the line of the file on which each row stands."""
+
+    frame: pd.DataFrame
+    first_line: int
+    repairs: tuple[Repair, ...]
+
+
+def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
+    """Read delimited text whose header names the ``required`` columns.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, empty, binary, without a required column, or ambiguous in its decimal sign.
+    """
+    import pandas as pd
+
+    text, repairs = _decode(path)
+    lines = text.splitlines()
+    header, delimiter = _find_header(lines, required, path=path)
+    names = [name.strip().strip('"').strip() for name in lines[header].split(delimiter)]
+    names = [name if name else f"column_{index + 1}" for index, name in enumerate(names)]
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("two columns have one name", where=f"{path}, line {header + 1}", value=repr(twice))
+    if header:
+        repairs.append(Repair("preamble", header, f"{header} lines before the header were passed over"))
+    body = _whole_rows(lines[header + 1 :], len(names), delimiter, path=path, first_line=header + 2, repairs=repairs)
+    joined = "\n".join(body)
+    decimal = _decimal(joined, delimiter, path=path, repairs=repairs)
+    if not joined.strip():
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    frame = pd.read_csv(
+        io.StringIO(joined),
+        sep=delimiter,
+        decimal=decimal,
+        header=None,
+        names=names,
+        index_col=False,
+        skip_blank_lines=False,
+        skipinitialspace=True,
+        low_memory=False,
+        na_values=[
+            "****",
+            "---",
+            "--",
+            "-",
+            "?",
+            "Inf",
+            "-Inf",
+            "inf",
+            "-inf",
+            "OVERLOAD",
+            "ERR",
+            "Err",
+            "Error",
+            "OL",
+        ],
+    )
+    return TextTable(frame=frame, first_line=header + 2, repairs=tuple(repairs))
+
+
+def _decode(path: Path) -> tuple[str, list[Repair]]:
+    if not path.exists():
+        raise missing_file(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+    if not raw.strip(b"\0 \r\n\t"):
+        raise InputError("is empty", where=str(path), do="record it again, with a header row")
+    repairs: list[Repair] = []
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))
+        return raw.decode("utf-16", errors="replace"), repairs
+    zeros = raw.count(b"\0")
+    if zeros:
+        # A logger that lost its power leaves a tail of zero bytes.
+        repairs.append(Repair("zero_bytes", zeros, f"{zeros} zero bytes were taken out"))
+        raw = raw.replace(b"\0", b"")
+    try:
+        return raw.decode("utf-8-sig"), repairs
+    except UnicodeDecodeError as error:
+        if error.start == len(raw) - 1 or b"\x89PNG" in raw[:8]:
+            raise InputError("is not text", where=f"{path}, byte {error.start}", do="export it as CSV") from error
+        repairs.append(Repair("encoding", 1, f"the file is not UTF-8 (byte {error.start}); read as Latin-1"))
+        return raw.decode("latin-1"), repairs
+
+
+def _find_header(lines: Sequence[str], required: Sequence[str], *, path: Path) -> tuple[int, str]:
+    """Return the header's line and the delimiter: the first line that, split, names all required columns."""
+    best: tuple[int, int, str] = (-1, 0, ",")
+    for index, line in enumerate(lines[:_PREAMBLE_LINES]):
+        for delimiter in _DELIMITERS:
+            names = {name.strip().strip('"').strip() for name in line.split(delimiter)}
+            found = sum(name in names for name in required)
+            if found == len(required):
+                return index, delimiter
+            if found > best[0]:
+                best = (found, index, delimiter)
+    line, delimiter = lines[best[1]], best[2]
+    names_here = [name.strip().strip('"').strip() for name in line.split(delimiter)]
+    missing = next(name for name in required if name not in names_here)
+    raise InputError(
+        f"has no column '{missing}'",
+        where=f"{path}, line {best[1] + 1}",
+        value=", ".join(names_here[:12])[:200],
+        do="add the column, or rename the one that holds it",
+    )
+
+
+def _whole_rows(
+    lines: Sequence[str], columns: int, delimiter: str, *, path: Path, first_line: int, repairs: list[Repair]
+) -> list[str]:
+    """Blank the rows with too many fields or none; rows with too few keep what they have."""
+    wrong: list[int] = []
+    short: list[int] = []
+    blank: list[int] = []
+    body = list(lines)
+    while body and not body[-1].strip():
+        body.pop()
+    for index, line in enumerate(body):
+        if not line.strip():
+            blank.append(index)
+            continue
+        fields = line.count(delimiter) + 1
+        if '"' in line:
+            fields = len(next(csv.reader([line], delimiter=delimiter)))
+        if fields == columns + 1 and line.rstrip().endswith(delimiter):
+            body[index] = line.rstrip()[:-1]
+        elif fields > columns:
+            wrong.append(index)
+            body[index] = delimiter * (columns - 1)
+        elif fields < columns:
+            short.append(index)
+    if len(wrong) > len(body) // 2:
+        raise InputError(
+            "most rows have more fields than the header",
+            where=f"{path}, line {wrong[0] + first_line}",
+            value=repr(lines[wrong[0]][:80]),
+            limit=f"{columns} fields parted by {delimiter!r}",
+            do="decimal commas need ';' between the fields, or quotes",
+        )
+    for kind, rows, told in (
+        ("malformed_row", wrong, "rows with too many fields were dropped"),
+        ("short_row", short, "rows with too few fields were read as far as they go"),
+        ("blank_row", blank, "blank rows were passed over"),
+    ):
+        if rows:
+            repairs.append(Repair(kind, len(rows), f"{len(rows)} {told}, the first on line {rows[0] + first_line}"))
+    for index in blank:
+        body[index] = delimiter * (columns - 1)
+    return body
+
+
+def _decimal(body: str, delimiter: str, *, path: Path, repairs: list[Repair]) -> str:
+    """Return the decimal sign, refusing what can be read in two ways."""
+    if delimiter == ",":
+        return "."
+    first = _COMMA_NUMBER.search(body)
+    if first is None:
+        return "."
+    line = body.count("\n", 0, first.start()) + 2
+    if _BOTH_SIGNS.search(body) or not _SURE_COMMA.search(body):
+        raise InputError(
+            "has numbers whose comma can be a decimal sign or a thousands sign",
+            where=f"{path}, near line {line}",
+            value=first.group(0),
+            limit="'.' as decimal sign, no thousands sign",
+            do="export it with '.' as decimal sign",
+        )
+    repairs.append(Repair("decimal_comma", 1, "decimal commas were read as decimal points"))
+    return ","

@@ -1,0 +1,128 @@
+"""``torsight sync``: film and temperature log on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.core.records import SyncedTable
+
+KEYS: Final = ("offset_s", "drift_ppm", "max_gap_s", "led_events")
+"""Keys of ``[sync]``: offset and drift that are known, the longest gap in the log that is bridged, film times of a light."""
+
+
+def sync(
+    *,
+    angle: Annotated[Path, typer.Option(metavar="ANGLE.csv", help="Angles on the film's clock.")],
+    temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
+    out: Annotated[Path, typer.Option(help="Folder for merged.csv and sync.json.")],
+    offset: Annotated[
+        float | None, typer.Option(metavar="S", help="Known offset: temperature time less film time at film time 0.")
+    ] = None,
+    drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
+    max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
+    led_events: Annotated[
+        Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which a light showed the heating switch.")
+    ] = None,
+) -> None:
+    """Put angles and temperatures on one clock, with an interval for offset and drift.
+
+    Example: torsight sync --angle angle.csv --temperature temps.csv --out out
+    """
+    from torsight.cli.console import progress_bar, say
+    from torsight.core.storage import read_json
+
+    given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events}
+    settings = {key: value for key, value in given.items() if value is not None}
+    with progress_bar() as progress:
+        sync_to_folder(angle, temperature, settings=settings, out=out, progress=progress)
+    for line in told(read_json(out / "sync.json")):
+        say(line)
+
+
+def sync_to_folder(
+    angle: Path,
+    temperature: Path,
+    *,
+    settings: Mapping[str, Any],
+    out: Path,
+    progress: Progress = silent,
+) -> SyncedTable:
+    """Read both files, find the clock, write ``merged.csv`` and ``sync.json``.
+
+    Parameters
+    ----------
+    angle, temperature : Path
+        ``ANGLE.csv`` and ``TEMPS.csv`` (or Parquet).
+    settings : mapping
+        Table ``[sync]`` of the experiment: any of :data:`KEYS`.
+    out : Path
+        Folder for the results.
+    progress : Progress
+        Told about every step.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key or a value out of range.
+    InputError
+        When a file cannot be used, or film and log do not overlap.
+    NoResultError
+        When the offset is neither given nor to be found.
+    """
+    from sync import estimate_clock, merge, read_temperature_log
+    from sync.merge import longest_gap_s
+    from sync.report import sync_content
+    from torsight.core.storage import write_json
+    from torsight.core.tables import read_angles, write_merged
+
+    steps = 4.0
+    values = _numbers(settings)
+    progress("read angle and log", 0.0, steps)
+    angles = read_angles(angle)
+    reading = read_temperature_log(temperature)
+    progress("find the clock", 1.0, steps)
+    clock = estimate_clock(angles, reading.log, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"])
+    progress("merge", 2.0, steps)
+    max_gap_s = longest_gap_s(reading.log) if values["max_gap_s"] is None else values["max_gap_s"]
+    table = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
+    progress("write", 3.0, steps)
+    write_merged(out / "merged.csv", table)
+    write_json(out / "sync.json", sync_content(clock, reading, table, max_gap_s=max_gap_s))
+    progress("write", steps, steps)
+    return table
+
+
+def told(content: Mapping[str, Any]) -> list[str]:
+    """Return what the person at the terminal should know, from ``sync.json``."""
+    offset, drift = content["offset_s"], content["drift_ppm"]
+    lines = [
+        f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f}), "
+        f"drift {drift['value']:.0f} ppm (95 %: {drift['ci95'][0]:.0f} to {drift['ci95'][1]:.0f})",
+        f"from {content['method']}",
+    ]
+    lines += [f"note: {note}" for note in content["notes"]]
+    lines += [f"log: {repair['text']}" for repair in content["log"]["repairs"]]
+    empty = content["rows_without_temperature"]
+    if empty:
+        lines.append(f"{empty} of {content['rows']} rows have no temperature (outside the log or in a gap)")
+    return lines
+
+
+def _numbers(settings: Mapping[str, Any]) -> dict[str, float | None]:
+    from torsight.core.config import get_number
+    from torsight.core.storage import check_keys
+
+    where = "[sync]"
+    check_keys(settings, KEYS, where=where)
+    limits = {"offset_s": (-1e10, 1e10), "drift_ppm": (-1e4, 1e4), "max_gap_s": (0.0, 1e6)}
+    return {
+        key: get_number(settings, key, where=where, lower=low, upper=high) if key in settings else None
+        for key, (low, high) in limits.items()
+    }
