@@ -16,6 +16,12 @@ _HOMES: Final = {
     "Simulation": "model",
     "Drive": "drive",
     "Rig": "springs",
+    "FitResult": "fit",
+    "fit_model": "fit",
+    "FittedModel": "fitted",
+    "fitted_model": "fitted",
+    "read_model": "fitted",
+    "write_model": "fitted",
     "load_effects": "effects",
 }
 

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from torsight.actuator.model import Simulation
     from torsight.core.records import TemperatureLog
 
 
-def simulate(  # noqa: D417 - the options carry their help
+def simulate(
     actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
     temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
     *,
@@ -23,6 +26,8 @@ def simulate(  # noqa: D417 - the options carry their help
 
     Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
     """
+    import numpy as np
+
     from torsight.actuator.logs import read_log
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
@@ -31,13 +36,14 @@ def simulate(  # noqa: D417 - the options carry their help
     model = ActuatorModel(read_actuator(actuator))
     log = read_log(temperature)
     drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))
-    write_angles_of(out, log, model.simulate(drive), known=drive.known)
+    simulation = model.simulate(drive)
+    write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))
 
 
-def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, known: object) -> None:
-    """Write the angles for a log's instants; empty where the log has no temperature for too long."""
-    import numpy as np
-
+def write_angles_of(
+    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]
+) -> None:
+    """Write the angles for a log's instants; an angle that is NaN is left empty."""
     from torsight.core.storage import write_table
     from torsight.core.units import DEG, MNM
 
@@ -45,7 +51,7 @@ def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, k
         out,
         {
             "time_s": log.time_s,
-            "angle_deg": np.where(np.asarray(known), simulation.angle_rad / DEG, np.nan),
+            "angle_deg": angle_rad / DEG,
             "xi_a": simulation.xi_a,
             "xi_b": simulation.xi_b,
             "friction_mnm": simulation.friction_nm / MNM,

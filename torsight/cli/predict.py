@@ -1,0 +1,35 @@
+"""``torsight predict``: a fitted or extended model's angles for a later temperature log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def predict(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit' or 'discover'.")],
+    temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
+    *,
+    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+) -> None:
+    """Predict the angle at every instant of a later temperature log, in the log's order and clock.
+
+    Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
+    """
+    from torsight.actuator.fitted import read_model
+    from torsight.actuator.logs import read_log
+    from torsight.cli.simulate import write_angles_of
+    from torsight.core.units import DEG
+
+    fitted = read_model(model)
+    log = read_log(temperature)
+    prediction = fitted.predict(log, start_angle_rad=start_angle * DEG, where=str(temperature))
+    angle_rad = prediction.angle_rad
+    if fitted.closure is not None:
+        from torsight.discovery.closure import correction_rad
+
+        angle_rad = angle_rad + correction_rad(fitted.closure, prediction.drive, prediction.simulation)
+    write_angles_of(out, log, prediction.simulation, angle_rad=angle_rad)
