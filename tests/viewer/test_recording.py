@@ -16,6 +16,7 @@ from made_up_run import SIZE_PX, documents, write_made_up_run
 from torsight.core.errors import InputError, OutputError
 from torsight.core.tracks import MARKERS
 from torsight.viewer import layout, write_recording
+from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
 from torsight.viewer.pictures import WHOLE, take_pictures
 from torsight.viewer.preview import write_preview
 
@@ -202,7 +203,7 @@ def test_the_film_is_shown_with_dots_sticks_and_arc(panes: dict[str, np.ndarray]
     film = panes["Film"]
     assert share_of(film, (150, 150, 150), within=25.0) > 0.3
     assert share_of(film, (20, 20, 20), within=25.0) > 0.001
-    for colour in (layout.BASE_COLOUR, layout.MOVING_COLOUR, layout.ARC_COLOUR):
+    for colour in (BASE_COLOUR, MOVING_COLOUR, ARC_COLOUR):
         assert share_of(film, colour) > 0.0005
 
 
@@ -213,7 +214,7 @@ def test_the_moving_stick_is_drawn_where_the_film_shows_its_dots(panes: dict[str
     grey = np.linalg.norm(film - 150.0, axis=2) < 30.0
     rows, columns = np.nonzero(grey)
     inside = film[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-    for colour in (layout.BASE_COLOUR, layout.MOVING_COLOUR):
+    for colour in (BASE_COLOUR, MOVING_COLOUR):
         drawn = (np.linalg.norm(inside - np.array(colour, float), axis=2) < 60.0).astype(np.uint8)
         blobs, _, stats, centres = cv2.connectedComponentsWithStats(
             cv2.morphologyEx(drawn, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))

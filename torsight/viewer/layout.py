@@ -40,10 +40,6 @@ LIVE_WINDOW_S: Final = 120.0
 LEGEND_SHARE: Final = 0.3
 """Room for the legends to the right of the newest sample, as a share of the span of the curves."""
 
-BASE_COLOUR: Final = (60, 207, 160)
-MOVING_COLOUR: Final = (86, 180, 233)
-ARC_COLOUR: Final = (240, 228, 66)
-
 
 def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
     """Return the arrangement of the panes.
@@ -120,3 +116,13 @@ def log_styles(stream: rr.RecordingStream) -> None:
     for series in SERIES:
         style = rr.SeriesLines(colors=series.colour, widths=series.width, names=series.name)
         stream.log(series.entity, style, static=True)
+
+
+def log_sizes(stream: rr.RecordingStream) -> None:
+    """Log how large markers and how wide sticks are drawn, and that the angle is written beside its arc."""
+    import rerun as rr
+
+    markers = rr.Points2D.from_fields(radii=rr.Radius.ui_points(5.0), show_labels=False)
+    sticks = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
+    stream.log("film/markers", markers, static=True)
+    stream.log("film/sticks", sticks, static=True)

@@ -8,6 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+Colour = tuple[int, int, int]
+
+BASE_COLOUR: Final[Colour] = (60, 207, 160)
+MOVING_COLOUR: Final[Colour] = (86, 180, 233)
+ARC_COLOUR: Final[Colour] = (240, 228, 66)
+
 ARC_STEP_RAD: Final = np.deg2rad(6.0)
 """Longest chord of the drawn arc."""
 
@@ -38,6 +44,22 @@ class Overlay:
     sticks: tuple[str, ...]
     arc_px: NDArray[np.float64]
     label: str
+
+    def strokes(self) -> tuple[list[NDArray[np.float64]], list[Colour], list[str]]:
+        """Return sticks and arc as lines, with their colours and the words beside them."""
+        lines = list(self.sticks_px)
+        colours = [colour_of(stick) for stick in self.sticks]
+        words = [""] * len(lines)
+        if len(self.arc_px):
+            lines.append(self.arc_px)
+            colours.append(ARC_COLOUR)
+            words.append(self.label)
+        return lines, colours, words
+
+
+def colour_of(name: str) -> Colour:
+    """Return the colour of a stick, or of a marker on it, by its name."""
+    return BASE_COLOUR if name.startswith("base") else MOVING_COLOUR
 
 
 def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[str, ...], scale: float) -> Overlay:

@@ -15,7 +15,7 @@ from torsight.core.storage import atomic_path
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.viewer import layout
-from torsight.viewer.overlay import Overlay, overlay
+from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.preview import MOST_FRAMES, Preview, write_preview
 from torsight.viewer.words import run_events, span_s, summary_document
 
@@ -178,35 +178,20 @@ def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: 
     names = [name for one in drawn for name in one.names]
     columns = rr.Points2D.columns(
         positions=points,
-        colors=[layout.BASE_COLOUR if name.startswith("base") else layout.MOVING_COLOUR for name in names],
+        colors=[colour_of(name) for name in names],
         labels=names,
     )
     stream.send_columns("film/markers", indexes=indexes, columns=columns.partition(counts))
-    stream.log("film/markers", rr.Points2D.from_fields(radii=rr.Radius.ui_points(5.0), show_labels=False), static=True)
     strips, colours, labels, lengths = [], [], [], []
     for one in drawn:
-        lines, kinds, words = strokes(one)
+        lines, kinds, words = one.strokes()
         strips += lines
         colours += kinds
         labels += words
         lengths.append(len(lines))
     columns = rr.LineStrips2D.columns(strips=strips, colors=colours, labels=labels)
     stream.send_columns("film/sticks", indexes=indexes, columns=columns.partition(lengths))
-    stream.log(
-        "film/sticks", rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True), static=True
-    )
-
-
-def strokes(one: Overlay) -> tuple[list[NDArray[np.float64]], list[tuple[int, int, int]], list[str]]:
-    """Return the lines of one frame with their colours and the words beside them."""
-    lines = list(one.sticks_px)
-    colours = [layout.BASE_COLOUR if stick == "base" else layout.MOVING_COLOUR for stick in one.sticks]
-    words = [""] * len(lines)
-    if len(one.arc_px):
-        lines.append(one.arc_px)
-        colours.append(layout.ARC_COLOUR)
-        words.append(one.label)
-    return lines, colours, words
+    layout.log_sizes(stream)
 
 
 def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:

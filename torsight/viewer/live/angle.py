@@ -1,0 +1,125 @@
+"""The angle of one frame, at once; when the recording ends, the whole record is oriented again as a film's would be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.camera import Camera
+from tracker.rays import carry, meet_plane, undistort
+
+_BASE_WEIGHT = 0.05
+"""Share of a new frame in the base stick's running direction."""
+
+
+class LiveAngle:
+    """Turns the markers of one frame after the other into the unwrapped angle.
+
+    Parameters
+    ----------
+    camera : Camera or None
+        With a pose, rays are met with the sticks' planes; without, the picture is the plane of motion.
+    """
+
+    def __init__(self, camera: Camera | None) -> None:
+        self._maps = _maps(camera)
+        self._heights = (
+            None
+            if camera is None or camera.pose is None
+            else (
+                camera.pose.base_z_mm,
+                camera.pose.moving_z_mm,
+            )
+        )
+        self._base_rad: float | None = None
+        self._last: tuple[float, float] | None = None
+        self._speed_rad_s = 0.0
+
+    def step(
+        self, time_s: float, position_px: NDArray[np.float64], covariance_px2: NDArray[np.float64]
+    ) -> tuple[float, float, NDArray[np.float64] | None]:
+        """Return angle and its sigma (rad; NaN where not known) and positions in space.
+
+        Parameters
+        ----------
+        time_s : float
+            Time of the frame.
+        position_px : (4, 2) float64
+            Markers in the order of ``torsight.core.tracks.MARKERS``; NaN where not seen.
+        covariance_px2 : (4, 2, 2) float64
+            Their covariances.
+        """
+        plane = [
+            carry(self._maps[marker // 2], position_px[marker : marker + 1], covariance_px2[marker : marker + 1])
+            for marker in range(4)
+        ]
+        points = np.array([value[0] for value, _ in plane])
+        spread = [covariance[0] for _, covariance in plane]
+        base_rad, base_variance = _direction(points[0], points[1], spread[0], spread[1])
+        moving_rad, variance = _direction(points[2], points[3], spread[2], spread[3])
+        self._learn_base(base_rad)
+        position_mm = self._in_space(points)
+        if self._base_rad is None or not math.isfinite(moving_rad):
+            return math.nan, math.nan, position_mm
+        angle = self._unwrapped(time_s, moving_rad - self._base_rad)
+        held = base_variance if math.isfinite(base_variance) else 0.0
+        return angle, math.sqrt(variance + _BASE_WEIGHT * held), position_mm
+
+    def _learn_base(self, base_rad: float) -> None:
+        if not math.isfinite(base_rad):
+            return
+        if self._base_rad is None:
+            self._base_rad = base_rad
+        else:
+            self._base_rad += _BASE_WEIGHT * math.remainder(base_rad - self._base_rad, math.tau)
+
+    def _unwrapped(self, time_s: float, angle_rad: float) -> float:
+        """Return the whole angle nearest to where the speed so far would have brought it."""
+        if self._last is None:
+            whole = math.remainder(angle_rad, math.tau)
+        else:
+            last_s, last_rad = self._last
+            step_s = max(time_s - last_s, 1e-6)
+            expected = last_rad + self._speed_rad_s * step_s
+            whole = expected + math.remainder(angle_rad - expected, math.tau)
+            self._speed_rad_s += min(1.0, step_s / 0.2) * ((whole - last_rad) / step_s - self._speed_rad_s)
+        self._last = (time_s, whole)
+        return whole
+
+    def _in_space(self, points: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        if self._heights is None:
+            return None
+        height = np.repeat(self._heights, 2)
+        return np.column_stack([points, np.where(np.isfinite(points[:, 0]), height, np.nan)])
+
+
+def _maps(camera: Camera | None) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]:
+    if camera is None or camera.pose is None:
+        return (_upwards, _upwards)
+    pose, intrinsics = camera.pose, camera.intrinsics
+
+    def onto(z_mm: float) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        return lambda pixels: meet_plane(undistort(pixels, intrinsics), pose, z_mm=z_mm)
+
+    return onto(pose.base_z_mm), onto(pose.moving_z_mm)
+
+
+def _upwards(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(pixels * np.array([1.0, -1.0]))
+
+
+def _direction(
+    inner: NDArray[np.float64],
+    outer: NDArray[np.float64],
+    inner_cov: NDArray[np.float64],
+    outer_cov: NDArray[np.float64],
+) -> tuple[float, float]:
+    dx, dy = (outer - inner).tolist()
+    square = dx * dx + dy * dy
+    if not math.isfinite(square) or square == 0.0:
+        return math.nan, math.nan
+    across = np.array([-dy, dx])
+    return math.atan2(dy, dx), float(across @ (inner_cov + outer_cov) @ across) / square**2

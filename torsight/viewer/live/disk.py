@@ -1,0 +1,202 @@
+"""The record on disk while it is made: whole lines at least twice a second, so that a killed program loses no more."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError, OutputError
+from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.units import DEG
+
+if TYPE_CHECKING:
+    from torsight.core.camera import Camera
+    from tracker.orient import Orientation
+
+FLUSH_S: Final = 0.25
+ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
+TEMPERATURES: Final = ("time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b")
+
+
+class LineFile:
+    """A CSV that grows by whole lines.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it must not be there yet.
+    columns : sequence of str
+        The header.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self.path = path
+        self._lines: list[str] = [",".join(columns)]
+        self._flushed = -math.inf
+        try:
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        except FileExistsError as error:
+            raise ConfigError(
+                "is there already", where=str(path), do="choose another --out folder; a record is not written over"
+            ) from error
+        except OSError as error:
+            raise OutputError(f"cannot be written ({error.strerror or error})", where=str(path)) from error
+        self.flush()
+
+    def add(self, values: Sequence[float]) -> None:
+        """Append one row; NaN is an empty field."""
+        self._lines.append(",".join("" if value != value else f"{value:.10g}" for value in values))  # noqa: PLR0124
+        if time.monotonic() - self._flushed >= FLUSH_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand every line so far to the system, which keeps it even if this program is killed."""
+        self._flushed = time.monotonic()
+        if not self._lines:
+            return
+        data = ("\n".join(self._lines) + "\n").encode()
+        self._lines.clear()
+        try:
+            while data:
+                data = data[os.write(self._file, data) :]
+        except OSError as error:
+            raise OutputError(
+                f"cannot be written ({error.strerror or error})",
+                where=str(self.path),
+                do="free space there; what was written before is kept",
+            ) from error
+
+    def close(self) -> None:
+        """Flush and close."""
+        self.flush()
+        os.close(self._file)
+
+
+class Recorder:
+    """``angle.csv``, ``markers.csv`` and ``temps.csv`` of a live record, in the columns of ``torsight track``.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is not there; a record that lies in it already is refused.
+    in_space : bool
+        Whether markers have positions in mm.
+    """
+
+    def __init__(self, folder: Path, *, in_space: bool) -> None:
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"cannot be made ({error.strerror or error})", where=str(folder)) from error
+        columns = ["frame", "time_s"]
+        for name in MARKERS:
+            columns += [f"{name}_x_px", f"{name}_y_px", f"{name}_sigma_px", f"{name}_valid"]
+            columns += [f"{name}_{axis}_mm" for axis in "xyz"] if in_space else []
+        self._in_space = in_space
+        self._angle = LineFile(folder / "angle.csv", ANGLE)
+        self._markers = LineFile(folder / "markers.csv", columns)
+        self._temperatures = LineFile(folder / "temps.csv", TEMPERATURES)
+
+    def frame(
+        self,
+        index: int,
+        time_s: float,
+        *,
+        angle_rad: float,
+        sigma_rad: float,
+        position_px: NDArray[np.float64],
+        covariance_px2: NDArray[np.float64],
+        position_mm: NDArray[np.float64] | None,
+    ) -> None:
+        """Append one frame; what is not known is NaN."""
+        known = math.isfinite(angle_rad)
+        self._angle.add((index, time_s, angle_rad / DEG, sigma_rad / DEG, known, 1))
+        row: list[float] = [index, time_s]
+        nowhere = np.full(3, np.nan)
+        for marker in range(4):
+            x, y = position_px[marker].tolist()
+            seen = math.isfinite(x)
+            sigma = math.sqrt(0.5 * float(np.trace(covariance_px2[marker]))) if seen else math.nan
+            row += [x, y, sigma, seen]
+            if self._in_space:
+                row += (nowhere if position_mm is None else position_mm[marker]).tolist()
+        self._markers.add(row)
+
+    def temperature(self, row: Sequence[float]) -> None:
+        """Append one row of the log, as it was read."""
+        self._temperatures.add(row)
+
+    def flush(self) -> None:
+        """Hand everything to the system."""
+        for file in (self._angle, self._markers, self._temperatures):
+            file.flush()
+
+    def close(self) -> None:
+        """Close the three tables."""
+        for file in (self._angle, self._markers, self._temperatures):
+            file.close()
+
+
+def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swapped: int) -> Orientation | None:
+    """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds the tables of a closed :class:`Recorder`.
+    camera : Camera or None
+        As used live.
+    size_px : (int, int)
+        Size of the pictures.
+    swapped : int
+        How many of the first rows call the base stick moving, because no stick had moved yet.
+
+    Returns
+    -------
+    Orientation or None
+        None where no frame came, or no markers were ever seen.
+    """
+    from torsight.core.storage import read_table, write_table
+    from torsight.core.tables import marker_columns, write_angles
+    from tracker.orient import orient
+
+    path = folder / "markers.csv"
+    if path.read_bytes().count(b"\n") < 2:
+        return None
+    table = read_table(path, required=("frame", "time_s"))
+    position = np.stack(
+        [table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(dtype=np.float64) for name in MARKERS], axis=1
+    )
+    sigma = np.stack([table[f"{name}_sigma_px"].to_numpy(dtype=np.float64) for name in MARKERS], axis=1)
+    position[:swapped] = position[:swapped, [2, 3, 0, 1]]
+    sigma[:swapped] = sigma[:swapped, [2, 3, 0, 1]]
+    valid = np.isfinite(position).all(axis=2)
+    if not valid.all(axis=1).any():
+        return None
+    tracks = MarkerTracks(
+        frame=table["frame"].to_numpy(dtype=np.int64),
+        time_s=table["time_s"].to_numpy(dtype=np.float64),
+        position_px=position,
+        covariance_px2=sigma[:, :, None, None] ** 2 * np.eye(2),
+        valid=valid,
+        size_px=size_px,
+    )
+    orientation = orient(tracks, camera)
+    write_table(path, marker_columns(tracks, orientation.position_mm))
+    write_angles(folder / "angle.csv", orientation.angles)
+    return orientation
+
+
+def write_account(folder: Path, name: str, content: dict[str, Any]) -> None:
+    """Write one of the record's JSON files."""
+    from torsight.core.storage import write_json
+
+    write_json(folder / name, content)

@@ -1,0 +1,225 @@
+"""The model beside the measurement: computed in a process of its own, from the record so far, thinned."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import TorsightError
+from torsight.core.records import SyncedTable
+
+if TYPE_CHECKING:
+    from torsight.actuator.spec import ActuatorSpec
+
+Array = NDArray[np.float64]
+
+STEP_S: Final = 0.2
+"""Rows of the thinned record: a quasi-static model needs no more."""
+LEAST_ROWS: Final = 50
+
+
+class Thinned:
+    """Means over fixed steps of time of values that come one by one."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._step: int | None = None
+        self._sum = np.zeros(width)
+        self._count = np.zeros(width)
+        self._time_s = array("d")
+        self._values = [array("d") for _ in range(width)]
+
+    def add(self, time_s: float, values: tuple[float, ...]) -> None:
+        """Add one sample; NaN does not count."""
+        step = math.floor(time_s / STEP_S)
+        if self._step is not None and step != self._step:
+            self._close()
+        if self._step is None or step > self._step:
+            self._step = step
+        for place, value in enumerate(values):
+            if value == value:  # noqa: PLR0124 - a NaN is not itself
+                self._sum[place] += value
+                self._count[place] += 1.0
+
+    def _close(self) -> None:
+        if self._step is None or not self._count.any():
+            return
+        self._time_s.append((self._step + 0.5) * STEP_S)
+        for place in range(self._width):
+            known = self._count[place] > 0
+            self._values[place].append(self._sum[place] / self._count[place] if known else math.nan)
+        self._sum[:] = self._count[:] = 0.0
+
+    def __len__(self) -> int:
+        return len(self._time_s)
+
+    def columns(self) -> tuple[Array, ...]:
+        """Return time and values of every closed step."""
+        return tuple(np.array(one, dtype=np.float64) for one in (self._time_s, *self._values))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelNews:
+    """What the model says of the record so far.
+
+    Attributes
+    ----------
+    time_s, angle_rad, residual_rad : (n,) float64
+        Model's angle, and measured less modelled (NaN where not measured).
+    half_cycles : int
+        How many half-cycles have begun.
+    friction : dict or None
+        ``tau_c_mnm`` in the form of the JSON outputs, where it was fitted.
+    trouble : str
+        Why there is nothing, else empty.
+    """
+
+    time_s: Array
+    angle_rad: Array
+    residual_rad: Array
+    half_cycles: int = 0
+    friction: dict[str, Any] | None = None
+    trouble: str = ""
+
+
+def model_of(spec: ActuatorSpec, columns: tuple[Array, ...], *, friction: bool) -> ModelNews:
+    """Simulate (and fit, if the friction is asked for) the plain model on a record; runs in its own process."""
+    from torsight.actuator.model import ActuatorModel
+
+    time_s, angle, sigma, temp_a, temp_b, heat_a, heat_b = columns
+    nothing = np.empty(0)
+    switched = bool(np.isfinite(heat_a).all() and np.isfinite(heat_b).all())
+    table = SyncedTable(
+        time_s=time_s,
+        angle_rad=angle,
+        angle_sigma_rad=sigma,
+        temp_a_c=temp_a,
+        temp_b_c=temp_b,
+        heat_a=heat_a > 0.5 if switched else None,
+        heat_b=heat_b > 0.5 if switched else None,
+    )
+    try:
+        model = ActuatorModel(spec)
+        drive = model.prepare(table, where="live record")
+        values = None
+        estimate = None
+        if friction:
+            from torsight.actuator.fit import fit_model
+
+            fit = fit_model(model, drive)
+            estimate = fit.to_json()["parameters"]["tau_c_mnm"]
+        simulation = model.simulate(drive, values)
+    except TorsightError as error:
+        return ModelNews(nothing, nothing, nothing, trouble=str(error))
+    return ModelNews(
+        drive.time_s,
+        simulation.angle_rad,
+        drive.angle_rad - simulation.angle_rad,
+        half_cycles=int(drive.cycles.half[-1]) + 1,
+        friction=estimate,
+    )
+
+
+class ModelWatch:
+    """Keeps the thinned record, and has the model computed from it now and then, never waiting for it.
+
+    Parameters
+    ----------
+    spec : ActuatorSpec
+        The rig.
+    """
+
+    def __init__(self, spec: ActuatorSpec) -> None:
+        self._spec = spec
+        self._angles = Thinned(2)
+        self._temperatures = Thinned(4)
+        self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_quiet)
+        self._job: Future[ModelNews] | None = None
+        self._half_cycles = 1
+        self._fit_next = False
+        self._known_s = -math.inf
+        self.broken = False
+
+    def angle(self, time_s: float, angle_rad: float, sigma_rad: float) -> None:
+        """Take a measured angle."""
+        self._angles.add(time_s, (angle_rad, sigma_rad))
+
+    def temperature(self, film_time_s: float, values: tuple[float, ...]) -> None:
+        """Take both temperatures and both switches, at a time on the film's clock."""
+        self._temperatures.add(film_time_s, values)
+
+    def poll(self) -> ModelNews | None:
+        """Return news since the last poll, and ask for the next."""
+        news: ModelNews | None = None
+        if self._job is not None and self._job.done():
+            news = self._result()
+            self._job = None
+        if self._job is None and not self.broken:
+            self._ask()
+        return news
+
+    def close(self) -> None:
+        """End the process; a job that runs is given up."""
+        for process in list(getattr(self._pool, "_processes", None) or {}):
+            self._pool._processes[process].terminate()  # noqa: SLF001 - the pool has no other way not to wait
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _ask(self) -> None:
+        columns = self._columns()
+        if columns is None:
+            return
+        try:
+            self._job = self._pool.submit(model_of, self._spec, columns, friction=self._fit_next)
+        except (BrokenProcessPool, RuntimeError):
+            self.broken = True
+        self._fit_next = False
+
+    def _result(self) -> ModelNews | None:
+        if self._job is None:
+            return None
+        try:
+            news = self._job.result()
+        except BrokenProcessPool:
+            self.broken = True
+            return None
+        if news.half_cycles > self._half_cycles:
+            self._half_cycles = news.half_cycles
+            self._fit_next = True
+        new = news.time_s > self._known_s
+        if len(news.time_s):
+            self._known_s = float(news.time_s[-1])
+        return ModelNews(
+            news.time_s[new],
+            news.angle_rad[new],
+            news.residual_rad[new],
+            half_cycles=news.half_cycles,
+            friction=news.friction,
+            trouble=news.trouble,
+        )
+
+    def _columns(self) -> tuple[Array, ...] | None:
+        """Return the record so far as far as both angle and temperatures reach."""
+        if min(len(self._angles), len(self._temperatures)) < LEAST_ROWS:
+            return None
+        time_s, angle, sigma = self._angles.columns()
+        log_s, *temperatures = self._temperatures.columns()
+        inside = (time_s >= log_s[0]) & (time_s <= log_s[-1])
+        if inside.sum() < LEAST_ROWS or time_s[inside][-1] <= self._known_s:
+            return None
+        at_s = time_s[inside]
+        return (at_s, angle[inside], sigma[inside], *(np.interp(at_s, log_s, one) for one in temperatures))
+
+
+def _quiet() -> None:
+    """Leave Ctrl-C to the program that measures."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
