@@ -164,6 +164,12 @@ def fine(_folder: Path) -> None:
     """Change nothing: the command itself asks for what cannot be."""
 
 
+def _keep_only_text(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_file() and path.suffix not in {".toml", ".csv"}:
+            path.unlink()
+
+
 @dataclass(frozen=True, slots=True)
 class Bad:
     """One bad input and what must come of it."""
@@ -368,9 +374,3 @@ BAD: dict[str, Bad] = {
     ),
     "output where a file stands": Bad(SYNC.replace("{out}", "{temps.csv}"), fine, 3, "cannot be written"),
 }
-
-
-def _keep_only_text(folder: Path) -> None:
-    for path in folder.iterdir():
-        if path.is_file() and path.suffix not in {".toml", ".csv"}:
-            path.unlink()
