@@ -25,6 +25,7 @@ _NARROW_SHARE: Final = 0.3
 _WIDE_SHARE: Final = 0.5
 _WIDEST_PX: Final = 11
 _NARROWEST_PX: Final = 2
+_WINDOW_PER_EDGE: Final = 3.0
 _FEWEST_CHARUCO_CORNERS: Final = 8
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
@@ -87,19 +88,24 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     rough = (rough + 0.5) * scale - 0.5
     points = board.points_mm()[corner]
     square_px = _smallest_square_px(points, rough, board.square_mm)
-    # Among the squares of a ChArUco board lie markers: their edges are nearer than the next corner.
-    room = (board.square_mm - board.marker_mm) / (2.0 * board.square_mm) if board.marker_mm else 1.0
-    narrow, wide = (min(share, room) * square_px for share in (_NARROW_SHARE, _WIDE_SHARE))
-    corners = _measured(grey, rough, narrow)
+    narrow, wide = _NARROW_SHARE * square_px, _WIDE_SHARE * square_px
+    if board.kind == "charuco":
+        # The markers' edges are nearer than the next corner; one pixel for their blur.
+        room = square_px * (board.square_mm - board.marker_mm) / (2.0 * board.square_mm)
+        narrow, wide = min(narrow, room - 1.0), min(wide, room)
+    edge_px = _edge_px(grey, rough, narrow)
+    # Where edges are wider than usual, as in a large picture that is not quite sharp, so must the window be.
+    widest = max(_WIDEST_PX, _WINDOW_PER_EDGE * edge_px)
+    corners = _measured(grey, rough, min(narrow, widest))
     return View(
         name=name,
         index=index,
         corner=corner,
         points_mm=points,
         corners_px=corners,
-        wide_px=_measured(grey, rough, wide),
+        wide_px=_measured(grey, rough, min(wide, widest)),
         square_px=square_px,
-        edge_px=_edge_px(grey, corners, narrow),
+        edge_px=edge_px,
     )
 
 
@@ -177,7 +183,7 @@ def _smallest_square_px(points_mm: Floats, corners_px: Floats, square_mm: float)
 
 
 def _measured(grey: Grey, rough: Floats, half_side_px: float) -> Floats:
-    half = int(np.clip(round(half_side_px), _NARROWEST_PX, _WIDEST_PX))
+    half = max(round(half_side_px), _NARROWEST_PX)
     start = rough.astype(np.float32).reshape(-1, 1, 2)
     return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _STOP), np.float64).reshape(-1, 2)
 

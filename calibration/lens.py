@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from calibration.detect import View
 from torsight.core.camera import Intrinsics
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import project
+from torsight.core.geometry import project, rotation_matrix
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2",
 _WORSE_THAN_MEDIAN: Final = 3.0
 _NEVER_BAD_PX: Final = 0.3
 _MOST_GROUPS: Final = 20
+_LARGEST_FOCAL_SIGMA: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,14 +141,14 @@ def calibrate_lens(views: Sequence[View], size_px: tuple[int, int]) -> LensCalib
         When there are too few views, or all are from the same side.
     """
     require_views(len(views))
-    require_spread(views)
+    _require_spread(spread_deg(board_normals(views)), len(views))
     with one_thread():
         first = fit_lens(views, size_px, window="wide")
         kept, aside = _without_bad(views, size_px, list(range(len(views))), window="wide")
         kept, more = _without_bad(views, size_px, kept, window="narrow")
         chosen = [views[index] for index in kept]
-        require_spread(chosen)
         fit = fit_lens(chosen, size_px)
+        _require_determined(fit)
         return LensCalibration(
             fit=fit,
             views=tuple(views),
@@ -279,19 +280,25 @@ def require_views(count: int) -> None:
         )
 
 
-def require_spread(views: Sequence[View]) -> None:
-    """Refuse views that all show the board from the same side.
+def _require_determined(fit: Fit) -> None:
+    """Refuse a fit that the views do not determine, as its own numbers show."""
+    normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in fit.rvec])
+    _require_spread(spread_deg(normals), len(normals))
+    share = float(fit.sigma[0] / fit.intrinsics.matrix[0, 0])
+    if share > _LARGEST_FOCAL_SIGMA:
+        raise NoResultError(
+            "the views do not determine the focal length",
+            value=f"known to {100.0 * share:.0f} % only",
+            limit=f"{100.0 * _LARGEST_FOCAL_SIGMA:.0f} %",
+            do="take more pictures, the board larger and tilted by 20° to 45° to all sides",
+        )
 
-    Raises
-    ------
-    NoResultError
-        When no two views differ in the board's orientation by :data:`SMALLEST_SPREAD_DEG`.
-    """
-    spread = spread_deg(board_normals(views))
+
+def _require_spread(spread: float, count: int) -> None:
     if spread < SMALLEST_SPREAD_DEG:
         raise NoResultError(
             "all views are from the same side: focal length and distance cannot be told apart",
-            value=f"{len(views)} views within {spread:.1f}° of one orientation",
+            value=f"{count} views within {spread:.1f}° of one orientation",
             limit=f"orientations that differ by {SMALLEST_SPREAD_DEG:g}° at least, by 40° and more for a good result",
             do="tilt the board to the left, right, top and bottom by 20° to 45° between the pictures",
         )
