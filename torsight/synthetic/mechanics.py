@@ -86,8 +86,10 @@ def residual(
         power = 0.7 if c.viscous_form == 1 else 1.0
         tau += math.copysign(c.viscous * math.pow(abs(speed), power), speed)
     if kind == 0:
-        return tau + c.bristle * (motion[BRISTLE] + w - motion[PHI])
-    return tau + kind * friction_limit(c, w, temps_c[2], kind, 0.0)
+        tau += c.bristle * (motion[BRISTLE] + w - motion[PHI])
+    else:
+        tau += kind * friction_limit(c, w, temps_c[2], kind, 0.0)
+    return tau
 
 
 @njit(cache=True)

@@ -1,7 +1,7 @@
 """Drawing, compiled: sticks with their markers, things in front of them, light and noise.
 
-Edges are exact: a pixel's share of a shape is that of a straight edge at the shape's signed distance, blurred by the
-lens and by the pixel's own area. Shapes are described in their plane; each pixel is led back to the plane along its
+A pixel's share of a shape is that of an edge at the shape's signed distance, blurred by the lens and by the pixel's own
+area, with the edge's curvature to first order. Shapes are described in their plane; each pixel is led back to the plane along its
 ray, so perspective and distortion come out as they are.
 """
 
@@ -29,6 +29,12 @@ def edge_share(distance_px: float, blur_px: float) -> float:
     if x < -4.0:
         return 1.0
     return 0.5 * math.erfc(x * 0.7071067811865476)
+
+
+@njit(cache=True, nogil=True)
+def disc_share(from_centre_px: float, radius_px: float, blur_px: float) -> float:
+    """Return the share of a pixel that lies inside a disc: blur draws a bent edge inwards by σ² / 2r."""
+    return edge_share(from_centre_px - radius_px + 0.5 * blur_px * blur_px / radius_px, blur_px)
 
 
 @njit(cache=True, nogil=True)
@@ -75,12 +81,12 @@ def stick_value(
                 nx, ny = (cos * ru - sin * rv) / n, (sin * ru + cos * rv) / n
                 m = scale[1 + k]
                 size = math.sqrt(m[0] * nx * nx + 2 * m[1] * nx * ny + m[2] * ny * ny)
-                value += edge_share((r - shape[5]) / size, blur_px) * (shape[7] - value)
+                value += disc_share(r / size, shape[5] / size, blur_px) * (shape[7] - value)
     if shape[8] > 0.0:
         r = math.sqrt(u * u + v * v)
         if r < 2.0 * shape[8]:
             size = math.sqrt(0.5 * (scale[0, 0] + scale[0, 2]))
-            value += edge_share((r - shape[8]) / size, blur_px) * (shape[9] - value)
+            value += disc_share(r / size, shape[8] / size, blur_px) * (shape[9] - value)
     return value
 
 
