@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.discovery.features import Basis, bases_of
+from torsight.discovery.features import bases_of
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Closure
 from torsight.discovery.search import Contender, Field
@@ -141,9 +141,7 @@ class _Design:
         return out
 
 
-def _forward(
-    design: _Design, groups: Mapping[str, Array], alone: float, *, seed: int
-) -> tuple[list[str], list[float]]:
+def _forward(design: _Design, groups: Mapping[str, Array], alone: float, *, seed: int) -> tuple[list[str], list[float]]:
     """Return drivers in the order in which they help on unseen blocks, and what is left after each."""
     chosen: list[str] = []
     left: list[float] = []

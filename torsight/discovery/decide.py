@@ -1,7 +1,7 @@
 """From fitted sets of effects to a verdict.
 
-A set is believed where every member earns its place twice: by a gain above what the luckiest candidate takes from noise,
-and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains most of what
+A set is believed where every member earns its place twice: by a gain above what the luckiest candidate takes from
+noise, and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains most of what
 was to explain, or leaves little more than the floor); otherwise something real is missing that has no name here. Sets
 that explain the record within a small cost of the best are rivals and are all told.
 """
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from torsight.discovery.fitting import EffectSet, space_of
-from torsight.discovery.noise import residual_scales
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.search import Contender, Field, Settings
+from torsight.discovery.solver import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +54,8 @@ class Decision:
 
 def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = True) -> Decision:
     """Choose among the contenders of a search."""
-    threshold = gain_threshold(
-        field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed
-    )
-    judge = _Judge(field, settings, threshold, can_hold_out)
+    threshold = gain_threshold(field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed)
+    judge = _Judge(field, settings, threshold, can_hold_out=can_hold_out)
     best = field.base
     for size in range(1, settings.most_effects + 1):
         for contender in field.of_size(size):
@@ -79,7 +77,7 @@ def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = 
 
 
 class _Judge:
-    def __init__(self, field: Field, settings: Settings, threshold: float, can_hold_out: bool) -> None:
+    def __init__(self, field: Field, settings: Settings, threshold: float, *, can_hold_out: bool) -> None:
         self._field = field
         self._settings = settings
         self._threshold = threshold
@@ -144,18 +142,24 @@ def _weights(contenders: list[Contender]) -> dict[EffectSet, float]:
     return {c.effects: float(w) for c, w in zip(contenders, weight / weight.sum(), strict=True)}
 
 
-def standard_deviations(field: Field, contender: Contender) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the parameters' standard deviations (m,), inflated for the residual's correlation.
+def covariance(field: Field, contender: Contender) -> Array:
+    """Return the parameters' covariance (m, m), inflated for the residual's correlation.
 
     The weights already count pieces of information and not samples; what is added is the set's own residual where it
     is larger than the one that the weights come from.
     """
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
-    own = residual_scales(residual, field.stretches, field.floor)
-    inflation = max(1.0, own.motion / max(field.scales.motion, 1e-30)) ** 2
+    inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
     space = space_of(fit.parameters)
     derivative = fit.solution.jacobian
     information = derivative.T @ (derivative * weight[:, None]) / inflation
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
+    return np.asarray(np.linalg.inv(information))
+
+
+def pieces(field: Field) -> float:
+    """Return how many pieces of information the record holds."""
+    levels, motion = field.stretches.split()
+    tau = field.scales.correlation_samples
+    return len(levels) + sum(max(1.0, (b - a) / tau) for a, b in motion)

@@ -52,15 +52,8 @@ class Basis:
         return np.asarray(made * drivers[DIRECTION][:, None] if self.signed else made, np.float64)
 
     def to_json(self) -> dict[str, object]:
-        """Return what :meth:`from_json` takes."""
+        """Return the numbers that make the same features again."""
         return {"driver": self.driver, "knots": list(self.knots), "signed": self.signed}
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, object]) -> Basis:
-        """Return the basis that was written."""
-        knots = content["knots"]
-        assert isinstance(knots, list)
-        return cls(str(content["driver"]), tuple(float(knot) for knot in knots), bool(content["signed"]))
 
 
 def bases_of(drivers: Mapping[str, Array], weight: Array) -> dict[str, tuple[Basis, ...]]:

@@ -6,7 +6,7 @@ of effects is fitted together with all base parameters, and sets are compared at
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, TypeVar
@@ -131,9 +131,8 @@ class Fitter:
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
-        starts = []
-        for point in self.candidates[name].starting_points(self.problem.time_s, self.residual(parent)):
-            starts.append({**parent.values, **point})
+        points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
+        starts = [{**parent.values, **point} for point in points]
         starts.append({**starts[0], **away})
         return self.fit(effects, starts, weight=weight)
 
@@ -189,9 +188,8 @@ def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
     return kept
 
 
-def in_parallel(work: Sequence[_T], function: object, *, workers: int = WORKERS) -> list[_R]:
+def in_parallel(work: Sequence[_T], function: Callable[[_T], _R], *, workers: int = WORKERS) -> list[_R]:
     """Return ``function`` of each item in order; results do not depend on the number of workers."""
-    assert callable(function)
     if workers < 2 or len(work) < 2:
         return [function(item) for item in work]
     with ThreadPoolExecutor(workers) as pool:

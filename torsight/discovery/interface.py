@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
 
-
 Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
 
 
@@ -92,16 +91,45 @@ class Problem(Protocol):
         Size of a difference, in units of ``observed``, below which nobody would miss an effect.
     """
 
-    parameters: tuple[Parameter, ...]
-    candidates: tuple[Candidate, ...]
-    time_s: NDArray[np.float64]
-    observed: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    block: NDArray[np.int64]
-    rest: NDArray[np.bool_]
-    drivers: Mapping[str, NDArray[np.float64]]
-    resolution: float
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The base model's free parameters."""
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Effects that the model may lack."""
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Time of the samples."""
+
+    @property
+    def observed(self) -> NDArray[np.float64]:
+        """Measured values."""
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Reading noise."""
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Samples that count."""
+
+    @property
+    def block(self) -> NDArray[np.int64]:
+        """Block of each sample."""
+
+    @property
+    def rest(self) -> NDArray[np.bool_]:
+        """Where what is measured stands still."""
+
+    @property
+    def drivers(self) -> Mapping[str, NDArray[np.float64]]:
+        """Variables that an effect without a name may depend on."""
+
+    @property
+    def resolution(self) -> float:
+        """Size below which nobody would miss an effect."""
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
         """Return the model's values (n,) with the effects named switched on.

@@ -1,0 +1,62 @@
+"""``torsight discover``: find what the model lacks on one record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.discovery.report import DiscoveryReport
+
+
+def discover(
+    merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
+    *,
+    actuator: Annotated[Path, typer.Option(help="Characterised values, ACTUATOR.toml.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
+) -> None:
+    """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
+
+    Example: torsight discover results/merged.csv --actuator actuator.toml --out results
+    """
+    from torsight.cli.console import progress_bar, say
+    from torsight.cli.summary import verdict_words
+    from torsight.core.storage import read_json
+
+    with progress_bar() as progress:
+        report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+    content = read_json(out / "discovery.json")
+    say(f"Missing effect    {verdict_words(content)}")
+    before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
+    say(
+        f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see "
+        f"(noise floor {report.noise_floor_deg:.2f}°)"
+    )
+    for note in report.notes:
+        say(f"Note              {note}")
+    say(f"Results           {out}")
+
+
+def discover_to_folder(
+    merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
+) -> DiscoveryReport:
+    """Discover and write ``discovery.json``, ``model.json``, ``curves.csv`` and ``report.html``; return the report."""
+    from torsight.actuator import read_actuator
+    from torsight.actuator.fitted import write_model
+    from torsight.core.storage import write_json, write_table
+    from torsight.core.tables import read_merged
+    from torsight.discovery.discover import discover as find
+    from torsight.report import write_report
+
+    spec = read_actuator(actuator)
+    report = find(read_merged(merged), spec, seed=seed, progress=progress, where=str(merged))
+    write_table(out / "curves.csv", report.curves)
+    write_model(out / "model.json", report.model)
+    write_json(out / "discovery.json", report.to_json())
+    write_report(out)
+    return report

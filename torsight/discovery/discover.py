@@ -1,0 +1,226 @@
+"""The actuator's discovery: from a merged record and its characterised values to a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import load_effects
+from torsight.actuator.fitted import FittedModel
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.parameter import Estimate
+from torsight.core.progress import Progress, silent
+from torsight.core.records import SyncedTable
+from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.curves import curve_columns
+from torsight.discovery.decide import covariance
+from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.noise import reading_noise
+from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
+from torsight.discovery.search import Contender
+from torsight.discovery.validate import HeldOut
+
+Array = NDArray[np.float64]
+
+CONTRADICTED_SIGMAS: Final = 4.0
+"""A characterised value that the record moves by more than this is named."""
+_DRAWS: Final = 2000
+
+
+def discover(
+    table: SyncedTable, spec: ActuatorSpec, *, seed: int = 0, progress: Progress = silent, where: str = "record"
+) -> DiscoveryReport:
+    """Find what the quasi-static model lacks on one record.
+
+    Parameters
+    ----------
+    table : SyncedTable
+        Angle and temperatures on one clock.
+    spec : ActuatorSpec
+        Characterised values with their uncertainties.
+    seed : int
+        Of every random draw: the same table, spec and seed give the same report.
+    progress : Progress
+        Told how far the work is.
+    where : str
+        Name of the record in messages.
+
+    Raises
+    ------
+    InputError, NoResultError
+        When the record cannot drive the model.
+    """
+    drive = ActuatorModel(spec).prepare(table, where=where)
+    problem = ActuatorProblem(drive, spec, thinned=len(table) / len(drive), seed=seed)
+    findings = find_missing(problem, seed=seed, progress=progress)
+    return _report(problem, findings, seed=seed)
+
+
+def _report(problem: ActuatorProblem, findings: Findings, *, seed: int) -> DiscoveryReport:
+    field, decision = findings.field, findings.decision
+    base, chosen = field.base, decision.chosen
+    spread = covariance(field, chosen)
+    plain_spread = covariance(field, base)
+    parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
+    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(plain_spread)))
+    fixed = _fixed(problem)
+    before, after = _errors(problem, base, findings.before), _errors(problem, chosen, findings.after)
+    pulls, plain_pulls = _pulls(problem, chosen), _pulls(problem, base)
+    blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
+    return DiscoveryReport(
+        verdict=findings.verdict,
+        effects=_effects(findings, spread, parameters, seed=seed),
+        alternatives=tuple(rival.effects for rival in decision.rivals),
+        drivers=() if findings.closure is None else findings.closure.drivers,
+        before=before,
+        after=after,
+        held_out=blocks,
+        noise_floor_deg=_floor(problem, findings),
+        parameters=parameters | fixed,
+        plain_parameters=plain | fixed,
+        pulls=pulls,
+        plain_pulls=plain_pulls,
+        next_experiment=None,
+        notes=_notes(findings, pulls, plain_pulls),
+        evidence=_evidence(findings),
+        curves=curve_columns(problem, base.fit, chosen.fit, blocks),
+        model=_model(problem, chosen, after),
+        covariance=spread,
+    )
+
+
+def _model(problem: ActuatorProblem, chosen: Contender, errors: Errors) -> FittedModel:
+    """Return the extended model; what holds the home position belongs to the rig and goes on."""
+    springs = problem.drive.cycles.springs
+    return FittedModel(
+        model=problem.model(chosen.effects),
+        values=chosen.fit.values,
+        cycles=(springs.count(0), springs.count(1)),
+        account={"found_by": "discovery", **errors.to_json()},
+    )
+
+
+def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
+    return {
+        p.name: Estimate(value=p.value, sigma=0.0, ci95=(p.value, p.value), unit=p.unit, fixed=True)
+        for p in problem.model().all_parameters
+        if p.fixed
+    }
+
+
+def _floor(problem: ActuatorProblem, findings: Findings) -> float:
+    """Return the root mean square that no model can remove: reading noise, and noise left in the temperatures."""
+    drive, fit = problem.drive, findings.decision.chosen.fit
+    measured = np.isfinite(drive.angle_rad)
+    given = drive.angle_sigma_rad[measured] / DEG
+    reading = float(np.sqrt(np.mean(given[np.isfinite(given)] ** 2))) if np.isfinite(given).any() else 0.0
+    if reading == 0.0:
+        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+        reading = reading_noise(problem, findings.field.stretches, residual)
+    noise = problem.input_noise(fit.values, fit.effects)
+    over_time = np.interp(drive.time_s, problem.time_s, noise)
+    return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
+
+
+def _errors(problem: ActuatorProblem, contender: Contender, held_out: HeldOut | None) -> Errors:
+    """Return the errors over every row of the record, blocks predicted from the others for the held-out ones."""
+    drive, effects = problem.drive, contender.effects
+    observed = drive.angle_rad / DEG
+    good = np.isfinite(observed) & drive.known
+    fitted = problem.simulate(contender.fit.values, effects).angle_rad / DEG
+    train = float(np.sqrt(np.mean((observed - fitted)[good] ** 2)))
+    if held_out is None:
+        return Errors(train, float("nan"), float("nan"))
+    predicted = np.empty(len(drive))
+    for label, values in held_out.folds:
+        rows = drive.cycles.half == label
+        predicted[rows] = problem.simulate(values, effects).angle_rad[rows] / DEG
+    error = (observed - predicted)[good]
+    total = observed[good] - observed[good].mean()
+    return Errors(train, float(np.sqrt(np.mean(error**2))), 1.0 - float(error @ error) / float(total @ total))
+
+
+def _pulls(problem: ActuatorProblem, contender: Contender) -> tuple[Pull, ...]:
+    values = contender.fit.values
+    return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
+
+
+def _effects(
+    findings: Findings, spread: Array, parameters: Mapping[str, Estimate], *, seed: int
+) -> tuple[FoundEffect, ...]:
+    decision, field = findings.decision, findings.field
+    chosen = decision.chosen
+    names = [p.name for p in chosen.fit.parameters]
+    rng = np.random.default_rng(seed)
+    draws = rng.multivariate_normal(chosen.fit.solution.x, spread, size=_DRAWS, method="eigh")
+    found = []
+    for name in chosen.effects:
+        effect = load_effects()[name]
+        own = {p.name: parameters[p.name] for p in effect.parameters}
+        columns = {p.name: draws[:, names.index(p.name)] for p in effect.parameters}
+        for item in effect.derived:
+            value = item.value(chosen.fit.values)
+            drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])
+            own[item.name] = _derived(value, drawn, item.unit, item.period)
+        without = field.contenders.get(tuple(e for e in chosen.effects if e != name))
+        found.append(
+            FoundEffect(
+                id=name,
+                family=effect.family,
+                title=effect.title,
+                parameters=own,
+                probability=sum(weight for held, weight in decision.probability.items() if name in held),
+                gain=float("nan") if without is None else without.cost - chosen.cost,
+            )
+        )
+    return tuple(sorted(found, key=lambda item: -item.gain))
+
+
+def _derived(value: float, drawn: Array, unit: str, period: float | None) -> Estimate:
+    off = drawn - value
+    if period is not None:
+        off = (off + 0.5 * period) % period - 0.5 * period
+    low, high = np.quantile(off, [0.025, 0.975])
+    return Estimate(value, float(np.std(off)), (value + float(min(low, 0.0)), value + float(max(high, 0.0))), unit)
+
+
+def _evidence(findings: Findings) -> dict[str, Any]:
+    field, decision = findings.field, findings.decision
+    return {
+        "threshold": decision.threshold,
+        "share_explained": decision.share_explained,
+        "over_floor_before": decision.excess,
+        "over_floor_after": decision.left,
+        "best_set": list(decision.best.effects),
+        "gains": {
+            contender.effects[0]: {
+                "gain": field.base.cost - contender.cost,
+                "held_out_gain": 1.0 - contender.held_out.information / field.base.held_out.information,
+            }
+            for contender in field.of_size(1)
+        },
+    }
+
+
+def _notes(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]) -> tuple[str, ...]:
+    notes = []
+    if findings.before is None:
+        notes.append(
+            "The record holds one half-cycle only: nothing could be held out, so the answer rests on the gain alone; "
+            "record at least two half-cycles, better two rates and an incomplete heating"
+        )
+    far = [pull for pull in pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
+    if far:
+        listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
+        notes.append(f"The record contradicts characterised values: {listed}; check the actuator file")
+    if findings.decision.chosen.effects:
+        pulled = [pull for pull in plain_pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
+        if pulled:
+            listed = ", ".join(f"{p.name} by {p.sigmas:+.1f} σ" for p in pulled)
+            notes.append(f"Without the effect the fit had pulled {listed}")
+    return tuple(notes)

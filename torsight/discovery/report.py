@@ -1,0 +1,183 @@
+"""What the discovery hands on: the content of ``discovery.json`` and ``curves.csv``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.fitted import FittedModel
+from torsight.core.parameter import Estimate, Parameter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Root mean square errors in degrees and share of variance explained; NaN where nothing could be held out."""
+
+    rmse_train_deg: float
+    rmse_held_out_deg: float
+    r2_held_out: float
+
+    def to_json(self) -> dict[str, float]:
+        """Return the keys of the contract."""
+        return {
+            "rmse_train_deg": self.rmse_train_deg,
+            "rmse_held_out_deg": self.rmse_held_out_deg,
+            "r2_held_out": self.r2_held_out,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffect:
+    """An accepted effect.
+
+    Attributes
+    ----------
+    id, family, title : str
+        As declared.
+    parameters : mapping of str to Estimate
+        Fitted values, and values for people that follow from them.
+    probability : float
+        Posterior weight of the sets that hold it, among the named set and its rivals.
+    gain : float
+        Information that is lost without it.
+    """
+
+    id: str
+    family: str
+    title: str
+    parameters: Mapping[str, Estimate]
+    probability: float
+    gain: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the keys of the contract."""
+        return {
+            "id": self.id,
+            "family": self.family,
+            "title": self.title,
+            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+            "probability": self.probability,
+            "gain": self.gain,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """How far a fit moved a characterised value: nominal value, fitted value, prior's sigma, distance in sigmas."""
+
+    name: str
+    nominal: float
+    value: float
+    sigma: float
+
+    @property
+    def sigmas(self) -> float:
+        """Distance in standard deviations of the prior."""
+        return (self.value - self.nominal) / self.sigma
+
+    def to_json(self) -> dict[str, Any]:
+        """Return name, values and distance."""
+        return {"name": self.name, "nominal": self.nominal, "value": self.value, "sigmas": self.sigmas}
+
+
+@dataclass(frozen=True, eq=False)
+class DiscoveryReport:
+    """The answer for one record.
+
+    Attributes
+    ----------
+    verdict : str
+        ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+    effects : tuple of FoundEffect
+        Accepted effects, strongest first.
+    alternatives : tuple of tuple of str
+        Sets of ids that explain the record as well.
+    drivers : tuple of (str, float)
+        What a missing effect depends on, strongest first, with shares.
+    before, after : Errors
+        Of the plain and of the extended model.
+    held_out : tuple of int
+        Half-cycles that were predicted from the others, each in its turn.
+    noise_floor_deg : float
+        Residual that no model can remove.
+    parameters, plain_parameters : mapping of str to Estimate
+        Of the extended and of the plain model.
+    pulls, plain_pulls : tuple of Pull
+        How far either fit moved the characterised values.
+    next_experiment : mapping or None
+        Temperature programme that best separates the alternatives.
+    notes : tuple of str
+        What a person should know.
+    evidence : mapping
+        Threshold, share explained and every single candidate's gain.
+    curves : mapping of str to (n,) array
+        Columns of ``curves.csv``.
+    model : FittedModel
+        The extended model with its values, ready to predict later records.
+    covariance : (m, m) float64
+        Of the extended model's free parameters, in the order of ``parameters``.
+    """
+
+    verdict: str
+    effects: tuple[FoundEffect, ...]
+    alternatives: tuple[tuple[str, ...], ...]
+    drivers: tuple[tuple[str, float], ...]
+    before: Errors
+    after: Errors
+    held_out: tuple[int, ...]
+    noise_floor_deg: float
+    parameters: Mapping[str, Estimate]
+    plain_parameters: Mapping[str, Estimate]
+    pulls: tuple[Pull, ...]
+    plain_pulls: tuple[Pull, ...]
+    next_experiment: Mapping[str, Any] | None
+    notes: tuple[str, ...]
+    evidence: Mapping[str, Any]
+    curves: Mapping[str, NDArray[np.generic]]
+    model: FittedModel
+    covariance: Array
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of ``discovery.json``."""
+        content: dict[str, Any] = {
+            "verdict": self.verdict,
+            "effects": [effect.to_json() for effect in self.effects],
+            "alternatives": [list(names) for names in self.alternatives],
+            "drivers": [{"variable": name, "share": share} for name, share in self.drivers],
+            "before": self.before.to_json(),
+            "after": self.after.to_json(),
+            "held_out": list(self.held_out),
+            "noise_floor_deg": self.noise_floor_deg,
+            "parameters": _estimates(self.parameters),
+            "plain_parameters": _estimates(self.plain_parameters),
+            "pulls": [pull.to_json() for pull in self.pulls],
+            "plain_pulls": [pull.to_json() for pull in self.plain_pulls],
+            "notes": list(self.notes),
+            "evidence": dict(self.evidence),
+        }
+        if self.next_experiment is not None:
+            content["next_experiment"] = dict(self.next_experiment)
+        return content
+
+
+def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: value.to_json() for name, value in estimates.items()}
+
+
+def estimates_of(parameters: Sequence[Parameter], values: Array, sigmas: Array) -> dict[str, Estimate]:
+    """Return estimates with 95 % intervals within the bounds."""
+    return {
+        p.name: Estimate(
+            value=float(value),
+            sigma=float(sigma),
+            ci95=(max(float(value - 1.96 * sigma), p.lower), min(float(value + 1.96 * sigma), p.upper)),
+            unit=p.unit,
+        )
+        for p, value, sigma in zip(parameters, values, sigmas, strict=True)
+    }
