@@ -1,0 +1,395 @@
+"""Least-squares fit of the actuator to a record, with characterised values as priors.
+
+Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, divided by κ, the residual's variance times
+its correlation time (:mod:`torsight.actuator.weights`), and every value's distance from its prior. κ follows from the
+residual of the fit before, in a few rounds. Intervals come from the curvature at the minimum and so are inflated for
+correlation and misfit alike. Several starts guard against local minima.
+
+Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
+exact C fixes the scale; where all are uncertain the priors do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.cycle import Cycle, fitted_cycle
+from torsight.actuator.drive import Drive
+from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.weights import correlation_rows, row_sigma, spikes
+from torsight.core.errors import NoResultError
+from torsight.core.parameter import Estimate, Parameter
+from torsight.core.progress import Progress, silent
+from torsight.core.units import DEG
+
+if TYPE_CHECKING:
+    from torsight.actuator.effects import Derived
+
+Array = NDArray[np.float64]
+
+_FIRST_KAPPA: Final = 200.0
+_ROUNDS: Final = 3
+_SCREENED: Final = 2
+_SILENT: Final = 0.9
+_LEAST_MOTION: Final = 8.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitResult:
+    """A fitted model.
+
+    Attributes
+    ----------
+    model : ActuatorModel
+        What was fitted.
+    values : mapping of str to float
+        All parameters, the exact ones too, public names and units.
+    estimates : mapping of str to Estimate
+        The same with their sigmas and intervals; derived values of effects as well.
+    free : tuple of str
+        Names of the free parameters, in the order of ``covariance``.
+    covariance : (p, p) float64
+        Of the free parameters.
+    simulation : Simulation
+        The fitted angles.
+    residual_rad : (n,) float64
+        Measured less fitted angle; NaN where not measured or set aside.
+    sigma_rad : (n,) float64
+        Standard deviation of every row.
+    correlation_rows : float
+        Correlation time of the whitened residual.
+    variance_ratio : float
+        Variance of the whitened residual (1: the record's noise explains it).
+    rmse_deg, r2 : float
+        Over the rows that counted.
+    cycle : Cycle
+        θ_1, θ_2, θ_3, case and critical angle.
+    converged : bool
+        Whether the last round ended at a minimum.
+    silent_about : tuple of str
+        Parameters about which the record says nothing that was not known.
+    notes : tuple of str
+        What a person should know.
+    """
+
+    model: ActuatorModel
+    values: Mapping[str, float]
+    estimates: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    covariance: Array
+    simulation: Simulation
+    residual_rad: Array
+    sigma_rad: Array
+    correlation_rows: float
+    variance_ratio: float
+    rmse_deg: float
+    r2: float
+    cycle: Cycle
+    converged: bool
+    silent_about: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of ``fit.json``."""
+        return {
+            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "rmse_deg": self.rmse_deg,
+            "r2": self.r2,
+            **self.cycle.to_json(),
+            "converged": self.converged,
+            "effects": list(self.model.effects),
+            "silent_about": list(self.silent_about),
+            "residual": {
+                "variance_ratio": self.variance_ratio,
+                "correlation_rows": self.correlation_rows,
+                "rows": int(np.isfinite(self.residual_rad).sum()),
+            },
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """The record and the free parameters in scaled form: value = centre + scale · u."""
+
+    model: ActuatorModel
+    drive: Drive
+    parameters: tuple[Parameter, ...]
+    scale: Array
+    counted: NDArray[np.bool_]
+
+    @property
+    def names(self) -> list[str]:
+        return [parameter.name for parameter in self.parameters]
+
+    def values(self, u: Array) -> dict[str, float]:
+        centre = np.array([parameter.value for parameter in self.parameters])
+        return dict(zip(self.names, (centre + self.scale * u).tolist(), strict=True))
+
+    def scaled(self, values: Mapping[str, float]) -> Array:
+        """Return the scaled form of a start; parameters that it does not name stay at their own value."""
+        return np.array(
+            [
+                (values.get(parameter.name, parameter.value) - parameter.value) / scale
+                for parameter, scale in zip(self.parameters, self.scale, strict=True)
+            ]
+        )
+
+    def bounds(self) -> tuple[Array, Array]:
+        lower = np.array([(p.lower - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
+        upper = np.array([(p.upper - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
+        return lower, upper
+
+    def prior(self) -> Array:
+        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
+        return np.array(
+            [0.0 if p.sigma is None else s / p.sigma for p, s in zip(self.parameters, self.scale, strict=True)]
+        )
+
+    def misfit(self, u: Array, weight: Array) -> Array:
+        angle = self.model.simulate(self.drive, self.values(u)).angle_rad
+        residual = ((angle - self.drive.angle_rad) * weight)[self.counted]
+        return np.concatenate([residual, self.prior() * u])
+
+
+def fit_model(
+    model: ActuatorModel,
+    drive: Drive,
+    *,
+    use: NDArray[np.bool_] | None = None,
+    starts: Sequence[Mapping[str, float]] | None = None,
+    progress: Progress = silent,
+    where: str = "record",
+) -> FitResult:
+    """Fit all free parameters of a model to a record.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Plain or with effects.
+    drive : Drive
+        From ``model.prepare``.
+    use : (n,) bool, optional
+        Rows that count; the whole record is simulated either way.
+    starts : sequence of mappings, optional
+        Starting points by public name; by default a few of the friction and of the effects.
+    progress : Progress
+        Told how far the work is.
+    where : str
+        Name of the record in messages.
+
+    Raises
+    ------
+    NoResultError
+        When nothing moves.
+    """
+    require_motion(drive, where=where)
+    parameters = model.parameters
+    counted = np.isfinite(drive.angle_rad) & drive.known & ~spikes(drive)
+    if use is not None:
+        counted &= use
+    scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
+    problem = _Problem(model, drive, parameters, scale, counted)
+    u, weight, kappa, converged = _solve(problem, list(starts or default_starts(model)), progress)
+    return _result(problem, u, weight, kappa, converged=converged)
+
+
+def require_motion(drive: Drive, *, where: str) -> None:
+    """Refuse a record in which the actuator does not move.
+
+    Raises
+    ------
+    NoResultError
+        Saying how far it moved, and how warm the springs became.
+    """
+    angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
+    noise = float(np.nanmedian(drive.angle_sigma_rad)) if np.isfinite(drive.angle_sigma_rad).any() else 0.0
+    low, high = np.quantile(angle, [0.002, 0.998]) if len(angle) else (0.0, 0.0)
+    least = max(_LEAST_MOTION * noise, 0.5 * DEG)
+    if high - low < least:
+        warmest = max(float(drive.temp_a_c.max()), float(drive.temp_b_c.max()))
+        raise NoResultError(
+            "the actuator does not move",
+            where=where,
+            value=f"a range of {(high - low) / DEG:.2f}°, springs up to {warmest:.1f} °C",
+            limit=f"{least / DEG:.2f}° or more",
+            do="heat a spring through its transformation, and check that the markers of the moving stick are tracked",
+        )
+
+
+def default_starts(model: ActuatorModel) -> list[dict[str, float]]:
+    """Return starting points: nominal values with other frictions, and those that the effects name."""
+    tau = model.nominal()["tau_c_mnm"]
+    starts = [{"tau_c_mnm": factor * max(tau, 1e-3)} for factor in (1.0, 0.4, 2.0)]
+    starts += [dict(start) for effect in model.chosen for start in effect.starts]
+    return starts
+
+
+def _own_scale(parameter: Parameter) -> float:
+    if parameter.value != 0.0:
+        return 0.25 * abs(parameter.value)
+    span = parameter.upper - parameter.lower
+    return 0.05 * span if np.isfinite(span) and span < 1e3 else 1.0
+
+
+def _solve(
+    problem: _Problem, starts: list[Mapping[str, float]], progress: Progress
+) -> tuple[Array, Array, float, bool]:
+    """Return the minimum, the rows' weights, κ and whether it converged."""
+    from scipy.optimize import least_squares
+
+    lower, upper = problem.bounds()
+    drive = problem.drive
+
+    def inside(u: Array) -> Array:
+        margin = np.minimum(1e-6, 0.25 * (upper - lower))
+        return np.clip(u, lower + margin, upper - margin)
+
+    def run(u: Array, weight: Array, evaluations: int) -> Any:
+        return least_squares(
+            problem.misfit, inside(u), bounds=(lower, upper), args=(weight,), diff_step=1e-5,
+            ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=evaluations,
+        )  # fmt: skip
+
+    angle = problem.model.simulate(drive, problem.values(problem.scaled(starts[0]))).angle_rad
+    sigma = row_sigma(drive, angle)
+    weight = 1.0 / (sigma * np.sqrt(_FIRST_KAPPA))
+    rough = []
+    for number, start in enumerate(starts):
+        progress("fit: starting points", number, len(starts))
+        rough.append(run(problem.scaled(start), weight, 6))
+    progress("fit: starting points", len(starts), len(starts))
+    rough.sort(key=lambda found: float(found.cost))
+    best = min((run(item.x, weight, 60) for item in rough[:_SCREENED]), key=lambda found: float(found.cost))
+    kappa = _FIRST_KAPPA
+    for number in range(_ROUNDS):
+        progress("fit: rounds", number, _ROUNDS)
+        angle = problem.model.simulate(drive, problem.values(best.x)).angle_rad
+        sigma = row_sigma(drive, angle)
+        ratio, rows = _spread(problem, angle, sigma)
+        kappa = max(1.0, ratio) * rows
+        weight = 1.0 / (sigma * np.sqrt(kappa))
+        best = run(best.x, weight, 60)
+    progress("fit: rounds", _ROUNDS, _ROUNDS)
+    return best.x, weight, kappa, bool(best.status > 0)
+
+
+def _spread(problem: _Problem, angle: Array, sigma: Array) -> tuple[float, float]:
+    """Return variance and correlation time of the whitened residual."""
+    white = ((problem.drive.angle_rad - angle) / sigma)[problem.counted]
+    return float(np.mean(white**2)), correlation_rows(white)
+
+
+def _result(problem: _Problem, u: Array, weight: Array, kappa: float, *, converged: bool) -> FitResult:
+    model, drive = problem.model, problem.drive
+    values = {**model.nominal(), **problem.values(u)}
+    simulation = model.simulate(drive, values)
+    residual = np.where(problem.counted, drive.angle_rad - simulation.angle_rad, np.nan)
+    sigma = row_sigma(drive, simulation.angle_rad)
+    ratio, rows = _spread(problem, simulation.angle_rad, sigma)
+    covariance, known = _covariance(problem, u, weight)
+    measured = drive.angle_rad[problem.counted]
+    error = residual[problem.counted]
+    total = float(np.sum((measured - measured.mean()) ** 2))
+    estimates = _estimates(model, values, problem, covariance, known)
+    quiet = _quiet(problem, covariance, known)
+    return FitResult(
+        model=model,
+        values=values,
+        estimates=estimates,
+        free=tuple(problem.names),
+        covariance=covariance,
+        simulation=simulation,
+        residual_rad=residual,
+        sigma_rad=sigma,
+        correlation_rows=rows,
+        variance_ratio=ratio,
+        rmse_deg=float(np.sqrt(np.mean(error**2))) / DEG,
+        r2=1.0 - float(np.sum(error**2)) / total if total > 0.0 else float("nan"),
+        cycle=fitted_cycle(drive, simulation, values),
+        converged=converged,
+        silent_about=quiet,
+        notes=_notes(model, quiet, kappa),
+    )
+
+
+def _covariance(problem: _Problem, u: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the covariance of the free parameters, and which of them record or prior say anything about."""
+    step = 1e-4
+    columns = [
+        (problem.misfit(u + step * unit, weight) - problem.misfit(u - step * unit, weight)) / (2.0 * step)
+        for unit in np.eye(len(u))
+    ]
+    jacobian = np.stack(columns, axis=1)
+    information = jacobian.T @ jacobian
+    known = np.diag(information) > 1e-9
+    inverse = np.zeros_like(information)
+    if known.any():
+        inverse[np.ix_(known, known)] = np.linalg.pinv(information[np.ix_(known, known)], hermitian=True)
+    return inverse * np.outer(problem.scale, problem.scale), known
+
+
+def _quiet(problem: _Problem, covariance: Array, known: NDArray[np.bool_]) -> tuple[str, ...]:
+    names = []
+    for number, parameter in enumerate(problem.parameters):
+        sigma = float(np.sqrt(covariance[number, number]))
+        if not known[number] or (parameter.sigma is not None and sigma > _SILENT * parameter.sigma):
+            names.append(parameter.name)
+    return tuple(names)
+
+
+def _estimates(
+    model: ActuatorModel, values: Mapping[str, float], problem: _Problem, covariance: Array, known: NDArray[np.bool_]
+) -> dict[str, Estimate]:
+    place = {name: number for number, name in enumerate(problem.names)}
+    made = {}
+    for parameter in model.all_parameters:
+        value = values[parameter.name]
+        number = place.get(parameter.name)
+        if number is None:
+            made[parameter.name] = Estimate(value, 0.0, (value, value), parameter.unit, fixed=True)
+            continue
+        sigma = float(np.sqrt(covariance[number, number])) if known[number] else float("nan")
+        reach = 1.96 * sigma if known[number] else float("inf")
+        interval = (max(value - reach, parameter.lower), min(value + reach, parameter.upper))
+        made[parameter.name] = Estimate(value, sigma, interval, parameter.unit)
+    for effect in model.chosen:
+        for derived in effect.derived:
+            made[derived.name] = _derived(derived, values, problem, covariance)
+    return made
+
+
+def _derived(derived: Derived, values: Mapping[str, float], problem: _Problem, covariance: Array) -> Estimate:
+    """Return a value for people with the sigma that the fitted ones give it (first order)."""
+    value = derived.value(values)
+    slopes = []
+    for name, scale in zip(problem.names, problem.scale, strict=True):
+        step = 1e-4 * float(scale)
+        change = derived.value({**values, name: values[name] + step}) - value
+        if derived.period is not None:
+            change = (change + 0.5 * derived.period) % derived.period - 0.5 * derived.period
+        slopes.append(change / step)
+    gradient = np.array(slopes)
+    sigma = float(np.sqrt(max(0.0, gradient @ covariance @ gradient)))
+    if derived.period is not None:
+        sigma = min(sigma, 0.5 * derived.period)
+    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), derived.unit)
+
+
+def _notes(model: ActuatorModel, quiet: tuple[str, ...], kappa: float) -> tuple[str, ...]:
+    notes = [
+        "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
+        "the torque's absolute size rests on the characterised values",
+        f"the residual is correlated: one in {kappa:.0f} rows counts as independent",
+    ]
+    scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}
+    if scale <= set(model.spec.uncertainty):
+        notes.append("moduli and stress influences are all uncertain: their common scale is fixed by the priors alone")
+    if quiet:
+        notes.append(f"the record says nothing new about {', '.join(quiet)}")
+    return tuple(notes)

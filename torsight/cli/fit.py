@@ -1,0 +1,57 @@
+"""``torsight fit``: friction torque and characterised values from a merged record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.actuator.fit import FitResult
+
+
+def fit(
+    merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
+    *,
+    actuator: Annotated[Path, typer.Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for fit.json and model.json.")],
+    effect: Annotated[
+        list[str] | None, typer.Option(metavar="ID", help="An effect to fit as well; may be given more than once.")
+    ] = None,
+) -> None:
+    """Fit the friction torque, with the characterised values' uncertainties as priors.
+
+    Example: torsight fit out/merged.csv --actuator actuator.toml --out out
+    """
+    from torsight.cli.console import progress_bar, say
+
+    with progress_bar() as progress:
+        result = fit_to_folder(merged, actuator, out=out, effects=tuple(effect or ()), progress=progress)
+    tau = result.estimates["tau_c_mnm"]
+    say(
+        f"friction torque {tau.value:.3f} mN·m (95 %: {tau.ci95[0]:.3f} to {tau.ci95[1]:.3f}), "
+        f"error {result.rmse_deg:.2f}°, case ({result.cycle.case})"
+    )
+
+
+def fit_to_folder(
+    merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
+) -> FitResult:
+    """Fit a merged record and write ``fit.json`` and ``model.json``."""
+    from torsight.actuator.fit import fit_model
+    from torsight.actuator.fitted import fitted_model, write_model
+    from torsight.actuator.model import ActuatorModel
+    from torsight.actuator.spec import read_actuator
+    from torsight.core.storage import write_json
+    from torsight.core.tables import read_merged
+
+    model = ActuatorModel(read_actuator(actuator), effects)
+    drive = model.prepare(read_merged(merged), where=str(merged))
+    result = fit_model(model, drive, progress=progress, where=str(merged))
+    write_json(out / "fit.json", result.to_json())
+    account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
+    write_model(out / "model.json", fitted_model(model, result.values, drive, account=account))
+    return result
