@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
+    from torsight.viewer.live.feed import Feed
     from torsight.viewer.live.session import Outcome
 
 
@@ -38,7 +39,7 @@ def live(
         float | None, typer.Option(help="Log's time less film's time; taken from when rows arrive otherwise.")
     ] = None,
     serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
-    viewer: Annotated[bool, typer.Option(help="Open the Rerun viewer.")] = True,
+    viewer: Annotated[bool, typer.Option(help="Open the viewer's window.")] = True,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port for viewers; 0 takes a free one.")] = 9876,
     web_port: Annotated[int, typer.Option(min=0, max=65535, help="Port for the browser; 0 takes a free one.")] = 9090,
 ) -> None:
@@ -64,7 +65,7 @@ def live(
     spec = None if actuator is None else read_actuator(actuator)
     pictures = open_pictures(source, speed=speed, fps=fps, grows=grows)
     stop = threading.Event()
-    feed = Feed(port or free_port()) if viewer or serve else None
+    feed = Feed(port or free_port())
     model = None if spec is None else ModelWatch(spec)
     try:
         session = Session(
@@ -80,13 +81,15 @@ def live(
         )
         if not temperature.exists():
             say(f"waiting for {temperature}: it is followed as soon as it is there")
-        with _screens(feed, browser_port=(web_port or free_port()) if serve else None, window=viewer), _ended_by(stop):
+        with (
+            _screens(feed, browser_port=(web_port or free_port()) if serve else None, window=viewer),
+            _ended_by(stop),
+        ):
             outcome = session.run(stop)
     finally:
         if model is not None:
             model.close()
-        if feed is not None:
-            feed.close()
+        feed.close()
     for line in summary(outcome, folder):
         say(line)
 
@@ -133,30 +136,39 @@ def _ended_by(stop: threading.Event) -> AbstractContextManager[None]:
     return block()
 
 
-def _screens(feed: object, *, browser_port: int | None, window: bool) -> AbstractContextManager[None]:
-    """Start the viewer's window, or its page for a browser, while the block lasts."""
+def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> AbstractContextManager[None]:
+    """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
     import contextlib
 
     from torsight.cli.console import say
-    from torsight.viewer.live.feed import Feed
     from torsight.viewer.program import Viewer, free_port
 
-    @contextlib.contextmanager
-    def block() -> Iterator[None]:
-        if not isinstance(feed, Feed):
-            yield
+    screens: list[Viewer] = []
+
+    def start() -> None:
+        # A viewer that finds nothing to connect to does not try again.
+        if not feed.wait_until_open():
             return
         if browser_port is not None:
             arguments = ["--serve-web", "--web-viewer-port", str(browser_port), feed.address]
-            say(f"in a browser      http://127.0.0.1:{browser_port}?url={feed.address}")
-        else:
-            arguments = ["--connect", feed.address]
-        screen = Viewer(arguments, port=free_port()) if window or browser_port is not None else None
-        say(f"for any viewer    rerun {feed.address}")
+            screens.append(Viewer(arguments, port=free_port()))
+            say(f"In a browser      http://127.0.0.1:{browser_port}?url={feed.address}")
+        elif window:
+            screens.append(Viewer(["--connect", feed.address], port=free_port()))
+        say(f"For any viewer    rerun {feed.address}")
+
+    @contextlib.contextmanager
+    def block() -> Iterator[None]:
+        starter = threading.Thread(target=start, daemon=True)
+        starter.start()
         try:
             yield
         finally:
-            if screen is not None and (browser_port is not None or not screen.running):
-                screen.end()
+            starter.join(timeout=1.0)
+            for screen in screens:
+                if not screen.running:
+                    say(f"The viewer ended  {screen.why_ended()}")
+                if browser_port is not None or not screen.running:
+                    screen.end()
 
     return block()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import socket
 import subprocess
 import tempfile
@@ -39,6 +40,12 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def step_back(process: int = 0) -> None:
+    """Let a process (by its id; 0: this one) run only where nothing that measures needs the processor."""
+    if hasattr(os, "setpriority"):
+        os.setpriority(os.PRIO_PROCESS, process, 10)
+
+
 class Viewer:
     """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader."""
 
@@ -49,6 +56,7 @@ class Viewer:
         self.process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, text=True
         )
+        step_back(self.process.pid)
 
     @property
     def running(self) -> bool:

@@ -6,7 +6,10 @@ before; whatever cannot be handed over in time is left out, and only there.
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from multiprocessing import get_context
@@ -17,7 +20,7 @@ from numpy.typing import NDArray
 
 from torsight.viewer.layout import FRAME, TIME
 from torsight.viewer.overlay import Overlay, colour_of
-from torsight.viewer.program import LOOPBACK
+from torsight.viewer.program import LOOPBACK, step_back
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -59,6 +62,15 @@ class Feed:
     def address(self) -> str:
         """What a viewer opens to see the record."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+
+    def wait_until_open(self, limit_s: float = 60.0) -> bool:
+        """Wait until viewers can connect, and return whether they can."""
+        end = time.monotonic() + limit_s
+        while self._process.is_alive() and time.monotonic() < end:
+            with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, self.port), timeout=0.5):
+                return True
+            time.sleep(0.1)
+        return False
 
     @property
     def running(self) -> bool:
@@ -112,6 +124,7 @@ def serve(connection: Connection, port: int) -> None:
     from torsight.viewer import layout
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    step_back()
     stream = rr.RecordingStream(layout.APPLICATION)
     sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=MEMORY)
     stream.set_sinks(sink, default_blueprint=layout.blueprint())

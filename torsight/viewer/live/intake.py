@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 WAITING_FRAMES: Final = 6
 """Frames that may wait for the tracker; the oldest of more gives up its picture."""
 
+WAITING_AT_START: Final = 400
+"""Frames that may wait while the markers are looked for, which takes a second or two."""
+
 
 @dataclass(slots=True, eq=False)
 class LiveFrame:
@@ -69,6 +72,8 @@ class Intake:
         self.pictures = pictures
         self.dropped = 0
         self.error: Exception | None = None
+        self._patience = WAITING_AT_START
+        self._go = threading.Event()
         self._stop = threading.Event()
         self._frames: deque[LiveFrame] = deque()
         self._changed = threading.Condition()
@@ -79,9 +84,18 @@ class Intake:
         """Begin to read."""
         self._thread.start()
 
+    def go(self) -> None:
+        """Let a film play on past its first frame."""
+        self._go.set()
+
+    def hurry(self) -> None:
+        """Keep few frames waiting from now on: the markers are found, and what waited has been taken."""
+        self._patience = WAITING_FRAMES
+
     def stop(self) -> None:
         """Read no more; frames that wait can still be taken."""
         self._stop.set()
+        self._go.set()
 
     @property
     def ended(self) -> bool:
@@ -115,11 +129,16 @@ class Intake:
     def _read_all(self) -> None:
         speed = self.pictures.speed
         begin: float | None = None
+        first_s = 0.0
         for index, (time_s, luma, damaged) in enumerate(self.pictures.frames(self._stop)):
-            if begin is None:
-                begin = time.perf_counter() - (0.0 if speed is None else time_s / speed)
-            if speed is not None and self._stop.wait(max(0.0, begin + time_s / speed - time.perf_counter())):
-                return
+            if speed is not None and index > 0:
+                if begin is None:
+                    self._go.wait()
+                    begin = time.perf_counter()
+                if self._stop.wait(max(0.0, begin + (time_s - first_s) / speed - time.perf_counter())):
+                    return
+            elif index == 0:
+                first_s = time_s
             self._put(LiveFrame(index, time_s, luma, time.perf_counter(), damaged=damaged))
             if self._stop.is_set():
                 return
@@ -128,7 +147,7 @@ class Intake:
         with self._changed:
             self._frames.append(frame)
             with_picture = [one for one in self._frames if one.luma is not None]
-            for late in with_picture[: max(0, len(with_picture) - WAITING_FRAMES)]:
+            for late in with_picture[: max(0, len(with_picture) - self._patience)]:
                 late.luma, late.dropped = None, True
                 self.dropped += 1
             self._changed.notify_all()

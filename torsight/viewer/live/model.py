@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -78,6 +79,8 @@ class ModelNews:
         How many half-cycles have begun.
     friction : dict or None
         ``tau_c_mnm`` in the form of the JSON outputs, where it was fitted.
+    values : mapping or None
+        All parameters of that fit; they are used from then on.
     trouble : str
         Why there is nothing, else empty.
     """
@@ -87,10 +90,13 @@ class ModelNews:
     residual_rad: Array
     half_cycles: int = 0
     friction: dict[str, Any] | None = None
+    values: Mapping[str, float] | None = None
     trouble: str = ""
 
 
-def model_of(spec: ActuatorSpec, columns: tuple[Array, ...], *, friction: bool) -> ModelNews:
+def model_of(
+    spec: ActuatorSpec, columns: tuple[Array, ...], values: Mapping[str, float] | None, *, friction: bool
+) -> ModelNews:
     """Simulate (and fit, if the friction is asked for) the plain model on a record; runs in its own process."""
     from torsight.actuator.model import ActuatorModel
 
@@ -109,13 +115,12 @@ def model_of(spec: ActuatorSpec, columns: tuple[Array, ...], *, friction: bool) 
     try:
         model = ActuatorModel(spec)
         drive = model.prepare(table, where="live record")
-        values = None
         estimate = None
         if friction:
             from torsight.actuator.fit import fit_model
 
             fit = fit_model(model, drive)
-            estimate = fit.to_json()["parameters"]["tau_c_mnm"]
+            values, estimate = fit.values, fit.estimates["tau_c_mnm"].to_json()
         simulation = model.simulate(drive, values)
     except TorsightError as error:
         return ModelNews(nothing, nothing, nothing, trouble=str(error))
@@ -125,6 +130,7 @@ def model_of(spec: ActuatorSpec, columns: tuple[Array, ...], *, friction: bool) 
         drive.angle_rad - simulation.angle_rad,
         half_cycles=int(drive.cycles.half[-1]) + 1,
         friction=estimate,
+        values=values,
     )
 
 
@@ -146,6 +152,7 @@ class ModelWatch:
         self._half_cycles = 1
         self._fit_next = False
         self._known_s = -math.inf
+        self._values: Mapping[str, float] | None = None
         self.broken = False
 
     def angle(self, time_s: float, angle_rad: float, sigma_rad: float) -> None:
@@ -177,7 +184,7 @@ class ModelWatch:
         if columns is None:
             return
         try:
-            self._job = self._pool.submit(model_of, self._spec, columns, friction=self._fit_next)
+            self._job = self._pool.submit(model_of, self._spec, columns, self._values, friction=self._fit_next)
         except (BrokenProcessPool, RuntimeError):
             self.broken = True
         self._fit_next = False
@@ -193,6 +200,8 @@ class ModelWatch:
         if news.half_cycles > self._half_cycles:
             self._half_cycles = news.half_cycles
             self._fit_next = True
+        if news.values is not None:
+            self._values = news.values
         new = news.time_s > self._known_s
         if len(news.time_s):
             self._known_s = float(news.time_s[-1])
@@ -219,7 +228,10 @@ class ModelWatch:
 
 
 def _quiet() -> None:
-    """Leave Ctrl-C to the program that measures."""
+    """Leave Ctrl-C, and the processor where it is short, to the program that measures."""
     import signal
 
+    from torsight.viewer.program import step_back
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    step_back()

@@ -17,7 +17,7 @@ import numpy as np
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
-from torsight.core.wording import estimate
+from torsight.core.wording import estimate, number
 from torsight.viewer.live.disk import Recorder, finish, write_account
 from torsight.viewer.live.following import LogFollower
 from torsight.viewer.live.intake import Intake, LiveFrame, Pictures
@@ -106,7 +106,10 @@ class Session:
         self._latency = Latency()
         self._due = dict.fromkeys(("picture", "log", "model", "dropped"), -math.inf)
         self._told_dropped = 0
-        self._measured: deque[tuple[float, float]] = deque(maxlen=4000)
+        self._angle_deg = math.nan
+        self._temperatures: dict[str, float] = {}
+        self._trouble = ""
+        self._steady = False
 
     def run(self, stop: threading.Event) -> Outcome:
         """Measure until the source ends or ``stop`` is set, then make the record whole.
@@ -130,6 +133,7 @@ class Session:
                 elif self._intake.ended:
                     break
                 if self._intake.waiting == 0:
+                    self._caught_up()
                     self._beside()
             if self._intake.error is not None:
                 raise self._intake.error
@@ -163,7 +167,8 @@ class Session:
             position_mm=seen.position_mm,
         )
         self._show(frame, seen)
-        if not frame.dropped:
+        self._intake.go()
+        if self._steady and not frame.dropped:
             self._latency.add(time.perf_counter() - frame.arrived_s)
         self._count(frame, seen)
         if self._model is not None and math.isfinite(seen.angle_rad):
@@ -171,6 +176,7 @@ class Session:
 
     def _count(self, frame: LiveFrame, seen: Seen) -> None:
         outcome = self.outcome
+        self._angle_deg = seen.angle_rad / DEG
         outcome.frames += 1
         outcome.dropped += frame.dropped
         if math.isfinite(seen.angle_rad):
@@ -190,6 +196,12 @@ class Session:
             drawn = overlay(seen.position_px, seen.angle_rad, names=MARKERS, scale=1.0 / stride)
         self._feed.put("frame", frame.time_s, frame.index, seen.angle_rad / DEG, luma, drawn)
 
+    def _caught_up(self) -> None:
+        """Count latency from where the markers are found and the frames that waited for it have been taken."""
+        if not self._steady and self._tracker.found:
+            self._steady = True
+            self._intake.hurry()
+
     # --- beside the frames ------------------------------------------------------------------------------------------
 
     def _beside(self) -> None:
@@ -197,9 +209,12 @@ class Session:
         if now >= self._due["log"]:
             self._due["log"] = now + LOG_EVERY_S
             self._poll_log()
-        if self._model is not None and now >= self._due["model"]:
+        if now >= self._due["model"]:
             self._due["model"] = now + MODEL_EVERY_S
-            self._news(self._model.poll())
+            if self._model is not None:
+                self._news(self._model.poll())
+            if self._feed is not None:
+                self._feed.put("summary", self._words())
         if self.outcome.dropped > self._told_dropped and now >= self._due["dropped"]:
             self._due["dropped"] = now + 5.0
             self._told_dropped = self.outcome.dropped
@@ -216,6 +231,7 @@ class Session:
             return
         times = np.array([time_s for time_s, _ in due])
         values = np.array([row[1:3] for _, row in due])
+        self._temperatures = {"A": float(values[-1, 0]), "B": float(values[-1, 1])}
         if self._feed is not None:
             for place, entity in enumerate(("temperature/a", "temperature/b")):
                 self._feed.put("series", entity, times, values[:, place])
@@ -226,6 +242,7 @@ class Session:
     def _news(self, news: ModelNews | None) -> None:
         if news is None:
             return
+        self._trouble = news.trouble
         if self._feed is not None and len(news.time_s):
             self._feed.put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
             known = np.isfinite(news.residual_rad)
@@ -233,6 +250,22 @@ class Session:
         if news.friction is not None:
             self.outcome.friction = news.friction
             self._tell(self._now_s, self._frame, "friction", f"friction torque so far {estimate(news.friction)}")
+
+    def _words(self) -> str:
+        """Return how things stand, in Markdown."""
+        outcome, angle = self.outcome, self._angle_deg
+        rows = [
+            ("Angle", f"{angle:.1f}°" if math.isfinite(angle) else "not known yet"),
+            ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in self._temperatures.items())),
+            ("Range of motion", f"{outcome.high_deg - outcome.low_deg:.1f}°" if outcome.measured else "–"),
+            ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped"),
+            ("Latency", f"median {number(self._latency.percentile_ms(50.0), 2)} ms"),
+        ]
+        if outcome.friction is not None:
+            rows.append(("Friction torque", f"{estimate(outcome.friction)}, plain model"))
+        if self._trouble:
+            rows.append(("Model", self._trouble))
+        return "\n".join(["### Live", "", *(f"- **{name}** {words or 'none yet'}" for name, words in rows), ""])
 
     def _tell(self, time_s: float, frame: int, kind: str, text: str) -> None:
         self._events.append({"time_s": time_s, "frame": frame, "kind": kind, "text": text})

@@ -132,7 +132,8 @@ class LiveTracker:
         if not frame.dropped:
             self._watch(frame, state)
         if follower.moving is None:
-            self._give_up_early(frame, state)
+            if not frame.dropped:
+                self._give_up_early(frame, state)
             return Seen(position, covariance, math.nan, math.nan, None)
         angle, sigma, position_mm = self._angle.step(frame.time_s, position, covariance)
         return Seen(position, covariance, angle, sigma, position_mm)
