@@ -92,7 +92,7 @@ def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px:
     step = abs(fit.shape.contrast) * fit.light
     if step < 3.0 * fit.residual or step < 6.0:
         return None
-    fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, room)))
+    fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, fit.shape.edge_px, room)))
     return Dot(fit, room)
 
 

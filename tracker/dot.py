@@ -14,11 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-EDGE_PX: Final = 0.7
-"""Edge width at the start of a fit: standard deviation of a sharp lens and square pixels."""
+EDGE_PX: Final = 0.5
+"""Edge width at the start of a fit: standard deviation of the blur of a good lens."""
+_SHARPEST_PX: Final = 0.12
 
-_MARGIN: Final = 2.5
-"""How far the window reaches past the dot, px, where the stick leaves the room."""
 
 _ROUNDS: Final = 15
 _LOOK: Final = 3
@@ -85,22 +84,84 @@ def disc(
     edge_px: float,
     stretch: tuple[float, float],
 ) -> NDArray[np.float64]:
-    """Return D at offsets from the dot's centre: 1 inside, 0 outside, one half on the rim."""
+    """Return D at offsets from the dot's centre: 1 inside, 0 outside, one half on the rim.
+
+    A pixel sums up the light over its square, which is not the same as a wider blur: taken at its middle alone, a sharp
+    rim would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the square
+    is taken at Gauss–Legendre points.
+    """
+    return _disc(x_px, y_px, radius_px, edge_px, stretch, slopes=False)[0]
+
+
+def disc_and_slopes(
+    x_px: NDArray[np.float64],
+    y_px: NDArray[np.float64],
+    *,
+    radius_px: float,
+    edge_px: float,
+    stretch: tuple[float, float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return D and its slopes along x and y, each the mean over the pixel."""
+    return _disc(x_px, y_px, radius_px, edge_px, stretch, slopes=True)
+
+
+def _disc(
+    x_px: NDArray[np.float64],
+    y_px: NDArray[np.float64],
+    radius_px: float,
+    edge_px: float,
+    stretch: tuple[float, float],
+    *,
+    slopes: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     e, f = stretch
-    u = (1.0 - e) * x_px - f * y_px
-    v = -f * x_px + (1.0 + e) * y_px
-    return step((np.hypot(u, v) - radius_px) / edge_px)
+    away = np.hypot((1.0 - e) * x_px - f * y_px, -f * x_px + (1.0 + e) * y_px) - radius_px
+    whole = np.where(away < 0.0, 1.0, 0.0)
+    near = np.abs(away) < 0.75 + 4.0 * edge_px
+    node_x, node_y, weight = _NODES[4 if edge_px < _SHARP_PX else 3]
+    x, y = x_px[near][:, None] + node_x, y_px[near][:, None] + node_y
+    u, v = (1.0 - e) * x - f * y, -f * x + (1.0 + e) * y
+    length = np.hypot(u, v)
+    z = np.clip((length - radius_px) / edge_px, -6.0, 6.0)
+    value = step(z)
+    whole[near] = value @ weight
+    if not slopes:
+        return whole, whole, whole
+    # The derivative of the logistic curve, and of the length of (u, v).
+    fall = -value * (1.0 - value) * (_STEP_1 + 3.0 * _STEP_3 * z * z) / (edge_px * np.maximum(length, 1e-9))
+    along_x, along_y = np.zeros_like(whole), np.zeros_like(whole)
+    along_x[near] = (fall * (u * (1.0 - e) - v * f)) @ weight
+    along_y[near] = (fall * (v * (1.0 + e) - u * f)) @ weight
+    return whole, along_x, along_y
+
+
+def _nodes(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    node, weight = np.polynomial.legendre.leggauss(count)
+    x, y = np.meshgrid(0.5 * node, 0.5 * node)
+    return x.ravel(), y.ravel(), 0.25 * np.outer(weight, weight).ravel()
+
+
+_NODES: Final = {count: _nodes(count) for count in (3, 4)}
+_SHARP_PX: Final = 0.35
+"""Edge below which the mean over a pixel needs the finer set of points."""
 
 
 def step(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the falling normal step 1 − Φ(z), to 3e-4 (a logistic curve with a cubic term)."""
-    clipped = np.clip(z, -6.0, 6.0)
-    return 1.0 / (1.0 + np.exp(clipped * (1.5976 + 0.07056 * clipped * clipped)))
+    """Return the falling normal step 1 − Φ(z), to 3e-4 (a logistic curve with a cubic term), for |z| up to 6."""
+    return 1.0 / (1.0 + np.exp(z * (_STEP_1 + _STEP_3 * z * z)))
 
 
-def window_for(radius_px: float, room_px: float = np.inf) -> float:
-    """Return the radius of the window for a dot, given the distance from its centre to the stick's edge."""
-    return max(radius_px + 1.5, min(radius_px + max(_MARGIN, 0.25 * radius_px), room_px))
+_STEP_1: Final = 1.5976
+_STEP_3: Final = 0.07056
+
+
+def window_for(radius_px: float, edge_px: float = EDGE_PX, room_px: float = np.inf) -> float:
+    """Return the radius of the window for a dot, given the distance from its centre to the stick's edge.
+
+    It holds the whole rim and a little of the stick; seen from aside, sticks get narrower, so some room is left over.
+    """
+    wanted = 1.05 * radius_px + 1.0 + 1.5 * edge_px
+    return max(radius_px + 0.8, min(wanted, 0.95 * room_px))
 
 
 def fit_dot(
@@ -137,7 +198,7 @@ def fit_dot(
     scale = np.array([0.05, 0.05, 0.05, 0.05, 0.01, 0.01])
     free = 6 if ellipse else 4
     sign = 1.0 if light_dot else -1.0
-    window = _window(luma, parameters, window_for(radius_px, room_px))
+    window = _window(luma, parameters, window_for(radius_px, EDGE_PX, room_px))
     if window is None:
         return None
     best = _solve(window, parameters)
@@ -158,7 +219,7 @@ def fit_dot(
             if damping > 1e4:
                 break
             continue
-        moved_window = _window(luma, trial, window_for(trial[2], room_px))
+        moved_window = _window(luma, trial, window_for(trial[2], trial[3], room_px))
         if moved_window is None:
             return None
         # The window follows the dot, so that costs are compared per pixel.
@@ -170,7 +231,7 @@ def fit_dot(
         damping = max(damping * 0.2, 1e-9)
         if np.max(np.abs(delta[:2])) < 1e-4 and np.max(np.abs(delta)) < 1e-3:
             break
-    return _result(parameters, best, sign, window_for(parameters[2], room_px))
+    return _result(parameters, best, sign, window_for(parameters[2], parameters[3], room_px))
 
 
 @dataclass(slots=True)
@@ -225,7 +286,7 @@ def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: tuple[flo
         np.all(np.isfinite(trial))
         and np.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
-        and 0.25 < trial[3] < 0.6 * max(now[2], 3.0)
+        and _SHARPEST_PX < trial[3] < 0.6 * max(now[2], 3.0)
         and np.hypot(trial[4], trial[5]) < 0.45
     )
 

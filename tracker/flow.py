@@ -10,10 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.template import AT_REST, Pose, Template
+from tracker.template import STILL, Template, View
 
 _REACH_PX: Final = 8
 """How far a marker may lie from its predicted position to be found by the flow alone."""
+_TURN_RAD: Final = 0.03
+_SMEAR_PX: Final = 2.0
+"""Changes of a template's look that matter to the flow, which only has to lead close."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02)
 
 
@@ -34,22 +37,24 @@ class TileFlow:
         self._wanted = np.zeros((self._side, self._side * count), np.uint8)
         self._seen = np.zeros_like(self._wanted)
         self._lights = [0.0] * count
-        self._poses: list[Pose] = [AT_REST] * count
+        self._views: list[View] = [STILL] * count
         self._origin = [(self._side * index + self._half, self._half) for index in range(count)]
         self._centres = np.array(self._origin, dtype=np.float32).reshape(-1, 1, 2)
         self._window = (2 * window + 1, 2 * window + 1)
         self.reach_px = float(_REACH_PX)
         for index, light in enumerate(lights):
-            self.expect(index, light=light, pose=AT_REST)
+            self.expect(index, light=light, view=STILL)
 
-    def expect(self, index: int, *, light: float, pose: Pose) -> None:
-        """Render a marker's template anew where its light or pose has changed enough to matter."""
-        old, turned = self._lights[index], self._poses[index]
-        if abs(light - old) < 0.15 * old and all(abs(a - b) < 0.03 for a, b in zip(pose, turned, strict=True)):
+    def expect(self, index: int, *, light: float, view: View) -> None:
+        """Render a marker's template anew where its light or view has changed enough to matter."""
+        old, seen = self._lights[index], self._views[index]
+        turned = self._templates[index].turns and abs(view.turn_rad - seen.turn_rad) > _TURN_RAD
+        smeared = abs(view.smear_x_px - seen.smear_x_px) + abs(view.smear_y_px - seen.smear_y_px) > _SMEAR_PX
+        if abs(light - old) < 0.15 * old and not turned and not smeared:
             return
-        self._lights[index], self._poses[index] = light, pose
+        self._lights[index], self._views[index] = light, view
         columns = slice(self._side * index, self._side * (index + 1))
-        self._wanted[:, columns] = self._templates[index].tile(self._half, light=light, pose=pose)
+        self._wanted[:, columns] = self._templates[index].tile(self._half, light=light, view=view)
 
     def find(
         self, luma: NDArray[np.uint8], predicted_px: Sequence[tuple[float, float]], *, levels: int = 0

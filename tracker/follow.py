@@ -103,8 +103,8 @@ class Follower:
             turn = _direction(predicted[2 * stick], predicted[2 * stick + 1]) - self.start_rad[stick]
             for index in (2 * stick, 2 * stick + 1):
                 marker = self.markers[index]
-                marker.pose = (turn, marker.pose[1], marker.pose[2])
-                self.flow.expect(index, light=marker.gauge.light, pose=marker.pose)
+                marker.view = marker.view._replace(turn_rad=turn)
+                self.flow.expect(index, light=marker.gauge.light, view=marker.view)
         found = self.flow.find(luma, predicted)
         readings: list[Reading | None] = [None] * 4
         reasons = ["lost"] * 4
@@ -113,7 +113,7 @@ class Follower:
             x, y = found[index]
             if not math.hypot(x - px, y - py) <= 1.5 * self.flow.reach_px:
                 continue
-            reading = marker.template.read(luma, x, y, pose=marker.pose)
+            reading = marker.read(luma, x, y)
             speed = math.hypot(px - marker.x_px, py - marker.y_px)
             reasons[index] = marker.gauge.judge(reading, speed_px=speed)
             if reading is not None and math.hypot(reading.x_px - x, reading.y_px - y) > marker.radius_px:
@@ -220,7 +220,9 @@ class Follower:
             reading = readings[index]
             if reasons[index] or reading is None:
                 continue
-            if self._near_base_dot(reading) and (self.on_top <= 0 or self.markers[index].lost):
+            crossed = self._crossing(reading)
+            self.on_top = max(-20, min(20, self.on_top + crossed))
+            if self._near_base_dot(reading, 0.6 if self.markers[index].lost <= 3 else 1.6) and self.on_top < 2:
                 reasons[index] = "shadowed"
             elif self.markers[index].lost and self._off_circle(reading, outer=index % 2 == 1):
                 reasons[index] = "hidden"
@@ -267,12 +269,10 @@ class Follower:
         return pairs_at_distance(
             luma,
             places,
-            inner=a.template,
-            outer=b.template,
-            pose=a.pose,
+            inner=a,
+            outer=b,
             length_px=self.length_px[stick],
             tolerance_px=1.5 + 0.05 * self.length_px[stick],
-            good=(a.gauge, b.gauge),
         )
 
     # --- geometry -------------------------------------------------------------------------------------------------
@@ -322,9 +322,19 @@ class Follower:
             self.on_top += 1 if reason == "hidden" else -1 if not reason else 0
             self.on_top = max(-20, min(20, self.on_top))
 
-    def _near_base_dot(self, reading: Reading) -> bool:
+    def _crossing(self, reading: Reading) -> int:
+        """Return 1 for a moving marker seen whole in the middle of the base stick, away from its dots: it is above."""
         base = 2 * (1 - self._moving)
-        return any(m.distance(reading.x_px, reading.y_px) < 1.6 * m.radius_px for m in self.markers[base : base + 2])
+        inner, outer = self.markers[base : base + 2]
+        here = (reading.x_px, reading.y_px)
+        ends = ((inner.x_px, inner.y_px), (outer.x_px, outer.y_px))
+        if self._near_base_dot(reading, 0.6):
+            return 0
+        return 1 if _distance_to_strip(here, ends, beyond=0.1) < 1.2 * inner.radius_px else 0
+
+    def _near_base_dot(self, reading: Reading, radii: float = 1.6) -> bool:
+        base = 2 * (1 - self._moving)
+        return any(m.distance(reading.x_px, reading.y_px) < radii * m.radius_px for m in self.markers[base : base + 2])
 
     def _distance_to_moving(self, reading: Reading) -> float:
         first = 2 * self._moving
@@ -355,10 +365,7 @@ class Follower:
                 readings[index] = None
                 marker.miss(*self._assumed(index, predicted, readings, reasons))
                 continue
-            marker.gauge.learn(reading)
-            if self._is_base(index) and reasons[index ^ 1] and readings[index ^ 1] is not None:
-                pass
-            marker.take(time_s, reading.x_px, reading.y_px)
+            marker.take(time_s, reading)
         for stick in (0, 1):
             if not reasons[2 * stick] and not reasons[2 * stick + 1]:
                 self.length_px[stick] += 0.2 * (self._length(stick) - self.length_px[stick])
@@ -406,19 +413,6 @@ class Follower:
             a, b = self.markers[first], self.markers[first + 1]
             dx, dy = self.shift
             self.axis.add((a.x_px - dx, a.y_px - dy), (b.x_px - dx, b.y_px - dy))
-            if self._strip_crossed(reasons, base):
-                self.on_top = min(20, self.on_top + 1)
-
-    def _strip_crossed(self, reasons: list[str], base: int) -> bool:
-        """Return whether a moving marker is seen whole in the middle of the base stick, away from its dots."""
-        ends = tuple((m.x_px, m.y_px) for m in self.markers[base : base + 2])
-        for marker in self.markers[2 * self._moving : 2 * self._moving + 2]:
-            here = (marker.x_px, marker.y_px)
-            if min(math.dist(here, end) for end in ends) < 2.5 * marker.radius_px:
-                continue
-            if _distance_to_strip(here, (ends[0], ends[1]), beyond=0.0) < 0.5 * marker.radius_px:
-                return True
-        return False
 
     def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""

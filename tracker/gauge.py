@@ -10,10 +10,11 @@ from tracker.template import Reading
 
 _RATE: Final = 0.03
 _START_SPREAD: Final = 0.15
-_NEVER: Final = 0.3
-"""A residual above this share of the step is of no dot."""
-_ALWAYS: Final = 0.015
-"""A residual below this share of the step hides nothing."""
+_NEVER: Final = {"dot": 0.3, "texture": 0.9}
+"""A residual above this share of the step is not of the marker."""
+_ALWAYS: Final = {"dot": 0.015, "texture": 0.5}
+"""A residual below this share of the step hides nothing. Texture changes its shading as it turns under the light: half
+of its spread left over is a correlation of 0.9."""
 _LEAST_STEP: Final = 4.0
 """Grey levels below which there is no dot to be seen."""
 
@@ -31,9 +32,10 @@ class Gauge:
     residual_spread: float
     patch: float
     patch_spread: float
+    kind: str = "dot"
 
     @classmethod
-    def start(cls, reading: Reading) -> Gauge:
+    def start(cls, reading: Reading, *, kind: str = "dot") -> Gauge:
         """Begin with the first reading, which is known to be of the marker."""
         return cls(
             light=reading.light,
@@ -42,6 +44,7 @@ class Gauge:
             residual_spread=_START_SPREAD,
             patch=_share(reading.patch, reading.step),
             patch_spread=2.0 * _START_SPREAD,
+            kind=kind,
         )
 
     def judge(self, reading: Reading | None, *, speed_px: float) -> str:
@@ -53,14 +56,15 @@ class Gauge:
             return "dark"
         if not reading.converged or not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
             return "hidden"
+        always = _ALWAYS[self.kind]
         share, patch = reading.residual / step, reading.patch / step
-        if share > _NEVER:
+        if share > _NEVER[self.kind]:
             return "hidden"
         # Fast markers smear: what the template lacks then is not something that lies over the dot.
         smear = 0.06 * min(speed_px, 20.0)
         limit = math.exp(self.residual + max(5.0 * self.residual_spread, 0.35) + smear)
         patch_limit = math.exp(self.patch + max(5.0 * self.patch_spread, 0.7) + smear)
-        if share > max(limit, _ALWAYS) or patch > max(patch_limit, _ALWAYS):
+        if share > max(limit, always) or patch > max(patch_limit, always):
             return "hidden"
         return ""
 
@@ -76,16 +80,17 @@ class Gauge:
         self.patch += _RATE * off
         self.patch_spread += _RATE * (abs(off) - self.patch_spread)
 
-    def to_state(self) -> list[float]:
+    def to_state(self) -> list[Any]:
         """Return what :meth:`from_state` restores exactly."""
         return [
             self.light, self.step, self.residual, self.residual_spread, self.patch, self.patch_spread,
+            self.kind,
         ]  # fmt: skip
 
     @classmethod
     def from_state(cls, state: list[Any]) -> Gauge:
         """Restore a gauge."""
-        return cls(*(float(value) for value in state))
+        return cls(*(float(value) for value in state[:6]), kind=str(state[6]))
 
 
 def _share(value: float, step: float) -> float:

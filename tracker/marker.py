@@ -6,12 +6,16 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tracker.gauge import Gauge
-from tracker.template import AT_REST, Pose, Template
+from tracker.template import SAME, STILL, Change, Reading, Template, View
 
 Point = tuple[float, float]
 
 _KEPT: Final = 3
+_RATE: Final = 0.1
 _STALE: Final = 12
 """Frames for which a lost marker is still carried on along its last motion."""
 
@@ -30,8 +34,10 @@ class Marker:
         The last readings, at most three, the newest last; empty after a long loss.
     lost : int
         Frames since it was last read.
-    pose : Pose
-        Turn and smear with which it is expected.
+    view : View
+        How it is expected to look.
+    change : Change
+        How its shape differs from the template's, averaged over frames.
     """
 
     template: Template
@@ -41,7 +47,12 @@ class Marker:
     y_px: float
     history: list[tuple[float, float, float]] = field(default_factory=list)
     lost: int = 0
-    pose: Pose = AT_REST
+    view: View = STILL
+    change: Change = SAME
+
+    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> Reading | None:
+        """Read it near a position."""
+        return self.template.read(luma, x_px, y_px, view=self.view)
 
     def predict(self, time_s: float) -> Point:
         """Return where its own last motion carries it."""
@@ -68,8 +79,18 @@ class Marker:
         t2, x2, y2 = self.history[-2]
         return (x1 - x2) / (t1 - t2), (y1 - y2) / (t1 - t2)
 
-    def take(self, time_s: float, x_px: float, y_px: float) -> None:
-        """Note a reading."""
+    def take(self, time_s: float, reading: Reading) -> None:
+        """Note a good reading."""
+        self.gauge.learn(reading)
+        x_px, y_px = reading.x_px, reading.y_px
+        view = self.view
+        old = self.change
+        new = tuple(was + _RATE * (now - was) for was, now in zip(old, reading.change, strict=True))
+        self.change = SAME if self.template.reshape((new[0], new[1], new[2])) else (new[0], new[1], new[2])
+        self.view = view._replace(
+            slope_x=view.slope_x + _RATE * (reading.slope[0] - view.slope_x),
+            slope_y=view.slope_y + _RATE * (reading.slope[1] - view.slope_y),
+        )
         if self.lost:
             # Only readings next to each other tell a velocity.
             self.history = self.history[-1:] if self.lost <= _STALE else []
@@ -90,14 +111,16 @@ class Marker:
         return math.hypot(x_px - self.x_px, y_px - self.y_px)
 
     def to_state(self) -> dict[str, Any]:
-        """Return what :meth:`restore` needs; the template is made anew from its shape."""
+        """Return what :meth:`restore` needs; the template itself is made anew from the first frame."""
         return {
             "gauge": self.gauge.to_state(),
             "x_px": self.x_px,
             "y_px": self.y_px,
             "history": [list(entry) for entry in self.history],
             "lost": self.lost,
-            "pose": list(self.pose),
+            "view": list(self.view),
+            "change": list(self.change),
+            "template": self.template.to_state(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -106,5 +129,7 @@ class Marker:
         self.x_px, self.y_px = float(state["x_px"]), float(state["y_px"])
         self.history = [(float(t), float(x), float(y)) for t, x, y in state["history"]]
         self.lost = int(state["lost"])
-        turn, smear_x, smear_y = state["pose"]
-        self.pose = (float(turn), float(smear_x), float(smear_y))
+        self.view = View(*(float(value) for value in state["view"]))
+        radius, e, f = state["change"]
+        self.change = (float(radius), float(e), float(f))
+        self.template.restore([float(value) for value in state["template"]])

@@ -75,7 +75,7 @@ def witness(
             break
     residual[known] = left
     outlier[known] = np.abs(left) > max(8.0 * spread, 6.0 * float(np.sqrt(np.median(variance[known]))))
-    scale = float(np.sqrt(np.mean(left[use] ** 2 / variance[known][use])))
+    scale = float(np.sqrt(np.mean(left[use] ** 2) / np.mean(variance[known][use])))
     return LengthWitness(float(np.mean(length[known][use])), residual, scale, outlier)
 
 

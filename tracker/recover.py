@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.detect import disc_picture
-from tracker.template import Pose, Reading, Template
+from tracker.marker import Marker
+from tracker.template import Reading
 
 Point = tuple[float, float]
 
 _LIKELY: Final = 0.45
 _MOST: Final = 14
+_SMEARED_PX: Final = 6.0
+"""Speed for which allowance is made: a marker that is found again may be moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,26 +85,20 @@ def pairs_at_distance(
     luma: NDArray[np.uint8],
     places: list[Point],
     *,
-    inner: Template,
-    outer: Template,
-    pose: Pose,
+    inner: Marker,
+    outer: Marker,
     length_px: float,
     tolerance_px: float,
-    good: tuple[object, object],
 ) -> list[Found]:
-    """Return every ordered pair of places that read as the stick's two markers at their distance.
-
-    ``good`` are the two markers' gauges: each reading has to pass its own.
-    """
+    """Return every ordered pair of places that read as the stick's two markers at their distance."""
     readings: dict[tuple[int, int], Reading | None] = {}
 
     def read(which: int, index: int) -> Reading | None:
         key = (which, index)
         if key not in readings:
-            template = outer if which else inner
-            reading = template.read(luma, *places[index], pose=pose)
-            gauge = good[which]
-            bad = gauge.judge(reading, speed_px=6.0)  # type: ignore[attr-defined]
+            marker = outer if which else inner
+            reading = marker.read(luma, *places[index])
+            bad = marker.gauge.judge(reading, speed_px=_SMEARED_PX)
             readings[key] = None if bad else reading
         return readings[key]
 

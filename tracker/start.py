@@ -162,6 +162,4 @@ def _texture_marker(luma: NDArray[np.uint8], x: float, y: float, *, name: str, h
             limit="2 grey levels or more within 15 px",
             do="choose a point with clear structure",
         )
-    gauge = Gauge.start(reading)
-    gauge.residual = gauge.patch = math.log(0.05)
-    return Marker(template, gauge, 0.5 * window, reading.x_px, reading.y_px)
+    return Marker(template, Gauge.start(reading, kind="texture"), 0.5 * window, reading.x_px, reading.y_px)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.template import AT_REST, LinearModel, Pose, Reading, Window, linear_model, solve
+from tracker.template import SAME, STILL, Change, LinearModel, Reading, View, Window, linear_model, solve
 
 _ROUNDS: Final = 6
 _TURN_STEP_RAD: Final = 1e-3
@@ -34,6 +34,7 @@ class TextureTemplate:
         from scipy import ndimage
 
         self.window_px = window_px
+        self.turns = True
         self._map = ndimage.map_coordinates
         margin = math.ceil(1.5 * window_px) + 6
         height, width = luma.shape
@@ -47,15 +48,15 @@ class TextureTemplate:
         self.light = float(middle.mean())
         self.spread = float(middle.std())
 
-    def tile(self, half: int, *, light: float, pose: Pose) -> NDArray[np.uint8]:
+    def tile(self, half: int, *, light: float, view: View) -> NDArray[np.uint8]:
         """Return the turned texture in a disc on its mean brightness."""
         y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
-        picture = self._sample(x.ravel(), y.ravel(), turn_rad=pose[0]).reshape(x.shape)
+        picture = self._sample(x.ravel(), y.ravel(), turn_rad=view.turn_rad).reshape(x.shape)
         weight = np.clip(self.window_px + 1.0 - np.hypot(x, y), 0.0, 1.0)
         picture = light + (picture * light / max(self.light, 1.0) - light) * weight
         return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
-    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, pose: Pose = AT_REST) -> Reading | None:
+    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, view: View = STILL) -> Reading | None:
         """Read the point near a position; None where the window leaves the picture."""
         reading = None
         for _ in range(_ROUNDS):
@@ -63,8 +64,8 @@ class TextureTemplate:
             values = self._window.values(luma, cx, cy)
             if values is None:
                 return None
-            model = self._model(x_px - cx, y_px - cy, pose[0])
-            reading = solve(model, values, x0=x_px, y0=y_px, contrast=1.0)
+            model = self._model(x_px - cx, y_px - cy, view.turn_rad)
+            reading = solve(model, values, x0=x_px, y0=y_px, contrast=1.0, slope=(view.slope_x, view.slope_y))
             reading.contrast = reading.step
             reading.step *= self.spread
             dx, dy = reading.x_px - x_px, reading.y_px - y_px
@@ -75,6 +76,17 @@ class TextureTemplate:
             if abs(dx) < 0.01 and abs(dy) < 0.01:
                 break
         return reading
+
+    def reshape(self, change: Change) -> bool:
+        """Keep the texture as it is."""
+        return change != SAME
+
+    def to_state(self) -> list[float]:
+        """Return nothing: texture does not change."""
+        return []
+
+    def restore(self, state: list[float]) -> None:
+        """Go back to a noted state."""
 
     def _sample(self, x: NDArray[np.float64], y: NDArray[np.float64], *, turn_rad: float) -> NDArray[np.float64]:
         """Return the texture at offsets from the point in a picture in which it is turned (y down)."""
@@ -92,16 +104,6 @@ class TextureTemplate:
             - self._sample(x, y, turn_rad=turn_rad - _TURN_STEP_RAD)
         ) / (2.0 * _TURN_STEP_RAD)
         one = np.ones_like(x)
-        basis = np.stack(
-            [
-                one,
-                middle - self.light,
-                along_x / (2.0 * h),
-                along_y / (2.0 * h),
-                self._window.x,
-                self._window.y,
-                turned,
-            ],
-            axis=1,
-        )
-        return linear_model(basis, self._window.sectors)
+        basis = np.stack([one, middle - self.light, along_x / (2.0 * h), along_y / (2.0 * h), turned], axis=1)
+        slopes = np.stack([self._window.x, self._window.y], axis=1)
+        return linear_model(basis, slopes, self._window.sectors)
