@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 FLUSH_S: Final = 0.25
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
-TEMPERATURES: Final = ("time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b")
 
 
 class LineFile:
@@ -43,17 +42,22 @@ class LineFile:
         try:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except FileExistsError as error:
-            raise ConfigError(
-                "is there already", where=str(path), do="choose another --out folder; a record is not written over"
-            ) from error
+            raise _exists(path) from error
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror or error})", where=str(path)) from error
         self.flush()
 
     def add(self, values: Sequence[float]) -> None:
         """Append one row; NaN is an empty field."""
-        self._lines.append(",".join("" if value != value else f"{value:.10g}" for value in values))  # noqa: PLR0124
-        if time.monotonic() - self._flushed >= FLUSH_S:
+        self.add_line(",".join("" if value != value else f"{value:.10g}" for value in values))  # noqa: PLR0124
+
+    def add_line(self, line: str) -> None:
+        """Append one line."""
+        self._lines.append(line)
+
+    def flush_due(self) -> None:
+        """Flush, if the last time is a quarter of a second ago."""
+        if self._lines and time.monotonic() - self._flushed >= FLUSH_S:
             self.flush()
 
     def flush(self) -> None:
@@ -96,6 +100,8 @@ class Recorder:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"cannot be made ({error.strerror or error})", where=str(folder)) from error
+        for name in ("angle.csv", "markers.csv", "temps.csv"):
+            _refuse_existing(folder / name)
         columns = ["frame", "time_s"]
         for name in MARKERS:
             columns += [f"{name}_x_px", f"{name}_y_px", f"{name}_sigma_px", f"{name}_valid"]
@@ -103,7 +109,7 @@ class Recorder:
         self._in_space = in_space
         self._angle = LineFile(folder / "angle.csv", ANGLE)
         self._markers = LineFile(folder / "markers.csv", columns)
-        self._temperatures = LineFile(folder / "temps.csv", TEMPERATURES)
+        self._temperatures: LineFile | None = None
 
     def frame(
         self,
@@ -130,19 +136,24 @@ class Recorder:
                 row += (nowhere if position_mm is None else position_mm[marker]).tolist()
         self._markers.add(row)
 
-    def temperature(self, row: Sequence[float]) -> None:
-        """Append one row of the log, as it was read."""
-        self._temperatures.add(row)
+    def log(self, header: str, lines: Sequence[str]) -> None:
+        """Append lines of the temperature log as they were written, under its own header."""
+        if self._temperatures is None:
+            self._temperatures = LineFile(self.folder / "temps.csv", [header])
+        for line in lines:
+            self._temperatures.add_line(line)
 
-    def flush(self) -> None:
-        """Hand everything to the system."""
+    def flush_due(self) -> None:
+        """Hand to the system what has waited for a quarter of a second."""
         for file in (self._angle, self._markers, self._temperatures):
-            file.flush()
+            if file is not None:
+                file.flush_due()
 
     def close(self) -> None:
-        """Close the three tables."""
+        """Close the tables."""
         for file in (self._angle, self._markers, self._temperatures):
-            file.close()
+            if file is not None:
+                file.close()
 
 
 def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swapped: int) -> Orientation | None:
@@ -193,6 +204,17 @@ def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swa
     write_table(path, marker_columns(tracks, orientation.position_mm))
     write_angles(folder / "angle.csv", orientation.angles)
     return orientation
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        raise _exists(path)
+
+
+def _exists(path: Path) -> ConfigError:
+    return ConfigError(
+        "is there already", where=str(path), do="choose another --out folder; a record is not written over"
+    )
 
 
 def write_account(folder: Path, name: str, content: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,13 @@ REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
 OPTIONAL: Final = ("heat_a", "heat_b")
 _SEPARATORS: Final = (";", "\t", ",")
 _BLOCK: Final = 1 << 20
+
+
+class LogRow(NamedTuple):
+    """One row of a log: time, both temperatures, both switches (NaN where absent), and the line as it was written."""
+
+    values: tuple[float, ...]
+    text: str
 
 
 class LogFollower:
@@ -31,6 +38,7 @@ class LogFollower:
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
         self.path = path
+        self.header = ""
         self.refused = 0
         self._tell = tell
         self._file: int | None = None
@@ -40,15 +48,15 @@ class LogFollower:
         self._separator = ","
         self._zero: datetime | None = None
 
-    def poll(self) -> list[tuple[float, ...]]:
-        """Return the rows that have come since: time, both temperatures, both switches (NaN where absent).
+    def poll(self) -> list[LogRow]:
+        """Return the rows that have come since the last call.
 
         Raises
         ------
         InputError
             When the header lacks a column.
         """
-        rows: list[tuple[float, ...]] = []
+        rows: list[LogRow] = []
         if self._file is None and not self._open():
             return rows
         rows += self._read()
@@ -90,14 +98,14 @@ class LogFollower:
             return True
         return self._file is not None and state.st_size < os.lseek(self._file, 0, os.SEEK_CUR)
 
-    def _read(self) -> list[tuple[float, ...]]:
-        rows: list[tuple[float, ...]] = []
+    def _read(self) -> list[LogRow]:
+        rows: list[LogRow] = []
         while self._file is not None and (block := os.read(self._file, _BLOCK)):
             *lines, self._rest = (self._rest + block).split(b"\n")
             rows += [row for line in lines if (row := self._row(line.decode("utf-8", "replace"))) is not None]
         return rows
 
-    def _row(self, line: str) -> tuple[float, ...] | None:
+    def _row(self, line: str) -> LogRow | None:
         text = line.strip().lstrip("\ufeff")
         if not text or text.startswith("#"):
             return None
@@ -113,7 +121,7 @@ class LogFollower:
             if self.refused == 1:
                 self._tell(f"the log has a line that is no row of numbers: {text[:60]!r}; such lines are left out")
             return None
-        return (time_s, *others)
+        return LogRow((time_s, *others), text)
 
     def _read_header(self, text: str) -> None:
         self._separator = next((one for one in _SEPARATORS if one in text), ",")
@@ -126,6 +134,7 @@ class LogFollower:
                     value=", ".join(names[:12]),
                     do="add the column, or name another log with --temperature",
                 )
+        self.header = self.header or text
         self._columns = [names.index(name) if name in names else -1 for name in (*REQUIRED, *OPTIONAL)]
 
     def _number(self, fields: Sequence[str], place: int) -> float:

@@ -132,6 +132,7 @@ class Session:
                     self._take(frame)
                 elif self._intake.ended:
                     break
+                self._recorder.flush_due()
                 if self._intake.waiting == 0:
                     self._caught_up()
                     self._beside()
@@ -222,10 +223,10 @@ class Session:
 
     def _poll_log(self, *, early: bool = False) -> None:
         rows = self._follower.poll()
-        for row in rows:
-            self._recorder.temperature(row)
+        if rows:
+            self._recorder.log(self._follower.header, [row.text for row in rows])
         self.outcome.log_rows += len(rows)
-        self._clock.rows(rows, now_s=None if early else self._now_s)
+        self._clock.rows([row.values for row in rows], now_s=None if early else self._now_s)
         due = self._clock.due(self._now_s)
         if not due:
             return
