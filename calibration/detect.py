@@ -117,7 +117,7 @@ def _shrunk(grey: Grey, scale: float) -> Grey:
 def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[NDArray[np.int64], Floats] | None:
     size = (board.columns, board.rows)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    good, corners = cv2.findChessboardCorners(grey, size, flags=flags | (cv2.CALIB_CB_FAST_CHECK if quick else 0))
+    good, corners = cv2.findChessboardCorners(grey, size, flags=flags)
     if not good and not quick:
         good, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not good or corners is None:
@@ -243,8 +243,8 @@ def _other_chessboard(grey: Grey, board: Board) -> str | None:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     tried = {(across, down), (down, across)}
     # The grid that is found may be a part of a larger board, so larger ones first.
-    for extra in range(3, -4, -1):
-        for other in range(3, -4, -1):
+    for extra in range(2, -3, -1):
+        for other in range(2, -3, -1):
             size = (across + extra, down + other)
             if size in tried or min(size) < 3:
                 continue

@@ -19,7 +19,7 @@ from torsight.core.progress import Progress, silent
 
 _MOST_FILM_VIEWS: Final = 30
 _BLURRED: Final = 1.5
-_LOOKED_AT_FOR_OTHER_BOARDS: Final = 3
+_LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
 _BEYOND_THE_BOARD: Final = 0.25
 
 

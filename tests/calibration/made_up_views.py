@@ -45,6 +45,19 @@ def poses(count, seed, *, distance_mm=(120.0, 190.0), tilt_deg=40.0):
     return np.array(found)
 
 
+def whole(where, board=CHESSBOARD):
+    """Return those poses at which the picture holds all of the board, its border too."""
+    reach = 1.7 * board.square_mm
+    points = board.points_mm() + np.sign(board.points_mm()) * reach * np.array([1, 1, 0])
+    kept = []
+    for pose in where:
+        pixels, _ = cv2.projectPoints(points, pose[:3], pose[3:], LENS.matrix, LENS.distortion)
+        pixels = pixels.reshape(-1, 2)
+        if pixels.min() > 0 and np.all(pixels.max(axis=0) < SIZE_PX):
+            kept.append(pose)
+    return kept
+
+
 def in_right(pose):
     """Return the same board's pose for the right camera."""
     rotation = cv2.Rodrigues(RIGHT_RVEC)[0]
@@ -74,18 +87,24 @@ def exact_view(pose, index, *, lens=LENS, board=CHESSBOARD, sigma_px=0.0, rng=No
     )
 
 
+SAMPLES = 13
+"""Places per pixel at which the pattern is looked up: a lattice in which no two share a row or a column, so that an
+edge along the pixels' rows is shaded in 13 steps."""
+
+
 @lru_cache(maxsize=4)
-def _rays(lens_key, supersample):
-    """Return the rays (two of (h·s, w·s)) of every sample; the lens is undone by fixed-point iteration."""
+def _rays(lens_key):
+    """Return the rays (two of (samples, h, w)) of every sample; the lens is undone by fixed-point iteration."""
     size_px, matrix, distortion = lens_key
     fx, fy, cx, cy = matrix
-    offset = (np.arange(supersample) + 0.5) / supersample - 0.5
-    u = (np.arange(size_px[0])[:, None] + offset).ravel()
-    v = (np.arange(size_px[1])[:, None] + offset).ravel()
-    bent_x, bent_y = np.meshgrid((u - cx) / fx, (v - cy) / fy)
+    step = np.arange(SAMPLES)
+    across, down = (step + 0.5) / SAMPLES - 0.5, (step * 5 % SAMPLES + 0.5) / SAMPLES - 0.5
+    u = np.arange(size_px[0]) + across[:, None, None]
+    v = np.arange(size_px[1])[:, None] + down[:, None, None]
+    bent_x, bent_y = np.broadcast_arrays((u - cx) / fx, (v - cy) / fy)
     k1, k2, p1, p2, k3 = distortion
     x, y = bent_x.copy(), bent_y.copy()
-    for _ in range(40):
+    for _ in range(25):
         r2 = x * x + y * y
         gain = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
         x, y = (
@@ -95,21 +114,19 @@ def _rays(lens_key, supersample):
     return x.astype(np.float32), y.astype(np.float32)
 
 
-def picture(pose, *, lens=LENS, board=CHESSBOARD, noise=1.5, seed=0, supersample=3, blur_px=0.6):
+def picture(pose, *, lens=LENS, board=CHESSBOARD, noise=1.5, seed=0, blur_px=0.6):
     """Return a grey picture (h, w) of the board on a grey background, slightly blurred, with noise."""
     key = (
         lens.size_px,
         (lens.matrix[0, 0], lens.matrix[1, 1], lens.matrix[0, 2], lens.matrix[1, 2]),
         tuple(lens.distortion),
     )
-    ray_x, ray_y = _rays(key, supersample)
+    ray_x, ray_y = _rays(key)
     rotation = cv2.Rodrigues(pose[:3])[0]
     # Board coordinates of where each line of sight meets its plane: [r1 r2 t]⁻¹ applied to (x, y, 1).
     plane = np.linalg.inv(np.stack((rotation[:, 0], rotation[:, 1], pose[3:]), axis=1)).astype(np.float32)
     x, y, w = (row[0] * ray_x + row[1] * ray_y + row[2] for row in plane)
-    samples = _pattern(board, x / w, y / w)
-    height, width = lens.size_px[1], lens.size_px[0]
-    grey = samples.reshape(height, supersample, width, supersample).mean(axis=(1, 3))
+    grey = _pattern(board, x / w, y / w).mean(axis=0)
     grey = cv2.GaussianBlur(grey, (0, 0), blur_px) + np.random.default_rng(seed).normal(0, noise, grey.shape)
     return np.clip(np.round(grey), 0, 255).astype(np.uint8)
 
