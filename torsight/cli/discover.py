@@ -25,13 +25,13 @@ def discover(
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.cli.summary import verdict_words
     from torsight.core.storage import read_json
+    from torsight.core.wording import verdict_sentence
 
     with progress_bar() as progress:
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
     content = read_json(out / "discovery.json")
-    say(f"Missing effect    {verdict_words(content)}")
+    say(f"Missing           {verdict_sentence(content)}")
     before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
     say(
         f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see "

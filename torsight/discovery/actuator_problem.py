@@ -7,7 +7,6 @@ report.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,9 +14,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator import kernel
-from torsight.actuator.conditioning import NEGLIGIBLE_C, condition
+from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
@@ -34,6 +34,7 @@ RESOLUTION_DEG: Final = 0.1
 ALWAYS_FAMILY: Final = "start"
 """Effects of this family say what came before the record: they are always fitted and never named."""
 _NOISE_DRAWS: Final = 6
+_ALIKE_S: Final = 3.0
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
 
@@ -51,8 +52,6 @@ class ActuatorProblem:
         The prepared record.
     spec : ActuatorSpec
         Characterised values with their uncertainties.
-    thinned : float
-        How many rows of the record each row of the drive stands for.
     seed : int
         Of the temperature noise that is drawn to see what it does to the angle.
     resolution : float
@@ -61,7 +60,6 @@ class ActuatorProblem:
 
     drive: Drive
     spec: ActuatorSpec
-    thinned: float = 1.0
     seed: int = 0
     resolution: float = RESOLUTION_DEG
 
@@ -137,11 +135,10 @@ class ActuatorProblem:
         return self._predict(self.drive, values, effects)
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what noise on the temperatures does to the angle.
+        """Return what noise left in the temperatures does to the angle.
 
-        The conditioned temperatures take the place of the true ones: noise is drawn on them, conditioned as the log
-        was, and driven through the model. That catches what a formula would miss: a corner's error stays in the angle
-        for the whole rest after it.
+        Errors of the size that the conditioning gives are drawn and driven through the model. That catches what a
+        formula would miss: a corner's error stays in the angle for the whole rest after it.
         """
         if not self._noisy_drives:
             return np.zeros(len(self.rows))
@@ -167,8 +164,7 @@ class ActuatorProblem:
         if self.drive.noise_c <= NEGLIGIBLE_C:
             return ()
         rng = np.random.default_rng(self.seed)
-        size_c = self.drive.noise_c / math.sqrt(self.thinned)
-        return tuple(_noisy(self.drive, rng, size_c) for _ in range(_NOISE_DRAWS))
+        return tuple(_noisy(self.drive, rng) for _ in range(_NOISE_DRAWS))
 
 
 def kept_rows(drive: Drive) -> NDArray[np.int64]:
@@ -223,16 +219,20 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
 
 
-def _noisy(drive: Drive, rng: np.random.Generator, size_c: float) -> Drive:
-    """Return the drive with new noise on its temperatures, conditioned as a log is."""
-    drawn = [temp + size_c * rng.standard_normal(len(drive)) for temp in (drive.temp_a_c, drive.temp_b_c)]
-    smooth = [condition(drive.time_s, temp) for temp in drawn]
+def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
+    """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes."""
+    interval = float(np.median(np.diff(drive.time_s)))
+    errors = []
+    for _ in range(2):
+        smooth = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval, mode="nearest")
+        errors.append(drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12))
+    slopes = [np.gradient(error, drive.time_s) for error in errors]
     return replace(
         drive,
-        temp_a_c=smooth[0].temp_c,
-        temp_b_c=smooth[1].temp_c,
-        rate_a_c_s=smooth[0].rate_c_s,
-        rate_b_c_s=smooth[1].rate_c_s,
+        temp_a_c=drive.temp_a_c + errors[0],
+        temp_b_c=drive.temp_b_c + errors[1],
+        rate_a_c_s=drive.rate_a_c_s + slopes[0],
+        rate_b_c_s=drive.rate_b_c_s + slopes[1],
     )
 
 

@@ -1,9 +1,9 @@
 """From fitted sets of effects to a verdict.
 
 A set is believed where every member earns its place twice: by a gain above what the luckiest candidate takes from
-noise, and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains most of what
-was to explain, or leaves little more than the floor); otherwise something real is missing that has no name here. Sets
-that explain the record within a small cost of the best are rivals and are all told.
+noise, and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains
+most of what was to explain, or leaves little more than the floor); otherwise something real is missing that has no
+name here. Sets that explain the record within a small cost of the best are rivals and are all told.
 """
 
 from __future__ import annotations

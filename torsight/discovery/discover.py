@@ -56,7 +56,7 @@ def discover(
         When the record cannot drive the model.
     """
     drive = ActuatorModel(spec).prepare(table, where=where)
-    problem = ActuatorProblem(drive, spec, thinned=len(table) / len(drive), seed=seed)
+    problem = ActuatorProblem(drive, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress)
     return _report(problem, findings, seed=seed)
 

@@ -1,9 +1,9 @@
 """How much the best of all candidates gains where nothing is missing.
 
 The more candidates are tried, the more the luckiest gains on noise alone. The threshold is a quantile of that gain:
-noise of the record's own sizes and correlation is drawn, and each candidate takes from it what its directions (its effect at
-every start, and the derivatives there, less what the fitted parameters can imitate) allow. Everything is linear in the
-noise, so thousands of draws cost little and no refit.
+noise of the record's own sizes and correlation is drawn, and each candidate takes from it what its directions (its
+effect at every start, and the derivatives there, less what the fitted parameters can imitate) allow. Everything is
+linear in the noise, so thousands of draws cost little and no refit.
 """
 
 from __future__ import annotations
