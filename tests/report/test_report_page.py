@@ -90,7 +90,7 @@ def test_it_says_the_numbers_of_the_results(run: Path) -> None:
     text = text_of(run)
     angle = pd.read_csv(run / "angle.csv")["angle_deg"]
     for words in (
-        "The model lacked sensor lag.",
+        "The model lacks an effect: sensor lag.",
         f"{angle.max() - angle.min():.1f}",
         "0.793",
         "0.771 to 0.815",
@@ -117,10 +117,26 @@ def test_the_pull_is_the_distance_in_standard_deviations_of_the_characterisation
     assert "36.00 ± 0.40" in row.group()
 
 
-def test_what_the_fit_tells_of_its_priors_comes_before_the_actuator_file(run: Path) -> None:
-    told = {"A_s_c": parameter(38.9, 0.1, "°C", nominal=37.9, prior_sigma=0.5)}
-    rewrite(run, "fit", parameters=told)
+def test_what_the_model_file_carries_comes_before_the_actuator_file(run: Path) -> None:
+    actuator = {"material": {"A_s_c": 37.9}, "uncertainty": {"A_s_c": 0.5}}
+    (run / "model.json").write_text(json.dumps({"schema": 1, "actuator": actuator}), encoding="utf-8")
     assert "37.90 ± 0.50" in text_of(run)
+
+
+def test_the_plain_fit_of_the_discovery_comes_before_the_one_of_the_fit(run: Path) -> None:
+    rewrite(run, "discovery", plain_parameters={"A_s_c": parameter(33.3, 0.1, "°C")})
+    text = text_of(run)
+    assert "33.30 (95 %: 33.10 to 33.50)" in text
+    assert "38.90 (95 %" not in text
+
+
+def test_where_every_half_cycle_was_left_out_once_nothing_is_shaded(run: Path) -> None:
+    table = pd.read_csv(run / "curves.csv")
+    table["held_out"] = 1
+    table.to_csv(run / "curves.csv", index=False)
+    text = text_of(run)
+    assert "Each half-cycle was left out of the fit once" in text
+    assert 'class="band held"' not in text
 
 
 @pytest.mark.parametrize(
@@ -132,7 +148,7 @@ def test_what_the_fit_tells_of_its_priors_comes_before_the_actuator_file(run: Pa
         ("track.json", "moving_outer is covered", "The motion</h2>"),
         ("sync.json", "The two clocks", "Parameters"),
         ("fit.json", "The plain model was fitted", "What was missing"),
-        ("discovery.json", "The model lacked sensor lag", "The motion</h2>"),
+        ("discovery.json", "The model lacks an effect: sensor lag", "The motion</h2>"),
         ("curves.csv", "What is left", "Parameters"),
         ("provenance.json", "torsight run", "Parameters"),
     ],

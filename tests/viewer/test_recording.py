@@ -89,7 +89,12 @@ def test_film_markers_and_sticks_are_in_the_recording_frame_by_frame(run: Path) 
 def test_events_and_summary_tell_the_run(run: Path) -> None:
     found = read_back(run / "recording.rrd")
     texts = " | ".join(row[0] for row in found["/events"]["TextLog:text"])
-    for words in ("moving_outer is covered", "moving_outer is found again", "offset 12.31 s", "The model lacked"):
+    for words in (
+        "moving_outer is covered",
+        "moving_outer is found again",
+        "offset 12.31 s",
+        "The model lacks an effect",
+    ):
         assert words in texts
     summary = next(row[0] for row in found["/summary"]["TextDocument:text"] if row)
     assert "0.793 mN·m (95 %: 0.771 to 0.815)" in summary

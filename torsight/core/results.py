@@ -20,7 +20,7 @@ TABLES: Final = {
 }
 """Tables of a run's folder and the columns that must hold numbers."""
 
-DOCUMENTS: Final = ("track", "sync", "fit", "discovery", "provenance")
+DOCUMENTS: Final = ("track", "sync", "fit", "discovery", "model", "provenance")
 """JSON files of a run's folder."""
 
 
@@ -34,7 +34,7 @@ class RunResults:
         Where they lie.
     angle, markers, merged, curves : pandas.DataFrame or None
         ``angle.csv``, ``markers.csv``, ``merged.csv``, ``curves.csv``; degrees and °C, as in the files.
-    track, sync, fit, discovery, provenance : dict or None
+    track, sync, fit, discovery, model, provenance : dict or None
         The JSON files of these names.
     """
 
@@ -47,6 +47,7 @@ class RunResults:
     sync: dict[str, Any] | None = None
     fit: dict[str, Any] | None = None
     discovery: dict[str, Any] | None = None
+    model: dict[str, Any] | None = None
     provenance: dict[str, Any] | None = None
 
 
@@ -83,5 +84,6 @@ def read_results(folder: Path) -> RunResults:
         sync=documents.get("sync"),
         fit=documents.get("fit"),
         discovery=documents.get("discovery"),
+        model=documents.get("model"),
         provenance=documents.get("provenance"),
     )

@@ -82,7 +82,8 @@ def verdict_sentence(discovery: Mapping[str, Any]) -> str:
     if verdict == "none":
         return "Nothing is missing from the model that this record can show."
     if verdict == "identified" and names:
-        return f"The model lacked {listed(names)}."
+        count = "an effect" if len(names) == 1 else f"{len(names)} effects"
+        return f"The model lacks {count}: {listed(names)}."
     if verdict == "ambiguous":
         options = explanations(discovery)
         return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."

@@ -44,8 +44,12 @@ def spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def shade_held_out(plot: Plot, curves: pd.DataFrame) -> None:
     """Shade the half-cycles that the fit did not see."""
+    held = column(curves, "held_out") > 0.5
+    if held.all():
+        # Every half-cycle was left out in turn: there is nothing to tell apart.
+        return
     time_s = column(curves, "time_s")
-    for first, last in spans(column(curves, "held_out") > 0.5):
+    for first, last in spans(held):
         plot.band(time_s[first], time_s[last], "held", label="half-cycle that the fit did not see")
 
 
@@ -75,7 +79,8 @@ def _models(
     *,
     ordered: bool,
 ) -> None:
-    plot.line(x, angle, "measured", label="measured", ordered=ordered)
+    alone = not np.isfinite(plain).any()
+    plot.line(x, angle, "ink" if alone else "measured", label="measured", ordered=ordered)
     if np.isfinite(plain).any():
         plot.line(x, plain, "before", label="plain model", ordered=ordered)
     if np.isfinite(extended).any() and not np.array_equal(extended, plain, equal_nan=True):
@@ -260,18 +265,23 @@ def branches(curves: pd.DataFrame) -> list[NDArray[np.bool_]]:
     if not keys:
         return [np.ones(len(curves), dtype=bool)]
     number_of = curves.groupby(keys, sort=False).ngroup().to_numpy()
-    return [np.asarray(number_of == one) for one in range(int(number_of.max()) + 1)]
+    moving = np.ones(len(curves), dtype=bool)
+    if "direction" in curves.columns:
+        moving = (curves["direction"].astype(str) != "rest").to_numpy()
+    found = [np.asarray(moving & (number_of == one)) for one in range(int(number_of.max()) + 1)]
+    return [branch for branch in found if branch.any()]
 
 
 def bin_means(
     x: NDArray[np.float64], y: NDArray[np.float64], *, bins: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return centre and mean of evenly spaced bins; an empty bin is NaN."""
+    """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
     edges = np.linspace(x.min(), x.max(), bins + 1)
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
     count = np.bincount(place, minlength=bins)
     total = np.bincount(place, weights=y, minlength=bins)
-    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    enough = count > 0.05 * len(x) / bins
+    mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 
 
@@ -283,7 +293,8 @@ def residual_by_group(curves: pd.DataFrame, by: str, title: str, words: str) -> 
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     groups = [(curves[by] == key).to_numpy() for key in keys]
     levels = [[_rms(residual[group]) for residual in (before, after)] for group in groups]
-    held = [bool((column(curves, "held_out")[group] > 0.5).any()) for group in groups]
+    unseen_rows = column(curves, "held_out") > 0.5
+    held = [bool(unseen_rows[group].any() and not unseen_rows.all()) for group in groups]
     top = float(np.nanmax([*np.ravel(levels), 1e-9]))
     plot = Plot(
         Axis(words, -0.6, len(keys) - 0.4),

@@ -66,25 +66,10 @@ class Prior:
 
 
 def priors(results: RunResults) -> dict[str, Prior]:
-    """Return the characterised values: those that the fit tells, else those of the actuator file that was used."""
-    told: dict[str, Prior] = {}
-    for document in (results.fit, results.discovery):
-        for name, value in ((document or {}).get("parameters") or {}).items():
-            if value.get("nominal") is not None:
-                told.setdefault(name, Prior(float(value["nominal"]), _positive(value.get("prior_sigma"))))
-    return told or _from_actuator_file(results)
-
-
-def _from_actuator_file(results: RunResults) -> dict[str, Prior]:
-    configuration = (results.provenance or {}).get("configuration") or {}
-    name = (configuration.get("actuator") or {}).get("file")
-    if not isinstance(name, str):
-        return {}
-    try:
-        content = read_toml(Path(name))
-    except TorsightError:
-        # The report may be made again where the actuator file is no longer at hand.
-        return {}
+    """Return the characterised values: those that the model file carries, else those of the actuator file used."""
+    content = (results.model or {}).get("actuator")
+    if not isinstance(content, Mapping):
+        content = _actuator_file(results)
     sigmas = content.get("uncertainty") or {}
     values = {
         key: value
@@ -97,6 +82,18 @@ def _from_actuator_file(results: RunResults) -> dict[str, Prior]:
         for key, value in values.items()
         if isinstance(value, (int, float)) and math.isfinite(value)
     }
+
+
+def _actuator_file(results: RunResults) -> Mapping[str, Any]:
+    configuration = (results.provenance or {}).get("configuration") or {}
+    name = (configuration.get("actuator") or {}).get("file")
+    if not isinstance(name, str):
+        return {}
+    try:
+        return read_toml(Path(name))
+    except TorsightError:
+        # The report may be made again where the actuator file is no longer at hand.
+        return {}
 
 
 def _positive(sigma: Any) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -144,6 +145,7 @@ def missing(results: RunResults) -> dict[str, Any]:
             "name": effect_name(str(effect["id"])),
             "id": effect["id"],
             "family": effect_name(str(effect.get("family", ""))),
+            "title": str(effect.get("title") or ""),
             "probability": effect.get("probability"),
             "parameters": [(name, estimate(value)) for name, value in (effect.get("parameters") or {}).items()],
         }
@@ -174,14 +176,27 @@ def missing(results: RunResults) -> dict[str, Any]:
         "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],
         "next": plain_items(discovery.get("next_experiment")),
         "scores": [(label, *(_score(value) for value in values)) for label, values in scores],
-        "held_out": ", ".join(str(int(one) + 1) for one in discovery.get("held_out") or []),
+        "held_out": _held_out(results),
     }
+
+
+def _held_out(results: RunResults) -> str:
+    numbers = [int(one) + 1 for one in (results.discovery or {}).get("held_out") or []]
+    if not numbers:
+        return ""
+    if results.curves is not None and "held_out" in results.curves.columns:
+        if (results.curves["held_out"].to_numpy(dtype=np.float64) > 0.5).all():
+            return "Each half-cycle was left out of the fit once, and predicted by it."
+    return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
 
 
 def _score(value: float | None) -> str:
     if value is None:
         return "–"
-    return f"{value:.5f}" if 0.9 < value < 1.0 else number(value)
+    if not 0.9 < value < 1.0:
+        return number(value)
+    # As many nines as there are, and two digits more.
+    return f"{value:.{min(9, 2 - math.floor(math.log10(1.0 - value)))}f}"
 
 
 def plain_items(value: Any) -> list[tuple[str, str]]:
@@ -213,19 +228,24 @@ def in_words(value: Any) -> str:
 
 def parameter_table(results: RunResults) -> dict[str, Any]:
     """Return the table of parameters: characterised, plain fit, extended fit, and how far each was pulled."""
-    plain = dict((results.fit or {}).get("parameters") or {})
-    extended = dict((results.discovery or {}).get("parameters") or {})
+    discovery = results.discovery or {}
+    plain = dict(discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {})
+    extended = dict(discovery.get("parameters") or {})
     known = priors(results)
     own = {
         name: value
         for effect in (results.discovery or {}).get("effects") or []
         for name, value in (effect.get("parameters") or {}).items()
     }
-    rows = []
+    rows, exact = [], []
     for name in dict.fromkeys([*plain, *extended, *own]):
         after = extended.get(name, own.get(name))
-        rows.append(_row(name, known.get(name), plain.get(name), after))
-    return {"rows": rows, "pulled": any(row["prior"] for row in rows)}
+        shown = after or plain.get(name) or {}
+        if shown.get("fixed"):
+            exact.append(f"{name} {number(shown.get('value'), 6)} {shown.get('unit') or ''}".strip())
+        else:
+            rows.append(_row(name, known.get(name), plain.get(name), after))
+    return {"rows": rows, "exact": exact, "pulled": any(row["prior"] for row in rows)}
 
 
 def _row(
@@ -236,7 +256,6 @@ def _row(
     return {
         "name": name,
         "unit": shown.get("unit") or "",
-        "fixed": bool(shown.get("fixed")),
         "prior": "" if prior is None else prior.words(),
         "plain": "" if plain is None else estimate({**plain, "unit": ""}),
         "after": "" if after is None else estimate({**after, "unit": ""}),

@@ -149,9 +149,9 @@ class Stream:
         """Give the stream's frames until it ends or is silent."""
         import av
 
-        place: Any = _Growing(Path(self.name), stop) if self._grows else self.name
+        growing = _Growing(Path(self.name), stop) if self._grows else None
         try:
-            with av.open(place, timeout=None if self._grows else IDLE_S) as container:
+            with av.open(growing or self.name, timeout=None if self._grows else IDLE_S) as container:
                 if not container.streams.video:
                     raise InputError("has no video stream", where=self.name)
                 yield from self._decoded(container, stop)
@@ -163,6 +163,9 @@ class Stream:
                 where=self.name,
                 do="check that it is running; a film that grows must be .mkv or .ts",
             ) from error
+        finally:
+            if growing is not None:
+                growing.close()
 
     def _decoded(self, container: Any, stop: threading.Event) -> Iterator[tuple[float, NDArray[np.uint8] | None, bool]]:
         import av
@@ -212,3 +215,7 @@ class _Growing:
                 break
             self._stop.wait(0.02)
         return b""
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()

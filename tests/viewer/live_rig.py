@@ -1,0 +1,52 @@
+"""A drawn rig with known angles as a lossless film, and a temperature log for it: for the tests of the live view."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+SIZE_PX = (320, 240)
+CENTRE_PX = (160.0, 120.0)
+BASE_RAD = math.radians(200.0)
+FPS = 30.0
+
+
+def angles_deg(frames: int) -> np.ndarray:
+    """Return a sweep from 60 degrees down by 80 and back, starting at once."""
+    return 60.0 - 40.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(frames) / frames))
+
+
+def picture(angle_deg: float, *, seed: int, light: float = 1.0) -> np.ndarray:
+    """Two light sticks with two dark dots each, drawn sixteen times finer than pixels, with noise."""
+    luma = np.full((SIZE_PX[1], SIZE_PX[0]), 90, np.uint8)
+    for turn_rad in (BASE_RAD, BASE_RAD + math.radians(angle_deg)):
+        places = [
+            (CENTRE_PX[0] + radius * math.cos(turn_rad), CENTRE_PX[1] - radius * math.sin(turn_rad))
+            for radius in (18, 34, 84, 100)
+        ]
+        corners = [(round(16 * x), round(16 * y)) for x, y in places]
+        cv2.line(luma, corners[0], corners[3], 215, 18, cv2.LINE_AA, 4)
+        for corner in corners[1:3]:
+            cv2.circle(luma, corner, 16 * 5, 30, -1, cv2.LINE_AA, 4)
+    noise = np.random.default_rng(seed).normal(0.0, 1.5, luma.shape)
+    return np.clip(luma * light + noise, 0, 255).astype(np.uint8)
+
+
+def write_film(path: Path, frames: int) -> np.ndarray:
+    """Write the film and return the angle of every frame, deg."""
+    angles = angles_deg(frames)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), FPS, SIZE_PX)
+    for index, angle in enumerate(angles.tolist()):
+        writer.write(cv2.cvtColor(picture(angle, seed=index), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return angles
+
+
+def log_text(seconds: float, *, rate_hz: float = 20.0) -> str:
+    """Return a log in which spring A is heated."""
+    time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
+    rows = [f"{t:.3f},{25.0 + 8.0 * t:.3f},{25.0 + 0.2 * t:.3f}" for t in time_s]
+    return "\n".join(["time_s,temp_a_c,temp_b_c", *rows]) + "\n"
