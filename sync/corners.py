@@ -9,21 +9,19 @@ cut at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from sync.channels import noise_c
 from sync.flanks import Flank
 from sync.motion import Stroke
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
-LAG_GRID_S: Final = np.concatenate([np.arange(0.0, 2.0, 0.05), np.arange(2.0, MAX_LAG_S + 0.01, 0.1)])
 _POINTS: Final = 160
 
 
@@ -37,12 +35,16 @@ class Corner:
         When, on the log's clock.
     lag_s, lag_sigma_s : float
         First-order lag that rounds it like this.
+    lags_s, lag_log_likelihood : (n,) float64
+        The likelihood of the lag around its best value.
     """
 
     time_s: float
     time_sigma_s: float
     lag_s: float
     lag_sigma_s: float
+    lags_s: NDArray[np.float64]
+    lag_log_likelihood: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +64,10 @@ class Stop:
     time_sigma_s: float
 
 
-def lagged_power(x_s: NDArray[np.float64], power: int, lag_s: float) -> NDArray[np.float64]:
-    """Return what a sensor with a first-order lag shows of ``max(x, 0) ** power``."""
+def lagged_ramp(x_s: NDArray[np.float64], lag_s: float) -> NDArray[np.float64]:
+    """Return what a sensor with a first-order lag shows of ``max(x, 0)``."""
     x = np.maximum(x_s, 0.0)
-    if lag_s <= 0.0:
-        return np.asarray(x**power)
-    shown = np.where(x > 0, 1.0 - np.exp(-x / lag_s), 0.0)
-    for exponent in range(1, power + 1):
-        shown = x**exponent - exponent * lag_s * shown
-    return shown
+    return np.asarray(x if lag_s <= 0.0 else x - lag_s * (1.0 - np.exp(-x / lag_s)))
 
 
 def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float) -> NDArray[np.float64]:
@@ -106,24 +103,31 @@ def fit_corner(
     if np.count_nonzero(window) < 12:
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
-    width = near_s[1] - near_s[0]
-    at = np.linspace(near_s[0], near_s[1], 1 if width < 1e-6 else 25)
-    lags = np.concatenate([np.arange(0.0, 3.0, 0.25), np.arange(3.0, MAX_LAG_S + 0.1, 0.75)])
-    if lag_s is not None:
-        lags = np.array([lag_s])
-    corner: Corner | None = None
-    for _ in range(3):
-        loss = _losses(x, y, at, lags, before_s, after_s, powers_before, decay_s)
+    at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] - near_s[0] < 1e-6 else 13)
+    lags = np.array([lag_s]) if lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
+    for _ in range(4):
+        loss = _losses(x, y, at, lags, powers_before, decay_s)
         if not np.isfinite(loss).any():
             return None
-        corner, best = _summary(loss, at, lags, spread, len(x))
-        step_at = at[1] - at[0] if len(at) > 1 else 0.0
-        at = at if len(at) == 1 else np.linspace(at[best[0]] - 2.5 * step_at, at[best[0]] + 2.5 * step_at, 15)
-        if len(lags) == 1:
-            continue
-        step_lag = lags[min(best[1] + 1, len(lags) - 1)] - lags[max(best[1] - 1, 0)]
-        lags = np.unique(np.clip(lags[best[1]] + step_lag * np.linspace(-1.5, 1.5, 15), 0.0, MAX_LAG_S))
-    return corner
+        i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
+        # Everything that could still be the answer stays inside the next, finer grid.
+        likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
+        at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
+    return _summary(_losses(x, y, at, lags, powers_before, decay_s), at, lags, spread, len(x))
+
+
+def _zoomed(
+    grid: NDArray[np.float64], likely: NDArray[np.bool_], bounds: tuple[float, float] | None
+) -> NDArray[np.float64]:
+    if len(grid) == 1:
+        return grid
+    inside = np.flatnonzero(likely)
+    low, high = grid[max(inside[0] - 1, 0)], grid[min(inside[-1] + 1, len(grid) - 1)]
+    if bounds is None and inside[0] == 0:
+        low -= grid[1] - grid[0]
+    if bounds is None and inside[-1] == len(grid) - 1:
+        high += grid[-1] - grid[-2]
+    return np.linspace(low, high, 11)
 
 
 def _thinned(
@@ -144,61 +148,60 @@ def _losses(
     y: NDArray[np.float64],
     at: NDArray[np.float64],
     lags: NDArray[np.float64],
-    before_s: float,
-    after_s: float,
     powers_before: int,
     decay_s: float | None,
 ) -> NDArray[np.float64]:
     """Return the mean square that is left, for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
     for i, corner_s in enumerate(at):
-        inside = (x >= corner_s - before_s) & (x <= corner_s + after_s)
-        away, here = x[inside] - corner_s, y[inside]
+        away = x - corner_s
         if np.count_nonzero(away < 0) < powers_before + 2 or np.count_nonzero(away > 0) < 5:
             continue
         steady = [away**power for power in range(powers_before + 1)]
         for j, lag_s in enumerate(lags):
-            rising = [lagged_power(away, 1, float(lag_s))]
+            rising = [lagged_ramp(away, float(lag_s))]
             if decay_s is not None:
                 rising.append(lagged_decay(away, decay_s, float(lag_s)))
             design = np.stack([*steady, *rising], axis=1)
-            scale = np.maximum(np.abs(design).max(axis=0), 1e-12)
-            basis, _ = np.linalg.qr(design / scale)
-            left = here - basis @ (basis.T @ here)
-            loss[i, j] = float(left @ left) / (len(here) - design.shape[1])
+            basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
+            left = y - basis @ (basis.T @ y)
+            loss[i, j] = float(left @ left) / max(len(y) - design.shape[1], 1)
     return loss
 
 
 def _summary(
     loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
-) -> tuple[Corner, tuple[int, int]]:
-    """Return the best corner with sigmas from how fast the loss grows around it."""
-    best = np.unravel_index(int(np.argmin(loss)), loss.shape)
-    lowest = float(loss[best])
-    # What the polynomials cannot follow counts as noise too.
+) -> Corner:
+    """Return the best corner, with sigmas from how fast the loss grows around it."""
+    i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
+    lowest = float(loss[i, j])
+    # What the curves cannot follow counts as noise too.
     unit = max(lowest, spread**2)
-    weight = np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0))
-    weight = np.where(np.isfinite(loss), weight, 0.0)
-    total = float(weight.sum())
-    at_weight, lag_weight = weight.sum(axis=1) / total, weight.sum(axis=0) / total
-    mean_at, mean_lag = float(at_weight @ at), float(lag_weight @ lags)
-    step_at = at[1] - at[0] if len(at) > 1 else 0.0
-    step_lag = float(np.median(np.diff(lags))) if len(lags) > 1 else 0.0
-    corner = Corner(
-        time_s=mean_at,
-        time_sigma_s=float(np.sqrt(at_weight @ (at - mean_at) ** 2 + step_at**2 / 12.0)),
-        lag_s=mean_lag,
-        lag_sigma_s=float(np.sqrt(lag_weight @ (lags - mean_lag) ** 2 + step_lag**2 / 12.0)),
+    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0)), 0.0)
+    weight /= weight.sum()
+    at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
+    return Corner(
+        time_s=float(at[i]),
+        time_sigma_s=float(np.sqrt(at_weight @ (at - at[i]) ** 2)),
+        lag_s=float(lags[j]),
+        lag_sigma_s=float(np.sqrt(lag_weight @ (lags - lags[j]) ** 2)),
+        lags_s=lags,
+        lag_log_likelihood=np.log(np.maximum(lag_weight, 1e-40)),
     )
-    return corner, (int(best[0]), int(best[1]))
 
 
 def cooling_corner(
-    log: TemperatureLog, flank: Flank, *, noise: float, switch_s: NDArray[np.float64] | None = None
+    log: TemperatureLog,
+    flank: Flank,
+    *,
+    noise: float,
+    switch_s: NDArray[np.float64] | None = None,
+    lag_s: float | None = None,
 ) -> Corner | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 
-    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one.
+    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s`` holds the
+    lag fixed.
     """
     temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
     length_s = flank.end_s - flank.begin_s
@@ -224,6 +227,7 @@ def cooling_corner(
         noise=noise,
         powers_before=2,
         decay_s=decay_s,
+        lag_s=lag_s,
     )
 
 
@@ -237,15 +241,16 @@ def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], flank: Flan
     x = x - x[0]
     group = max(1, len(x) // _POINTS)
     x, y = x[::group], y[::group]
-    best: tuple[float, float] | None = None
-    for decay_s in x[-1] * np.geomspace(0.15, 3.0, 60):
-        design = np.stack([np.ones_like(x), np.exp(-x / decay_s)], axis=1)
+
+    def loss(log_decay: float) -> float:
+        design = np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)
         basis, _ = np.linalg.qr(design)
         left = y - basis @ (basis.T @ y)
-        loss = float(left @ left)
-        if best is None or loss < best[0]:
-            best = (loss, float(decay_s))
-    return None if best is None else best[1]
+        return float(left @ left)
+
+    span = float(np.log(x[-1]))
+    found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})
+    return float(np.exp(found.x))
 
 
 def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | None:
@@ -289,39 +294,43 @@ def heating_end(
     flank: Flank,
     cooling: Corner | None,
     *,
-    near_s: tuple[float, float],
     noise: float,
     lag_s: float | None,
 ) -> Corner | None:
     """Find the instant at which the temperature stopped rising at the end of a heating.
 
-    ``lag_s`` is the roundness of the log's sharp corners, where it is known: this one is rounded as much. Where a hold follows, that is the corner between the ramp and the hold; else it is the beginning of the cooling.
+    ``lag_s`` is the roundness of the log's sharp corners, where it is known: this one is rounded as much. Where a hold
+    follows, the end is the corner between the ramp and the hold; else it is the beginning of the cooling.
     """
     temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
     off_s = cooling.time_s if cooling is not None else flank.end_s
-    length_s = max(flank.end_s - flank.begin_s, 1e-9)
-    rate = (flank.high_c - flank.low_c) / length_s
-    tail_s = float(np.clip(0.05 * length_s, 0.4, 4.0))
-    before_off = (log.time_s > off_s - tail_s) & (log.time_s < off_s) & np.isfinite(temp_c)
-    if np.count_nonzero(before_off) < 4:
+    inside = (log.time_s >= flank.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
+    if np.count_nonzero(inside) < 20:
         return None
-    slope = float(np.polyfit(log.time_s[before_off] - off_s, temp_c[before_off], 1)[0])
-    if slope > 0.5 * rate:
+    time_s, here_c = log.time_s[inside], temp_c[inside]
+    length_s = off_s - flank.begin_s
+    # The ramp as a straight line over its upper part below the end, and where the temperature leaves it.
+    top_c = float(np.max(here_c[here_c <= np.quantile(here_c, 0.99)]))
+    rise_c = top_c - flank.low_c
+    ramp = (here_c > top_c - 0.35 * rise_c) & (here_c < top_c - 0.08 * rise_c)
+    if np.count_nonzero(ramp) < 6:
+        return None
+    rate, level = np.polyfit(time_s[ramp] - off_s, here_c[ramp], 1)
+    if rate <= 0:
+        return None
+    reached_s = off_s + (top_c - level) / rate
+    hold_s = off_s - reached_s
+    if hold_s < max(0.02 * length_s, 0.5):
         return cooling
-    # The hold must be long enough to see where it began.
-    last = min(near_s[1], off_s - 0.4 * tail_s)
-    before_s = float(np.clip(0.06 * length_s, 0.6, 8.0))
-    cut = log.time_s < off_s
+    reach_s = float(np.clip(0.4 * hold_s, 0.5, 6.0))
     corner = fit_corner(
-        log.time_s[cut],
-        temp_c[cut],
-        near_s=(min(near_s[0], last), last),
-        before_s=before_s,
-        after_s=float(np.clip(off_s - near_s[0], 0.5, 4.0 * before_s)),
+        time_s,
+        here_c,
+        near_s=(reached_s - reach_s - (lag_s or 0.0), min(reached_s + reach_s, off_s - 0.3 * hold_s)),
+        before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
+        after_s=hold_s + reach_s,
         noise=noise,
         powers_before=1,
         lag_s=lag_s,
     )
-    if corner is None or corner.time_s > last - 1e-3 or corner.time_sigma_s > 2.0:
-        return None
-    return corner
+    return None if corner is None or corner.time_sigma_s > 2.0 else corner

@@ -13,11 +13,12 @@ from sync.belief import DRIFT_SIGMA_PPM, Belief
 from sync.channels import noise_c
 from sync.coarse import Plateau, assign, explained_share, find_plateaus
 from sync.corners import Corner, cooling_corner, find_stop, heating_end
+from sync.crossings import Crossings, collect_crossings
 from sync.flanks import Flank, LogPicture, picture_log
 from sync.lag import LagBelief, lag_belief
 from sync.merge import longest_gap_s
 from sync.motion import Stroke, find_strokes
-from sync.thresholds import Crossings, collect_crossings, refine, scan
+from sync.thresholds import refine, scan
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
@@ -97,8 +98,9 @@ def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief |
         )
     if not plateaus:
         return None
-    corners = _corners(log, picture)
-    scene = _Scene(angles, log, strokes, picture, corners, lag_belief([corner for _, corner in corners]))
+    lag = lag_belief([corner for _, corner in _corners(log, picture, None)])
+    corners = _corners(log, picture, lag.value_s)
+    scene = _Scene(angles, log, strokes, picture, corners, lag)
     found = [part for plateau in plateaus[:_PLATEAUS] if (part := _weigh(scene, plateau, prior)) is not None]
     if not found:
         return None
@@ -154,25 +156,26 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
         return None
     lost = _LEFT_OUT * (len(scene.strokes) - matched)
     beliefs: list[Belief] = []
-    paired = _paired_stops(scene, flanks, max(delays, key=lambda part: part.log_weight), crossings.middle_s)
+    paired = _paired_stops(scene, flanks)
     for delay in delays:
         for lag_s, log_weight in zip(scene.lag.grid_s, scene.lag.log_weight, strict=True):
             belief = Belief(
                 delay.mean - np.array([lag_s, 0.0]), delay.covariance, delay.log_weight + float(log_weight) - lost
             )
-            for film_s, log_s, variance in paired:
-                belief = _with_stop(belief, film_s - crossings.middle_s, log_s - film_s, variance)
+            for stop in paired:
+                belief = _with_stop(belief, stop, crossings.middle_s)
             beliefs.append(belief)
     return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
 
 
-def _with_stop(belief: Belief, away_s: float, offset_s: float, variance: float) -> Belief:
+def _with_stop(belief: Belief, stop: _PairedStop, middle_s: float) -> Belief:
     """Take a stop into account; one that contradicts the rest may have another cause."""
-    design = np.array([1.0, away_s])
-    sharp = belief.updated(design, offset_s, variance)
-    blunt = belief.updated(design, offset_s, variance + _STOP_ASTRAY_S**2)
-    sharp_weight = sharp.log_weight + float(np.log1p(-_STOP_ASTRAY_SHARE))
-    blunt_weight = blunt.log_weight + float(np.log(_STOP_ASTRAY_SHARE))
+    design = np.array([1.0, stop.film_s - middle_s])
+    offset_s = stop.log_s - stop.film_s
+    sharp = belief.updated(design, offset_s, stop.variance)
+    blunt = belief.updated(design, offset_s, stop.variance + _STOP_ASTRAY_S**2)
+    sharp_weight = sharp.log_weight + float(np.log1p(-stop.astray))
+    blunt_weight = blunt.log_weight + float(np.log(stop.astray))
     chosen = sharp if sharp_weight >= blunt_weight else blunt
     return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
 
@@ -201,50 +204,50 @@ def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: B
     return found
 
 
-def _paired_stops(
-    scene: _Scene, flanks: Sequence[Flank | None], delay: Belief, middle_s: float
-) -> list[tuple[float, float, float]]:
-    """Pair abrupt ends of motion with the ends of the heatings that drove them: film time, log time, variance."""
-    pairs: list[tuple[float, float, float]] = []
-    lag_s = scene.lag.value_s or 0.0
+@dataclass(frozen=True, slots=True)
+class _PairedStop:
+    """A stop on the film and the end of the heating that drove it."""
+
+    film_s: float
+    log_s: float
+    variance: float
+    astray: float
+
+
+def _paired_stops(scene: _Scene, flanks: Sequence[Flank | None]) -> list[_PairedStop]:
+    """Pair abrupt ends of motion with the ends of the heatings that drove them."""
+    pairs: list[_PairedStop] = []
+    heated = [s.length_rad for s, f in zip(scene.strokes, flanks, strict=True) if f is not None and f.heating]
     for number, (stroke, flank) in enumerate(zip(scene.strokes, flanks, strict=True)):
         if flank is None or not flank.heating:
             continue
         stop = find_stop(scene.angles, stroke, number=number)
         if stop is None:
             continue
-        away_s = stop.time_s - middle_s
-        expected = stop.time_s + float(delay.mean[0]) - lag_s + float(delay.mean[1]) * away_s
-        row = np.array([1.0, away_s])
-        reach = float(np.clip(3.0 * np.sqrt(row @ delay.covariance @ row) + 0.5 * lag_s + 1.0, 1.0, 20.0))
         cooling = next(
             (c for f, c in scene.corners if f.spring == flank.spring and abs(f.begin_s - flank.end_s) < 1.0), None
         )
         temperature = scene.log.temp_a_c if flank.spring == "a" else scene.log.temp_b_c
-        corner = heating_end(
-            scene.log,
-            flank,
-            cooling,
-            near_s=(expected - reach, expected + reach),
-            noise=noise_c(temperature),
-            lag_s=scene.lag.value_s,
-        )
-        if corner is not None and abs(corner.time_s - expected) <= reach + 1.0:
-            # A corner looks the earlier, the later the sensor is taken to be.
-            lag_part = _CORNER_PER_LAG * (scene.lag.sigma_s or 0.0)
-            variance = stop.time_sigma_s**2 + corner.time_sigma_s**2 + lag_part**2 + _STOP_SIGMA_S**2
-            pairs.append((stop.time_s, corner.time_s, variance))
+        corner = heating_end(scene.log, flank, cooling, noise=noise_c(temperature), lag_s=scene.lag.value_s)
+        if corner is None:
+            continue
+        # A corner looks the earlier, the later the sensor is taken to be.
+        lag_part = _CORNER_PER_LAG * (scene.lag.sigma_s or 0.0)
+        variance = stop.time_sigma_s**2 + corner.time_sigma_s**2 + lag_part**2 + _STOP_SIGMA_S**2
+        # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
+        whole = stroke.length_rad > 0.95 * max(heated)
+        pairs.append(_PairedStop(stop.time_s, corner.time_s, variance, 0.5 if whole else _STOP_ASTRAY_SHARE))
     return pairs
 
 
-def _corners(log: TemperatureLog, picture: LogPicture) -> tuple[tuple[Flank, Corner], ...]:
+def _corners(log: TemperatureLog, picture: LogPicture, lag_s: float | None) -> tuple[tuple[Flank, Corner], ...]:
     found: list[tuple[Flank, Corner]] = []
     noise = {"a": noise_c(log.temp_a_c), "b": noise_c(log.temp_b_c)}
     switches = {"a": _off_times(log.time_s, log.heat_a), "b": _off_times(log.time_s, log.heat_b)}
     for flank in picture.flanks:
         if flank.heating:
             continue
-        corner = cooling_corner(log, flank, noise=noise[flank.spring], switch_s=switches[flank.spring])
+        corner = cooling_corner(log, flank, noise=noise[flank.spring], switch_s=switches[flank.spring], lag_s=lag_s)
         if corner is not None:
             found.append((flank, corner))
     return tuple(found)

@@ -47,11 +47,7 @@ def lag_belief(corners: Sequence[Corner]) -> LagBelief:
     if not usable:
         grid = np.arange(0.25, MAX_LAG_S, 0.5)
         return LagBelief(None, None, grid, np.full(len(grid), -np.log(len(grid))))
-    lags = np.array([corner.lag_s for corner in usable])
-    sigmas = np.array([corner.lag_sigma_s for corner in usable])
-    value = float(np.median(lags))
-    spread = 1.4826 * float(np.median(np.abs(lags - value)))
-    sigma = float(np.hypot(np.median(sigmas), spread)) * 1.25 / np.sqrt(len(usable))
+    value, sigma = _pooled(usable)
     sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
     grid = np.unique(
         np.concatenate([np.linspace(0.0, value, 30), np.linspace(max(value - 4 * sigma, 0.0), value + 4 * sigma, 33)])
@@ -61,3 +57,28 @@ def lag_belief(corners: Sequence[Corner]) -> LagBelief:
     below = np.where(grid <= value + 1e-12, width, 0.0)
     weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
     return LagBelief(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
+
+
+def _pooled(corners: Sequence[Corner]) -> tuple[float, float]:
+    """Return the lag that all corners share, from their likelihoods, with one sigma; corners far off are left out."""
+    middle = float(np.median([corner.lag_s for corner in corners]))
+    typical = float(np.median([corner.lag_sigma_s for corner in corners]))
+    spread = 1.4826 * float(np.median([abs(corner.lag_s - middle) for corner in corners]))
+    reach = 4.0 * max(typical, spread, 0.02)
+    grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
+    total = np.zeros(len(grid))
+    count = 0
+    for corner in corners:
+        if abs(corner.lag_s - middle) > reach:
+            continue
+        count += 1
+        inside = (grid >= corner.lags_s[0]) & (grid <= corner.lags_s[-1])
+        outside = -0.5 * ((grid - corner.lag_s) / max(corner.lag_sigma_s, 1e-6)) ** 2
+        known = np.interp(grid, corner.lags_s, corner.lag_log_likelihood) - float(corner.lag_log_likelihood.max())
+        total += np.maximum(np.where(inside, known, outside), -30.0)
+    # Corners that scatter by more than their own sigmas count for less.
+    scale = max(1.0, spread / max(typical, 1e-9)) ** 2
+    weight = np.exp((total - total.max()) / scale)
+    weight /= weight.sum()
+    value = float(grid[int(np.argmax(weight))])
+    return value, float(np.sqrt(weight @ (grid - value) ** 2))

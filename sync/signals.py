@@ -28,8 +28,8 @@ class EvenSignal:
         One standard deviation of each, from the signal's own noise.
     known : (n,) bool
         False inside gaps that are too long to bridge.
-    noise : float
-        Noise of one raw sample.
+    noise, point_sigma : float
+        Noise of one raw sample, and of one point of the grid before smoothing.
     """
 
     start_s: float
@@ -40,6 +40,7 @@ class EvenSignal:
     slope_sigma: float
     known: NDArray[np.bool_]
     noise: float
+    point_sigma: float
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -101,6 +102,7 @@ def even_signal(
         slope_sigma=scale * slope_gain,
         known=_eroded(bridged),
         noise=noise,
+        point_sigma=scale,
     )
 
 

@@ -26,128 +26,19 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from sync.belief import DRIFT_SIGMA_PPM, Belief
-from sync.flanks import Flank, LogPicture, Spring
-from sync.motion import Stroke
-from torsight.core.units import DEG, PPM
+from sync.crossings import Crossings
+from sync.flanks import LogPicture, Spring
+from sync.signals import EvenSignal
+from torsight.core.units import PPM
 
-_SHARES: Final = (0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94)
-_CURVE_SIGMA_C: Final = 60.0
-_STRESS_SIGMA_C_PER_DEG: Final = 0.04
-_SHAPE_SIGMA_C_PER_DEG: Final = 0.04
-_FAR_SCATTER_C_PER_DEG: Final = 0.003
-_SCATTER_REACH: Final = 0.2
-_SCATTER_SHAPE: Final = 0.7
-_FARTHEST_DEG: Final = 40.0
-"""Strokes that begin further from the others of their kind pass their levels under another stress: not comparable."""
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _TYPICAL_SCATTER_C: Final = 0.05
 _FEWEST: Final = 6
-_SLOPE_STEP_SHARE: Final = 0.03
-_SLOPE_STEP_S: Final = (0.25, 4.0)
-"""Rates are differences over this share of the flank, within these bounds: noise in a rate would look like an error of
-the clock that differs from level to level, and hide the one that does not."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Crossings:
-    """Passings of levels, one row each, and the common design that does not depend on the clock.
-
-    Attributes
-    ----------
-    time_s, time_sigma_s : (n,) float64
-        Film time of each passing.
-    spring_b : (n,) bool
-        Which spring drives.
-    reach_s : (n,) float64
-        Half the time over which the rate of temperature is taken.
-    stroke : (n,) int64
-        Number of the stroke.
-    shared : (n,) float64
-        Number of strokes that pass the same level of the same kind.
-    common_c2 : (n, n) float64
-        Covariance, °C², of what is not known about a kind of stroke: its curve, its dependence on where it began.
-    scatter : (n, n) float64
-        Covariance of the scatter between strokes, for a scatter of 1 °C.
-    middle_s : float
-        Film time at which the offset is pinned.
-    """
-
-    time_s: NDArray[np.float64]
-    time_sigma_s: NDArray[np.float64]
-    spring_b: NDArray[np.bool_]
-    reach_s: NDArray[np.float64]
-    stroke: NDArray[np.int64]
-    shared: NDArray[np.float64]
-    common_c2: NDArray[np.float64]
-    scatter: NDArray[np.float64]
-    middle_s: float
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-
-def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None]) -> Crossings | None:
-    """Read the passings of common levels from strokes that have a flank; ``None`` where there are none."""
-    kinds: dict[tuple[Spring, bool], list[int]] = {}
-    reach: dict[int, float] = {}
-    for index, flank in enumerate(flanks):
-        if flank is not None:
-            reach[index] = float(np.clip(_SLOPE_STEP_SHARE * (flank.end_s - flank.begin_s), *_SLOPE_STEP_S))
-            kinds.setdefault((flank.spring, flank.heating), []).append(index)
-    rows: list[tuple[float, float, bool, int, int, float, float, bool]] = []
-    column = 0
-    for (spring, heating), members in kinds.items():
-        # Kinds of one level set: the longest stroke sets the levels, shorter ones pass the first of them.
-        longest = max(strokes[index].length_rad for index in members)
-        begins = np.array([strokes[index].sign * strokes[index].start_rad for index in members])
-        usual = _crowded(begins)
-        level = longest * np.array(_SHARES)
-        for index in members:
-            stroke = strokes[index]
-            at_s, speed = stroke.crossing_s(level)
-            usable = np.isfinite(at_s) & (level < 0.955 * stroke.length_rad) & (speed > 0)
-            far_deg = (stroke.sign * stroke.start_rad - usual) / DEG
-            if abs(far_deg) > _FARTHEST_DEG:
-                continue
-            for number in np.flatnonzero(usable).tolist():
-                sigma_s = stroke.travel_sigma_rad / float(speed[number])
-                share = float(_SHARES[number])
-                rows.append(
-                    (float(at_s[number]), sigma_s, spring == "b", index, column + number, far_deg, share, heating)
-                )
-        column += len(level)
-    if not rows:
-        return None
-    time_s, sigma_s, spring_b, number, cell, far, share, heating_row = (
-        np.array(item) for item in zip(*rows, strict=True)
-    )
-    same_cell = (cell[:, None] == cell[None, :]).astype(np.float64)
-    far_both = far[:, None] * far[None, :]
-    tilt = 2.0 * share - 1.0
-    stress = (heating_row[:, None] == heating_row[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
-    common = _CURVE_SIGMA_C**2 * same_cell + far_both * (
-        _STRESS_SIGMA_C_PER_DEG**2 * stress + _SHAPE_SIGMA_C_PER_DEG**2 * same_cell
-    )
-    # A stroke misses the curve of its kind as a whole, and smoothly along its way.
-    along = np.exp(-0.5 * ((share[:, None] - share[None, :]) / _SCATTER_REACH) ** 2)
-    scatter = (number[:, None] == number[None, :]) * (1.0 + _SCATTER_SHAPE**2 * along)
-    return Crossings(
-        time_s=time_s,
-        time_sigma_s=sigma_s,
-        spring_b=spring_b.astype(np.bool_),
-        reach_s=np.array([reach[int(index)] for index in number]),
-        stroke=number.astype(np.int64),
-        shared=same_cell.sum(axis=1),
-        common_c2=common + _FAR_SCATTER_C_PER_DEG**2 * far_both * scatter,
-        scatter=scatter,
-        middle_s=float(0.5 * (time_s.min() + time_s.max())),
-    )
-
-
-def _crowded(value: NDArray[np.float64]) -> float:
-    """Return the value with most others within 15 degrees."""
-    near = np.abs(value[:, None] - value[None, :]) < 15.0 * DEG
-    return float(value[int(np.argmax(near.sum(axis=1)))])
+_RATE_POINTS: Final = 40
+_RATE_POWERS: Final = 3
+_NOISE_FACTOR: Final = 1.5
+"""Rates come from one polynomial per stroke: noise in a rate would look like an error of the clock that differs from level
+to level, and hide the one that does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,22 +54,57 @@ class _Wire:
 def _wire(crossings: Crossings, picture: LogPicture, offset_s: float, drift: float, lag_s: float) -> _Wire:
     at_s = crossings.time_s + offset_s + drift * (crossings.time_s - crossings.middle_s)
     n = len(crossings)
-    temp, rate, variance = np.zeros(n), np.zeros(n), np.ones(n)
+    temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
     known = np.zeros(n, dtype=np.bool_)
-    for name, pick in (("a", ~crossings.spring_b), ("b", crossings.spring_b)):
-        signal = picture.springs.get("a" if name == "a" else "b")
+    springs: tuple[tuple[Spring, NDArray[np.bool_]], ...] = (("a", ~crossings.spring_b), ("b", crossings.spring_b))
+    for name, pick in springs:
+        signal = picture.springs.get(name)
         if signal is None or not pick.any():
             continue
-        here, reach = at_s[pick], crossings.reach_s[pick]
-        low, low_slope, low_known = signal.at(here - reach)
-        mid, mid_slope, mid_known = signal.at(here)
-        high, high_slope, high_known = signal.at(here + reach)
-        temp[pick] = mid + lag_s * mid_slope
-        rate[pick] = (high - low + lag_s * (high_slope - low_slope)) / (2.0 * reach)
+        value, slope, there = signal.at(at_s[pick])
+        temp[pick] = value + lag_s * slope
         noise = signal.value_sigma**2 + (lag_s * signal.slope_sigma) ** 2
-        variance[pick] = noise + (crossings.time_sigma_s[pick] * mid_slope) ** 2 + 1e-6
-        known[pick] = low_known & mid_known & high_known
-    return _Wire(temp, rate, variance, known)
+        variance[pick] = noise + (crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
+        known[pick] = there
+        for number in np.unique(crossings.stroke[pick]):
+            rows = np.flatnonzero(crossings.stroke == number)
+            rate[rows], rate_sigma[rows] = _smooth_rate(signal, at_s[rows])
+    return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known)
+
+
+def _shrunk(crossings: Crossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Draw the rates of one kind together as far as their differences are noise.
+
+    Differences of rate within a kind are what pins the offset. Noise in them would pin it to wherever it is assumed.
+    """
+    total = np.bincount(crossings.cell, weights=rate)
+    usual = (total / np.maximum(np.bincount(crossings.cell), 1))[crossings.cell]
+    away = rate - usual
+    kept = np.zeros_like(rate)
+    for kind in np.unique(crossings.kind):
+        rows = crossings.kind == kind
+        spread, noise = float(np.mean(away[rows] ** 2)), float(np.mean(rate_sigma[rows] ** 2))
+        kept[rows] = max(0.0, 1.0 - _NOISE_FACTOR * noise / spread) * away[rows] if spread > 0 else 0.0
+    return usual + kept
+
+
+def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rate of a temperature at some instants of one stroke, and its sigma, from a polynomial over all of it."""
+    first, last = float(at_s.min()), float(at_s.max())
+    middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
+    unit = np.linspace(-1.0, 1.0, _RATE_POINTS)
+    value, _, known = signal.at(middle + half * unit)
+    if np.count_nonzero(known) < 2 * _RATE_POWERS:
+        return signal.at(at_s)[1], np.full(len(at_s), signal.slope_sigma)
+    powers = np.vander(unit[known], _RATE_POWERS + 1, increasing=True)
+    coefficient, *_ = np.linalg.lstsq(powers, value[known], rcond=None)
+    x = (at_s - middle) / half
+    design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half
+    # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
+    independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
+    spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
+    sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
+    return np.asarray(design @ coefficient), np.asarray(sigma)
 
 
 def refine(crossings: Crossings, picture: LogPicture, *, start_s: float, prior: Belief, lag_s: float) -> Belief | None:
