@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -52,10 +52,10 @@ def _version(value: bool) -> None:
 @app.callback()
 def _options(
     *,
-    version: bool = typer.Option(
-        default=False, help="Print the version and leave.", callback=_version, is_eager=True, is_flag=True
-    ),
-    debug: bool = typer.Option(default=False, help="Show the traceback of an error.", is_flag=True),
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and leave.", callback=_version, is_eager=True)
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Torsight measures the angle of a torsion actuator on film and finds what its model lacks."""
 
