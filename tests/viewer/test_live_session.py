@@ -278,4 +278,4 @@ def test_the_command_ends_cleanly_or_leaves_all_but_the_last_second(
 
 
 def rows_of(path: Path) -> int:
-    return path.read_bytes().count(b"\n") if path.exists() else 0
+    return path.read_bytes().count(b"\n") - 1 if path.exists() else 0

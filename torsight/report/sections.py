@@ -184,9 +184,9 @@ def _held_out(results: RunResults) -> str:
     numbers = [int(one) + 1 for one in (results.discovery or {}).get("held_out") or []]
     if not numbers:
         return ""
-    if results.curves is not None and "held_out" in results.curves.columns:
-        if (results.curves["held_out"].to_numpy(dtype=np.float64) > 0.5).all():
-            return "Each half-cycle was left out of the fit once, and predicted by it."
+    curves = results.curves
+    if curves is not None and "held_out" in curves.columns and (curves["held_out"].to_numpy() > 0.5).all():
+        return "Each half-cycle was left out of the fit once, and predicted by it."
     return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
 
 

@@ -123,8 +123,9 @@ class LiveTracker:
         knew = follower.moving
         row = follower.step(Frame(frame.index, frame.time_s, frame.luma, damaged=frame.damaged or frame.dropped))
         if knew is None and follower.moving is not None:
-            self._now_moving(frame, follower.moving)
-        order = [2, 3, 0, 1] if follower.moving == 0 else [0, 1, 2, 3]
+            self._now_moving(frame, follower.moving.stick)
+        swapped = follower.moving is not None and follower.moving.stick == 0
+        order = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
         state = row["state"][order]
         position = np.where((state == CODE["seen"])[:, None], row["position_px"][order], np.nan)
         xx, xy, yy = np.moveaxis(row["covariance_px2"][order], 1, 0)
