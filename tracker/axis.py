@@ -79,23 +79,25 @@ class Axis:
         """The axis in the picture."""
         return None if self.solution is None else (float(self.solution[0]), float(self.solution[1]))
 
-    def arm(self, outer: bool) -> float:  # noqa: FBT001 - which of the two markers
+    def arm(self, *, outer: bool) -> float:
         """Distance of a marker from the axis."""
         if self.solution is None:
             return math.nan
         at = 4 if outer else 2
         return math.hypot(float(self.solution[at]), float(self.solution[at + 1]))
 
-    def direction_from(self, point: Point, *, outer: bool) -> float:
-        """Return the stick's direction when one of its markers is at ``point``."""
-        assert self.solution is not None
+    def direction_from(self, point: Point, *, outer: bool) -> float | None:
+        """Return the stick's direction when one of its markers is at ``point``; None while nothing is known."""
+        if self.solution is None:
+            return None
         at = 4 if outer else 2
         own = math.atan2(float(self.solution[at + 1]), float(self.solution[at]))
         return math.atan2(point[1] - float(self.solution[1]), point[0] - float(self.solution[0])) - own
 
-    def place(self, direction_rad: float, *, outer: bool) -> Point:
-        """Return where a marker is when the stick points in a direction."""
-        assert self.solution is not None
+    def place(self, direction_rad: float, *, outer: bool) -> Point | None:
+        """Return where a marker is when the stick points in a direction; None while nothing is known."""
+        if self.solution is None:
+            return None
         at = 4 if outer else 2
         qx, qy = float(self.solution[at]), float(self.solution[at + 1])
         cos, sin = math.cos(direction_rad), math.sin(direction_rad)

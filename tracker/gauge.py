@@ -48,13 +48,13 @@ class Gauge:
         )
 
     def judge(self, reading: Reading | None, *, speed_px: float) -> str:
-        """Return ``""`` where the reading is good, else why it is not: dark or hidden."""
+        """Return ``""`` where the reading is good, else why it is not: hidden, or outside the picture."""
         if reading is None:
             return "outside"
         step = abs(reading.step)
-        if reading.light < 0.25 * self.light and step < 0.35 * self.step or step < _LEAST_STEP:
-            return "dark"
-        if not reading.converged or not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
+        if step < _LEAST_STEP or not reading.converged:
+            return "hidden"
+        if not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
             return "hidden"
         always = _ALWAYS[self.kind]
         share, patch = reading.residual / step, reading.patch / step

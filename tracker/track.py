@@ -103,8 +103,8 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             where=str(getattr(source, "name", "film")),
             do="give the markers with --markers MARKERS.toml, or film a motion of 1 degree and more",
         )
-    base = 2 * (1 - follower.moving)
-    order = [base, base + 1, 2 * follower.moving, 2 * follower.moving + 1]
+    base = 2 * (1 - follower.moving.stick)
+    order = [base, base + 1, *follower.moving.indices]
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]

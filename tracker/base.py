@@ -1,0 +1,116 @@
+"""The base stick: it stands still, but for a camera that shakes or is bumped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from tracker.marker import Marker, Point
+from tracker.pair import Pair
+from tracker.recover import Region
+from tracker.sight import Sight, between, direction, distance_to_strip
+
+_JUMP_PX: Final = 8.0
+"""How far it may jump between two frames when both of its markers agree."""
+_ALONE_PX: Final = 5.0
+"""The same for one marker whose partner is not seen."""
+_APART_PX: Final = 2.5
+_TURN_RAD: Final = math.radians(2.0)
+"""How far a bumped camera may turn it."""
+_SEARCH_PX: Final = 45.0
+
+
+class BaseStick(Pair):
+    """The base stick and, with it, where the camera points."""
+
+    def __init__(self, markers: Sequence[Marker], stick: int) -> None:
+        super().__init__(markers, stick)
+        self.reference_rad = self.direction_rad
+        self.zero = self.ends
+        self.shift: Point = (0.0, 0.0)
+
+    def cover(self, sight: Sight, strip: tuple[Point, Point], width_px: float) -> int:
+        """Do not read markers that the moving stick's strip reaches; return evidence of which stick is above.
+
+        Positive where a base dot is hidden right under the strip, negative where one is seen whole there.
+        """
+        evidence = 0
+        for index, marker in zip(self.indices, self.markers, strict=True):
+            here = (marker.x_px, marker.y_px)
+            away = distance_to_strip(here, strip, beyond=0.6)
+            if away >= marker.radius_px + width_px + 2.5:
+                continue
+            clear = min(math.dist(here, end) for end in strip) > 2.5 * marker.radius_px
+            if clear and away < 0.4 * marker.radius_px:
+                evidence += {"": -1, "hidden": 1}.get(sight.reasons[index], 0)
+            sight.reasons[index] = "shadowed"
+        return evidence
+
+    def judge(self, sight: Sight) -> None:
+        """Refuse readings that are not of a stick that stands still."""
+        self.check_length(sight)
+        i, j = self.indices
+        a, b = sight.good(i), sight.good(j)
+        if a is not None and b is not None:
+            one = (a.x_px - self.inner.x_px, a.y_px - self.inner.y_px)
+            two = (b.x_px - self.outer.x_px, b.y_px - self.outer.y_px)
+            turned = between(direction((a.x_px, a.y_px), (b.x_px, b.y_px)), self.reference_rad)
+            jumped = max(math.hypot(*one), math.hypot(*two)) > _JUMP_PX
+            if math.dist(one, two) > _APART_PX or jumped or turned > _TURN_RAD:
+                sight.reasons[i] = sight.reasons[j] = "lost"
+            return
+        for index, marker, reading in ((i, self.inner, a), (j, self.outer, b)):
+            if reading is not None and marker.distance(reading.x_px, reading.y_px) > _ALONE_PX:
+                sight.reasons[index] = "lost"
+
+    def find(self, sight: Sight, moving: Pair) -> None:
+        """Look for it nearby after both markers were lost: a bump carries it away but hardly turns it."""
+        if any(sight.reasons[i] in ("", "shadowed", "dark") for i in self.indices):
+            return
+        if self.inner.lost > 3 and self.inner.lost % 4:
+            return
+        (ax, ay), (bx, by) = self.ends
+        region = Region(0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * self.length_px + _SEARCH_PX)
+        pairs = [
+            pair
+            for pair in self.look_for(sight.luma, region)
+            if between(pair.direction_rad, self.reference_rad) < _TURN_RAD
+            and all(
+                marker.lost or marker.distance(dot.x_px, dot.y_px) > 4.0
+                for marker in moving.markers
+                for dot in (pair.inner, pair.outer)
+            )
+        ]
+        if len(pairs) == 1:
+            sight.take(self.indices[0], pairs[0].inner)
+            sight.take(self.indices[1], pairs[0].outer)
+
+    def seen_shift(self, sight: Sight) -> Point:
+        """Return the shift of the picture since the start; the last known one where the base is not seen."""
+        shifts = [
+            (reading.x_px - zero[0], reading.y_px - zero[1])
+            for index, zero in zip(self.indices, self.zero, strict=True)
+            if (reading := sight.good(index)) is not None
+        ]
+        if not shifts:
+            return self.shift
+        return sum(s[0] for s in shifts) / len(shifts), sum(s[1] for s in shifts) / len(shifts)
+
+    def assumed(self, index: int) -> Point:
+        """Return where a marker is that was not read: it goes with the picture."""
+        zero = self.zero[index - self.indices[0]]
+        return zero[0] + self.shift[0], zero[1] + self.shift[1]
+
+    def to_state(self) -> dict[str, Any]:
+        """Return what :meth:`restore` needs."""
+        state = {"reference_rad": self.reference_rad, "zero": self.zero, "shift": self.shift}
+        return super().to_state() | state
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state."""
+        super().restore(state)
+        self.reference_rad = float(state["reference_rad"])
+        inner, outer = state["zero"]
+        self.zero = ((float(inner[0]), float(inner[1])), (float(outer[0]), float(outer[1])))
+        self.shift = (float(state["shift"][0]), float(state["shift"][1]))

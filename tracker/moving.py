@@ -1,0 +1,123 @@
+"""The moving stick: it turns around an axis that is learned, and passes over the base or under it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from tracker.axis import Axis
+from tracker.base import BaseStick
+from tracker.marker import Marker, Point
+from tracker.pair import Pair
+from tracker.recover import Region
+from tracker.sight import Sight, distance_to_strip
+from tracker.template import Reading
+
+_SHORT: Final = 5
+"""Frames after which one dot alone is no longer taken for a marker."""
+_CLOSE: Final = 0.6
+_NEAR: Final = 1.6
+"""Distance from a base dot, in radii: below the first they cannot be told apart, below the second not after a gap."""
+_VOTES: Final = 2
+_MOST_VOTES: Final = 20
+
+
+class MovingStick(Pair):
+    """The moving stick, its axis, and whether it lies above the base."""
+
+    def __init__(self, markers: Sequence[Marker], stick: int) -> None:
+        super().__init__(markers, stick)
+        self.axis = Axis()
+        self.above = 0
+
+    def place_from(self, seen: int, at: Point, shift: Point) -> Point | None:
+        """Return where the other marker is when one is at a place; None while the axis is not known."""
+        inner_seen = seen == self.indices[0]
+        angle = self.axis.direction_from((at[0] - shift[0], at[1] - shift[1]), outer=not inner_seen)
+        place = None if angle is None else self.axis.place(angle, outer=inner_seen)
+        return None if place is None else (place[0] + shift[0], place[1] + shift[1])
+
+    def vote(self, evidence: int) -> None:
+        """Take in evidence of which stick is above."""
+        self.above = max(-_MOST_VOTES, min(_MOST_VOTES, self.above + evidence))
+
+    def judge(self, sight: Sight, base: BaseStick, shift: Point) -> None:
+        """Refuse readings that could be of a base dot, or are not on the marker's circle."""
+        self.check_length(sight)
+        for index, marker in zip(self.indices, self.markers, strict=True):
+            reading = sight.good(index)
+            if reading is None:
+                continue
+            if self._crossing(reading, base):
+                self.vote(1)
+            radii = _CLOSE if marker.lost <= 3 else _NEAR
+            if _near_dot(reading, base, radii) and self.above < _VOTES:
+                sight.reasons[index] = "shadowed"
+            elif marker.lost and self._off_circle(reading, shift, outer=marker is self.outer):
+                sight.reasons[index] = "hidden"
+        if all(marker.lost > _SHORT for marker in self.markers):
+            seen = [i for i in self.indices if not sight.reasons[i]]
+            if len(seen) == 1:
+                # One dot alone, after a gap, could be anything that is round.
+                sight.reasons[seen[0]] = "lost"
+
+    def find(self, sight: Sight, base: BaseStick, shift: Point) -> None:
+        """Look for the stick all around its axis after both markers were lost."""
+        if any(sight.reasons[i] in ("", "dark") for i in self.indices):
+            return
+        if self.inner.lost > 20 and self.inner.lost % 3:
+            return
+        pairs = [
+            pair
+            for pair in self.look_for(sight.luma, self._region(shift))
+            if not _near_dot(pair.inner, base, _NEAR)
+            and not _near_dot(pair.outer, base, _NEAR)
+            and not self._off_circle(pair.inner, shift, outer=False)
+            and not self._off_circle(pair.outer, shift, outer=True)
+        ]
+        if len(pairs) == 1:
+            sight.take(self.indices[0], pairs[0].inner)
+            sight.take(self.indices[1], pairs[0].outer)
+
+    def learn(self, sight: Sight, shift: Point) -> None:
+        """Take a frame with both markers into the account of the axis."""
+        a, b = sight.good(self.indices[0]), sight.good(self.indices[1])
+        if a is not None and b is not None:
+            self.axis.add((a.x_px - shift[0], a.y_px - shift[1]), (b.x_px - shift[0], b.y_px - shift[1]))
+
+    def _region(self, shift: Point) -> Region:
+        centre = self.axis.centre
+        if centre is not None:
+            return Region(centre[0] + shift[0], centre[1] + shift[1], 1.15 * self.axis.arm(outer=True) + 20.0)
+        (ax, ay), (bx, by) = self.ends
+        return Region(0.5 * (ax + bx), 0.5 * (ay + by), 1.5 * self.length_px + 40.0)
+
+    def _off_circle(self, reading: Reading, shift: Point, *, outer: bool) -> bool:
+        centre = self.axis.centre
+        if centre is None:
+            return False
+        arm = self.axis.arm(outer=outer)
+        away = math.hypot(reading.x_px - centre[0] - shift[0], reading.y_px - centre[1] - shift[1])
+        return abs(away - arm) > 0.1 * arm + 5.0
+
+    def _crossing(self, reading: Reading, base: BaseStick) -> bool:
+        """Return whether a marker is seen whole in the middle of the base stick, away from its dots: it is above."""
+        if _near_dot(reading, base, _CLOSE):
+            return False
+        away = distance_to_strip((reading.x_px, reading.y_px), base.ends, beyond=0.1)
+        return away < 1.2 * base.inner.radius_px
+
+    def to_state(self) -> dict[str, Any]:
+        """Return what :meth:`restore` needs."""
+        return super().to_state() | {"axis": self.axis.to_state(), "above": self.above}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state."""
+        super().restore(state)
+        self.axis = Axis.from_state(state["axis"])
+        self.above = int(state["above"])
+
+
+def _near_dot(reading: Reading, base: BaseStick, radii: float) -> bool:
+    return any(m.distance(reading.x_px, reading.y_px) < radii * m.radius_px for m in base.markers)
