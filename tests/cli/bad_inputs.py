@@ -55,6 +55,7 @@ cx_px = 79.5
 cy_px = 59.5
 distortion = [0, 0, 0, 0, 0]
 """
+FROM_LEFT = "[right.from_left]\nrvec = [0.0, 0.1, 0.0]\ntvec_mm = [-60.0, 0.0, 3.0]\n"
 MARKERS = "base = [[100, 60], [130, 60]]\nmoving = [[80, 40], [80, 15]]\n"
 BOARD = 'kind = "chessboard"\ncolumns = 9\nrows = 6\nsquare_mm = 25.0\n'
 
@@ -66,6 +67,7 @@ def make_world(folder: Path) -> None:
         "actuator.toml": ACTUATOR,
         "experiment.toml": EXPERIMENT,
         "camera.toml": CAMERA,
+        "stereo.toml": CAMERA + CAMERA.replace("[intrinsics]", "[right.intrinsics]") + FROM_LEFT,
         "markers.toml": MARKERS,
         "board.toml": BOARD,
         "model.json": '{"schema": 1}',
@@ -321,7 +323,9 @@ BAD: dict[str, Bad] = {
     "track: frame times that go back": Bad(
         TRACK + " --timestamps {angle.csv}", column("angle.csv", 1, "0.1", row=9), 3, "time_s"
     ),
-    "track: right film that is missing": Bad("track {film.avi} {right.avi} --out {out}", fine, 3, "right.avi"),
+    "track: right film that is missing": Bad(
+        "track {film.avi} {right.avi} --camera {stereo.toml} --out {out}", fine, 3, "right.avi"
+    ),
     "track: stereo without a camera": Bad("track {film.avi} {film.avi} --out {out}", fine, 2, "camera"),
     "run: experiment that is missing": Bad(RUN, gone("experiment.toml"), 3, "no such file"),
     "run: experiment that is no TOML": Bad(RUN, written("experiment.toml", "video ="), 2, "is not TOML"),
@@ -339,9 +343,9 @@ BAD: dict[str, Bad] = {
     "fit: time goes back": Bad(FIT, column("merged.csv", 0, "1", row=9), 3, "row 10, column time_s"),
     "fit: nothing moves": Bad(FIT, column("merged.csv", 1, "178"), 4, "mo"),
     "fit: nothing is heated": Bad(FIT, column("merged.csv", 3, "23"), 4, "heat"),
-    "fit: no angle is known": Bad(FIT, column("merged.csv", 1, ""), 4, "angle"),
-    "fit: no temperature is known": Bad(FIT, column("merged.csv", 3, ""), 4, "temp_a_c"),
-    "fit: two rows": Bad(FIT, kept_rows("merged.csv", 2), 4, "row"),
+    "fit: no angle is known": Bad(FIT, column("merged.csv", 1, ""), 3, "angle"),
+    "fit: no temperature is known": Bad(FIT, column("merged.csv", 3, ""), 3, "temp_a_c"),
+    "fit: two rows": Bad(FIT, kept_rows("merged.csv", 2), 3, "row"),
     "fit: actuator that is missing": Bad(FIT, gone("actuator.toml"), 3, "no such file"),
     "discover: table that is missing": Bad(DISCOVER, gone("merged.csv"), 3, "no such file"),
     "discover: nothing is heated": Bad(DISCOVER, column("merged.csv", 3, "23"), 4, "heat"),

@@ -86,6 +86,7 @@ def run_experiment(
     from torsight.core.provenance import provenance
     from torsight.core.storage import write_json
 
+    _check(experiment)
     folder = out or experiment.output
     origin = provenance(
         command="torsight run",
@@ -104,6 +105,21 @@ def run_experiment(
     progress("recording and report", 1, 1)
     state.close()
     return folder
+
+
+def _check(experiment: Experiment) -> None:
+    """Refuse a log, an actuator, a camera or markers that cannot be used before the film is tracked, not after."""
+    from sync import read_temperature_log
+    from torsight.actuator.spec import read_actuator
+    from torsight.core.camera import read_camera
+    from tracker.hints import read_markers
+
+    read_temperature_log(experiment.temperature)
+    read_actuator(experiment.actuator)
+    if experiment.camera is not None:
+        read_camera(experiment.camera)
+    if experiment.markers_file is not None or experiment.markers:
+        read_markers(experiment.markers_file or experiment.markers)
 
 
 def _stages(
