@@ -7,6 +7,7 @@ why; a task whose results are there and whose inputs have not changed since is n
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -196,21 +197,21 @@ def _on_this_machine(
 def _on_cluster(todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str) -> None:
     del jobs
     try:
-        from distributed import Client, as_completed
+        # imported by name: the extra is optional and its types are not
+        distributed: Any = importlib.import_module("distributed")
     except ImportError as error:
         raise ConfigError(
             "--scheduler needs Dask", where="torsight batch", do="install it with: pip install 'torsight[cluster]'"
         ) from error
     try:
-        client: Any = Client(scheduler, timeout="10s")  # type: ignore[no-untyped-call] - distributed has no types
+        client = distributed.Client(scheduler, timeout="10s")
     except (OSError, ValueError) as error:
         raise InputError(
             "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"
         ) from error
     with client:
         futures = client.map(run_task, todo, pure=False)
-        done: Any = as_completed(futures, with_results=True)  # type: ignore[no-untyped-call] - distributed has no types
-        for _future, row in done:
+        for _future, row in distributed.as_completed(futures, with_results=True):
             finished(row)
 
 
