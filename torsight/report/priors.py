@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from torsight.core.errors import TorsightError
 from torsight.core.results import RunResults
 from torsight.core.storage import read_toml
 from torsight.core.wording import decimals_for, fixed
 
-REACH = 6.0
-"""Half-width of the small picture, in standard deviations of the prior."""
+REACH: Final = 4.0
+"""Least half-width of the small picture, in standard deviations of the prior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +38,10 @@ class Prior:
             return None
         return (float(value) - self.value) / self.sigma
 
-    def picture(self, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> str:
-        """Return a small SVG: the prior's ± 1 and ± 2 sigma, the plain fit, the extended fit with its interval."""
+    def picture(self, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None, *, reach: float) -> str:
+        """Return a small SVG: the prior's ± 1 and ± 2 sigma, both fits with their intervals; ``reach`` sigmas wide."""
         if self.sigma is None or self.sigma <= 0.0:
             return ""
-        pulls = [pull for pull in (self.pull(plain), self.pull(after)) if pull is not None]
-        reach = max([REACH, *(1.15 * abs(pull) for pull in pulls)])
 
         def place(pull: float) -> float:
             return 80.0 + 72.0 * max(-1.0, min(1.0, pull / reach))
@@ -63,6 +61,11 @@ class Prior:
                 parts.append(f'<path class="line {kind} thin" d="M{ends[0]:.1f} {row:g}H{ends[1]:.1f}"/>')
             parts.append(f'<circle class="fill {kind}" cx="{place(pull):.1f}" cy="{row:g}" r="3"/>')
         return f'<svg class="pull" viewBox="0 0 160 22" aria-hidden="true">{"".join(parts)}</svg>'
+
+
+def common_reach(pulls: Iterable[float | None]) -> float:
+    """Return the half-width, in standard deviations, at which all of these pulls can be compared by eye."""
+    return max([REACH, *(1.1 * abs(pull) for pull in pulls if pull is not None)])
 
 
 def priors(results: RunResults) -> dict[str, Prior]:

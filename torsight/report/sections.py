@@ -11,7 +11,7 @@ import numpy as np
 
 from torsight.core.results import RunResults
 from torsight.core.wording import effect_name, estimate, explanations, fixed, number, variable_name
-from torsight.report.priors import Prior, priors
+from torsight.report.priors import Prior, common_reach, priors
 
 FILES: Final = {
     "angle.csv": "angle of every frame",
@@ -237,19 +237,22 @@ def parameter_table(results: RunResults) -> dict[str, Any]:
         for effect in (results.discovery or {}).get("effects") or []
         for name, value in (effect.get("parameters") or {}).items()
     }
-    rows, exact = [], []
-    for name in dict.fromkeys([*plain, *extended, *own]):
-        after = extended.get(name, own.get(name))
-        shown = after or plain.get(name) or {}
-        if shown.get("fixed"):
-            exact.append(f"{name} {number(shown.get('value'), 6)} {shown.get('unit') or ''}".strip())
-        else:
-            rows.append(_row(name, known.get(name), plain.get(name), after))
+    both = {
+        name: (plain.get(name), extended.get(name, own.get(name))) for name in dict.fromkeys([*plain, *extended, *own])
+    }
+    free = {name: pair for name, pair in both.items() if not (pair[1] or pair[0] or {}).get("fixed")}
+    reach = common_reach(known[name].pull(fitted) for name, pair in free.items() if name in known for fitted in pair)
+    rows = [_row(name, known.get(name), *pair, reach=reach) for name, pair in free.items()]
+    exact = [_exact(name, pair[1] or pair[0] or {}) for name, pair in both.items() if name not in free]
     return {"rows": rows, "exact": exact, "pulled": any(row["prior"] for row in rows)}
 
 
+def _exact(name: str, value: Mapping[str, Any]) -> str:
+    return f"{name} {value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
+
+
 def _row(
-    name: str, prior: Prior | None, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None
+    name: str, prior: Prior | None, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None, *, reach: float
 ) -> dict[str, Any]:
     shown = after or plain or {}
     pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
@@ -261,7 +264,7 @@ def _row(
         "after": "" if after is None else estimate({**after, "unit": ""}),
         "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
         "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
-        "picture": "" if prior is None else prior.picture(plain, after),
+        "picture": "" if prior is None else prior.picture(plain, after, reach=reach),
     }
 
 
