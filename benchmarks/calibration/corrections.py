@@ -17,15 +17,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from ways import angles_by_way, error_deg
 
 from calibration.board import Board
 from calibration.detect import View
 from calibration.disk import pose_on_disk
 from calibration.lens import calibrate_lens
 from calibration.pair import calibrate_pair
-from torsight.core.axis import axis_in_picture, axis_in_space, pose_from_axis, stick_angle
 from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera
-from torsight.core.geometry import on_plane, project, ray_from_pixel, rotation_matrix, rotation_vector, triangulate
+from torsight.core.geometry import project, rotation_matrix, rotation_vector
 
 TILTS_DEG = (0, 5, 10, 15, 20, 30)
 RADIAL = (0.0, -0.05, -0.15, -0.30)
@@ -139,49 +139,8 @@ def angles(rig: Rig, rng: np.random.Generator) -> dict[str, np.ndarray]:
     left_px = project(seen, rig.true.intrinsics) + noise[0]
     right_px = project(seen, right.intrinsics, rvec=right.rvec, tvec_mm=right.tvec_mm) + noise[1]
     covariance = np.broadcast_to(np.eye(2) * SIGMA_PX**2, (*left_px.shape, 2))
-    known = rig.known
-    pinhole = Intrinsics(SIZE_PX, known.intrinsics.matrix, np.zeros(5))
-    found_axis = axis_in_picture(left_px[:, 2:], covariance[:, 2:], known.intrinsics)
-    space = triangulate(
-        left_px, right_px, left=known.intrinsics, right=known.right,
-        left_covariance_px2=covariance, right_covariance_px2=covariance,
-    )  # fmt: skip
-    axis = axis_in_space(space.position_mm[:, 2:], space.covariance_mm2[:, 2:])
-    ray = ray_from_pixel(left_px, known.intrinsics)[0]
-    return {
-        "picture as it is": _error(_flat(left_px), turn),
-        "lens only": _error(_flat(ray), turn),
-        "tilt only": _error(_on_planes(left_px, pinhole, known.pose), turn),
-        "lens and tilt": _error(_on_planes(left_px, known.intrinsics, known.pose), turn),
-        "lens and circles": _error(_on_planes(left_px, known.intrinsics, pose_from_axis(found_axis)), turn),
-        "stereo": _error(_about(space.position_mm, axis.direction), turn),
-    }
-
-
-def _flat(position: np.ndarray) -> np.ndarray:
-    sticks = position[:, 1::2] - position[:, ::2]
-    direction = np.arctan2(-sticks[..., 1], sticks[..., 0])
-    return direction[:, 1] - direction[:, 0]
-
-
-def _on_planes(position_px: np.ndarray, intrinsics: Intrinsics, pose: Pose) -> np.ndarray:
-    planes = [on_plane(position_px[:, part], intrinsics, pose=pose, z_mm=height)[0]
-              for part, height in ((slice(0, 2), pose.base_z_mm), (slice(2, 4), pose.moving_z_mm))]  # fmt: skip
-    return _about(np.concatenate(planes, axis=1), Z)
-
-
-def _about(position_mm: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    base, moving = (
-        stick_angle(position_mm[:, place], position_mm[:, place + 1], direction=direction)[0] for place in (0, 2)
-    )
-    return moving - base
-
-
-def _error(angle_rad: np.ndarray, turn_rad: np.ndarray) -> np.ndarray:
-    # The base stick's own direction is a constant; the error of a measured motion is what is left without it.
-    error = np.angle(np.exp(1j * (angle_rad - turn_rad)))
-    middle = np.angle(np.mean(np.exp(1j * error)))
-    return np.degrees(np.angle(np.exp(1j * (error - middle))))
+    measured = angles_by_way(left_px, right_px, covariance, covariance, rig.known)
+    return {way: error_deg(angle, turn) for way, angle in measured.items()}
 
 
 def rows(seed: int) -> Iterator[tuple[Rig, dict[str, np.ndarray]]]:

@@ -1,0 +1,104 @@
+"""What each correction of the camera is worth on rendered films: the whole way from pixels to the angle.
+
+A rig that turns at a steady speed is filmed by a stereo pair over a grid of tilts, lenses and distances; both films are
+tracked; the camera is the film's own. Codec and quality are options, so that what compression costs shows beside it.
+
+    python benchmarks/calibration/films.py --codec h264 --crf 12
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from ways import angles_by_way, error_deg
+
+from torsight.core.camera import Camera, Pose
+from torsight.core.geometry import rotation_vector
+from torsight.core.storage import read_table
+from torsight.core.tracks import MarkerTracks
+from torsight.synthetic import optics
+from torsight.synthetic.render import render_scene
+from torsight.synthetic.scene import Scene, scene_from
+from tracker.source import open_source
+from tracker.track import track_film
+
+TILTS_DEG = (0.0, 10.0, 20.0, 30.0)
+RADIAL = (0.0, -0.15, -0.30)
+DISTANCES_MM = (200.0, 400.0)
+
+
+def scene(tilt_deg: float, k1: float, distance_mm: float, *, codec: str, crf: int) -> Scene:
+    """Return the scene of one film pair: just over one turn in 12 s."""
+    toe_in_deg = 15.0
+    return scene_from(
+        {
+            "seed": 1,
+            "motion": {"kind": "turn", "start_deg": 40.0, "rate_deg_s": 32.0, "duration_s": 12.0},
+            "film": {"fps": 15.0, "codec": codec, "crf": crf},
+            "camera": {
+                "focal_px": 1100.0,
+                "tilt_deg": tilt_deg,
+                "tilt_towards_deg": 70.0,
+                "distortion": [k1, -0.2 * k1, 0.0004, -0.0003, 0.0],
+                "distance_mm": distance_mm,
+            },
+            "stereo": {
+                "baseline_mm": float(distance_mm * np.tan(np.radians(toe_in_deg))),
+                "toe_in_deg": toe_in_deg,
+            },
+        }
+    )
+
+
+def known_camera(film: Scene) -> Camera:
+    """Return the film's own camera with the pose of the axis."""
+    left = optics.views(film)[0]
+    camera = optics.camera_of(film)
+    pose = Pose(rotation_vector(left.rotation), left.translation_mm, film.camera.base_z_mm, film.camera.moving_z_mm)
+    return Camera(camera.intrinsics, pose=pose, right=camera.right)
+
+
+def tracks_of(path: Path) -> MarkerTracks:
+    """Track one film; the markers are found without help."""
+    return track_film(open_source(path)).tracks
+
+
+def errors(film: Scene, folder: Path) -> dict[str, np.ndarray]:
+    """Render, track and compare; the angle's error in degrees for each way to correct."""
+    render_scene(film, out=folder)
+    left, right = (tracks_of(next(folder.glob(f"film_{side}*"))) for side in ("left", "right"))
+    truth = read_table(folder / "truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
+    measured = angles_by_way(
+        left.position_px, right.position_px, left.covariance_px2, right.covariance_px2, known_camera(film)
+    )
+    return {way: error_deg(angle, np.radians(truth)) for way, angle in measured.items()}
+
+
+def main() -> None:
+    """Print the table: rms error of the angle in degrees."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--codec", default="h264")
+    parser.add_argument("--crf", type=int, default=12)
+    options = parser.parse_args()
+    header = False
+    for distance_mm, k1, tilt_deg in itertools.product(DISTANCES_MM, RADIAL, TILTS_DEG):
+        film = scene(tilt_deg, k1, distance_mm, codec=options.codec, crf=options.crf)
+        with tempfile.TemporaryDirectory() as folder:
+            found = errors(film, Path(folder))
+        if not header:
+            print("| distance, mm | k1 | tilt, ° | frames | " + " | ".join(found) + " |")
+            print("| --- " * (4 + len(found)) + "|")
+            header = True
+        seen = next(iter(found.values()))
+        cells = " | ".join(f"{np.sqrt(np.nanmean(error**2)):.3f}" for error in found.values())
+        print(f"| {distance_mm:g} | {k1:g} | {tilt_deg:g} | {np.isfinite(seen).sum()} of {len(seen)} | {cells} |")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""The ways from marker positions to the angle that the benchmarks of this folder compare."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from torsight.core.axis import axis_in_picture, axis_in_space, pose_from_axis, stick_angle
+from torsight.core.camera import Camera, Intrinsics, Pose
+from torsight.core.geometry import on_plane, ray_from_pixel, triangulate
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def angles_by_way(
+    left_px: np.ndarray, right_px: np.ndarray, left_covariance: np.ndarray, right_covariance: np.ndarray, known: Camera
+) -> dict[str, np.ndarray]:
+    """Return the angle (n,) in rad for each way; ``known`` holds lens, pose and right camera.
+
+    picture as it is: nothing is corrected. lens only: distortion is taken out. tilt only: the pose is used with a lens
+    without distortion. lens and tilt: both. lens and circles: the pose is found from the markers' own paths. stereo:
+    markers in space, about the axis of their circles.
+    """
+    pinhole = Intrinsics(known.intrinsics.size_px, known.intrinsics.matrix, np.zeros(5))
+    found = axis_in_picture(left_px[:, 2:], left_covariance[:, 2:], known.intrinsics)
+    space = triangulate(
+        left_px,
+        right_px,
+        left=known.intrinsics,
+        right=known.right,
+        left_covariance_px2=left_covariance,
+        right_covariance_px2=right_covariance,
+    )
+    axis = axis_in_space(space.position_mm[:, 2:], space.covariance_mm2[:, 2:])
+    ray = ray_from_pixel(left_px, known.intrinsics)[0]
+    return {
+        "picture as it is": _flat(left_px),
+        "lens only": _flat(ray),
+        "tilt only": _on_planes(left_px, pinhole, known.pose),
+        "lens and tilt": _on_planes(left_px, known.intrinsics, known.pose),
+        "lens and circles": _on_planes(left_px, known.intrinsics, pose_from_axis(found)),
+        "stereo": _about(space.position_mm, axis.direction),
+    }
+
+
+def error_deg(angle_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
+    """Return the angle's error in degrees, without its mean: a constant is the zero of the angle, not its error."""
+    error = np.angle(np.exp(1j * (angle_rad - truth_rad)))
+    middle = np.angle(np.nanmean(np.exp(1j * error)))
+    return np.degrees(np.angle(np.exp(1j * (error - middle))))
+
+
+def _flat(position: np.ndarray) -> np.ndarray:
+    sticks = position[:, 1::2] - position[:, ::2]
+    direction = np.arctan2(-sticks[..., 1], sticks[..., 0])
+    return direction[:, 1] - direction[:, 0]
+
+
+def _on_planes(position_px: np.ndarray, intrinsics: Intrinsics, pose: Pose) -> np.ndarray:
+    planes = [
+        on_plane(position_px[:, part], intrinsics, pose=pose, z_mm=height)[0]
+        for part, height in ((slice(0, 2), pose.base_z_mm), (slice(2, 4), pose.moving_z_mm))
+    ]
+    return _about(np.concatenate(planes, axis=1), Z)
+
+
+def _about(position_mm: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    base, moving = (
+        stick_angle(position_mm[:, place], position_mm[:, place + 1], direction=direction)[0] for place in (0, 2)
+    )
+    return moving - base
