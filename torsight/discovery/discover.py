@@ -197,13 +197,7 @@ def _evidence(findings: Findings) -> dict[str, Any]:
         "over_floor_before": decision.excess,
         "over_floor_after": decision.left,
         "best_set": list(decision.best.effects),
-        "gains": {
-            contender.effects[0]: {
-                "gain": field.base.cost - contender.cost,
-                "held_out_gain": 1.0 - contender.held_out.information / field.base.held_out.information,
-            }
-            for contender in field.of_size(1)
-        },
+        "gains": {contender.effects[0]: field.base.cost - contender.cost for contender in field.of_size(1)},
     }
 
 

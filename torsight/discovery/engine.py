@@ -19,7 +19,7 @@ from torsight.discovery.closure import learn_closure
 from torsight.discovery.decide import Decision, decide
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.search import Field, Search, Settings
-from torsight.discovery.validate import HeldOut, block_labels, held_out_by_refit
+from torsight.discovery.validate import HeldOut, block_labels
 
 Verdict = Literal["none", "identified", "ambiguous", "unknown"]
 
@@ -82,12 +82,11 @@ def find_missing(
     before = after = closure = None
     if can_hold_out:
         progress("held-out blocks", 0, 2)
-        before = held_out_by_refit(field.fitter, field.base.fit)
+        before = field.base.held_out
         progress("held-out blocks", 1, 2)
-        named = bool(decision.chosen.effects)
-        after = held_out_by_refit(field.fitter, decision.chosen.fit) if named else before
+        after = decision.chosen.held_out
         progress("held-out blocks", 2, 2)
-        if not named:
+        if not decision.chosen.effects:
             closure = learn_closure(field, field.base, seed=seed)
     return Findings(_verdict(decision, closure), field, decision, before, after, closure)
 

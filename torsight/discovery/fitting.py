@@ -134,7 +134,12 @@ class Fitter:
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
         starts.append({**starts[0], **away})
-        return self.fit(effects, starts, weight=weight)
+        found = self.fit(effects, starts, weight=weight)
+        # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
+        return found if found.cost <= parent.cost else self.fit(effects, [self._switched_off(parent, name)])
+
+    def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:
+        return {**parent.values, **self.candidates[name].null_point()}
 
     def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out."""

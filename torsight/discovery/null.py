@@ -8,6 +8,7 @@ linear in the noise, so thousands of draws cost little and no refit.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.signal import lfilter
 
 from torsight.discovery.fitting import Fit, Fitter, space_of
 from torsight.discovery.noise import Scales, Stretches
-from torsight.discovery.solver import Array, Space, jacobian
+from torsight.discovery.solver import Array, jacobian
 
 LEAST_GAIN: Final = 20.0
 """No gain below this is believed, whatever the draws say: the noise of a real rig is never quite that of a formula."""
@@ -49,30 +50,45 @@ def _with_priors(fit: Fit, root: Array) -> Array:
     return np.asarray(weighted[:, strength > space.prior_information])
 
 
+def linear_gain(fitter: Fitter, fit: Fit, name: str, starts: Sequence[Mapping[str, float]]) -> float:
+    """Return the gain that adding an effect to a fitted set promises, the best over its starting points.
+
+    Linear in everything but the effect's own size at the start: one that is missing promises nothing only if the fit
+    can imitate it.
+    """
+    root = np.sqrt(fitter.weight)
+    known = _orthonormal(_with_priors(fit, root), rank_from=1e-9)
+    residual = np.nan_to_num(fitter.residual(fit)) * root
+    bases = [_effect_basis(fitter, fit, name, start, root, known) for start in starts]
+    return max((float(np.sum((basis.T @ residual) ** 2)) for basis in bases), default=0.0)
+
+
 def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array) -> list[Array]:
-    bases = []
-    for candidate in fitter.problem.candidates:
-        if candidate.id in fit.effects:
-            continue
-        effects = fitter.ordered((*fit.effects, candidate.id))
-        for start in candidate.starting_points(fitter.problem.time_s, fitter.residual(fit)):
-            columns = _effect_columns(fitter, fit, effects, start) * root[:, None]
-            columns -= known @ (known.T @ columns)
-            bases.append(_orthonormal(columns, rank_from=1e-3))
-    return bases
+    return [
+        _effect_basis(fitter, fit, candidate.id, start, root, known)
+        for candidate in fitter.problem.candidates
+        if candidate.id not in fit.effects
+        for start in candidate.starting_points(fitter.problem.time_s, fitter.residual(fit))
+    ]
 
 
-def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: dict[str, float]) -> Array:
+def _effect_basis(fitter: Fitter, fit: Fit, name: str, start: Mapping[str, float], root: Array, known: Array) -> Array:
+    """Return orthonormal directions in which an effect can move the prediction and the fit cannot."""
+    columns = _effect_columns(fitter, fit, fitter.ordered((*fit.effects, name)), start) * root[:, None]
+    columns -= known @ (known.T @ columns)
+    return _orthonormal(columns, rank_from=1e-3)
+
+
+def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: Mapping[str, float]) -> Array:
     """Return the effect at a start point and its derivatives there, (n, 1 + parameters)."""
     names = tuple(start)
     chosen = {p.name: p for p in fitter.parameters(effects)}
-    own = space_of([chosen[name] for name in names])
+    space = space_of([chosen[name] for name in names])
 
     def model(x: Array) -> Array:
         values = {**fit.values, **dict(zip(names, x.tolist(), strict=True))}
         return fitter.problem.predict(values, effects)
 
-    space = Space(own.lower, own.upper, own.scale, own.prior_mean, own.prior_sigma)
     x = space.clip(np.array([start[name] for name in names], np.float64))
     at_x = model(x)
     return np.column_stack([at_x - fit.solution.prediction, jacobian(model, x, at_x=at_x, space=space)])

@@ -7,8 +7,10 @@ sample is worth depends on the error that remains; whatever is compared is refit
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -16,8 +18,14 @@ from torsight.core.progress import Progress
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
+from torsight.discovery.null import linear_gain
 from torsight.discovery.solver import Array
-from torsight.discovery.validate import HeldOut, held_out_by_step
+from torsight.discovery.validate import HeldOut, held_out_by_refit
+
+LEAST_PROMISE: Final = 10.0
+"""Half of the least gain that is ever believed."""
+_MUCH_LEFT: Final = 1.3
+"""Larger sets are tried while the residual's information is this many times the floor's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +38,8 @@ class Settings:
         Largest set that is tried.
     beam : int
         Sets per size that are extended.
+    most_extensions : int
+        Larger sets per size that are fitted, the most promising ones.
     least_held_out_gain : float
         Share of the held-out squared error that an effect must remove.
     rival_gain : float
@@ -45,6 +55,7 @@ class Settings:
 
     most_effects: int = 3
     beam: int = 3
+    most_extensions: int = 12
     least_held_out_gain: float = 0.02
     rival_gain: float = 12.0
     share_explained: float = 0.7
@@ -52,12 +63,17 @@ class Settings:
     least_size: float = 2.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Contender:
-    """A fitted set of effects and how it predicts blocks it has not seen."""
+    """A fitted set of effects; :attr:`held_out` says how it predicts blocks it has not seen (worked out when asked)."""
 
     fit: Fit
-    held_out: HeldOut
+    fitter: Fitter
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """Prediction of every block from the others."""
+        return held_out_by_refit(self.fitter, self.fit)
 
     @property
     def effects(self) -> EffectSet:
@@ -124,11 +140,9 @@ class Search:
         for size in range(1, self._settings.most_effects + 1):
             self._grow(size)
             self._reweight()
-            if size > 1 and not self._worth(size):
+            if not self._worth(size):
                 break
-        fits = list(self._fits.values())
-        held_out: list[HeldOut] = in_parallel(fits, partial(held_out_by_step, self._fitter))
-        contenders = {fit.effects: Contender(fit, score) for fit, score in zip(fits, held_out, strict=True)}
+        contenders = {effects: Contender(fit, self._fitter) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
 
     def _fit_base(self) -> None:
@@ -146,10 +160,27 @@ class Search:
                 effects = self._fitter.ordered((*parent.effects, name))
                 if len(effects) == size and effects not in work:
                     work[effects] = (parent, name)
+        if size > 1:
+            work = self._promising(work)
         self._progress(f"sets of {size}", 0, len(work))
         found: list[Fit] = in_parallel(list(work.values()), self._extend)
         self._progress(f"sets of {size}", len(work), len(work))
         self._fits |= {fit.effects: fit for fit in found}
+
+    def _promising(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, tuple[Fit, str]]:
+        """Leave out extensions of a set that promise nothing in the linear picture; the best few stay in."""
+
+        def gain(item: tuple[Fit, str]) -> float:
+            parent, name = item
+            fitted = self._fits[(name,)].values
+            own = {p.name: fitted[p.name] for p in self._fitter.candidates[name].parameters}
+            starts = [own, *self._fitter.candidates[name].starting_points()[:2]]
+            return linear_gain(self._fitter, parent, name, starts)
+
+        gains: list[float] = in_parallel(list(work.values()), gain)
+        ranked = sorted(zip(gains, work, strict=True), key=lambda item: (-item[0], item[1]))
+        kept = [effects for promised, effects in ranked if promised > LEAST_PROMISE][: self._settings.most_extensions]
+        return {effects: work[effects] for effects in kept}
 
     def _extend(self, item: tuple[Fit, str]) -> Fit:
         parent, name = item
@@ -169,7 +200,14 @@ class Search:
         return min(self._fits.values(), key=lambda f: (f.cost + 30.0 * len(f.effects), f.effects))
 
     def _worth(self, size: int) -> bool:
-        return self._ranked(size)[0].cost + 30.0 < self._ranked(size - 1)[0].cost
+        """Return whether larger sets may matter: something is left, and this size has gained something."""
+        found = self._ranked(size)
+        if not found:
+            return False
+        floor = float(self._fitter.weight @ self._floor**2)
+        left = found[0].solution.data_cost > _MUCH_LEFT * floor
+        gained = found[0].cost + LEAST_PROMISE < self._ranked(size - 1)[0].cost
+        return left if size == 1 else left and gained
 
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter."""

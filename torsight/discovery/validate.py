@@ -2,10 +2,6 @@
 
 A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
 history of what follows, but its samples do not count in the fit, and only they count in the score.
-
-For ranking many sets of effects the fit without a block is taken from the full fit in one Gauss–Newton step: with
-H = Jᵀ W J + P and the block's own H_b = J_bᵀ W_b J_b, leaving it out moves the parameters by −(H − H_b)⁻¹ J_bᵀ W_b r_b.
-What is reported is always refitted.
 """
 
 from __future__ import annotations
@@ -15,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.discovery.fitting import Fit, Fitter, in_parallel, space_of
+from torsight.discovery.fitting import Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.solver import Array
 
@@ -45,25 +41,6 @@ class HeldOut:
 def block_labels(problem: Problem) -> NDArray[np.int64]:
     """Return the labels of the blocks that hold valid samples."""
     return np.unique(problem.block[problem.valid])
-
-
-def held_out_by_step(fitter: Fitter, fit: Fit) -> HeldOut:
-    """Predict every block from the others, by one Gauss–Newton step per block from the full fit."""
-    problem, weight = fitter.problem, fitter.weight
-    space, solution = space_of(fit.parameters), fit.solution
-    inside = (solution.x > space.lower + 1e-9 * space.scale) & (solution.x < space.upper - 1e-9 * space.scale)
-    derivative = solution.jacobian[:, inside]
-    residual = np.where(problem.valid, problem.observed - solution.prediction, 0.0)
-    information = derivative.T @ (derivative * weight[:, None])
-    # A direction that nothing pins down must not make the step singular; this holds it within a hundred scales.
-    information[np.diag_indices_from(information)] += (space.prior_information + 1e-4 / space.scale**2)[inside]
-    left = residual.copy()
-    for label in block_labels(problem):
-        rows = np.flatnonzero((problem.block == label) & problem.valid)
-        weighted = derivative[rows] * weight[rows, None]
-        without = information - weighted.T @ derivative[rows]
-        left[rows] += derivative[rows] @ np.linalg.solve(without, weighted.T @ residual[rows])
-    return _score(problem, weight, left)
 
 
 def held_out_by_refit(fitter: Fitter, fit: Fit) -> HeldOut:
