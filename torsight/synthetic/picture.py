@@ -1,8 +1,8 @@
 """Drawing, compiled: sticks with their markers, things in front of them, light and noise.
 
-A pixel's share of a shape is that of an edge at the shape's signed distance, blurred by the lens and by the pixel's own
-area, with the edge's curvature to first order. Shapes are described in their plane; each pixel is led back to the plane along its
-ray, so perspective and distortion come out as they are.
+A pixel's share of a shape is that of an edge at the shape's signed distance, blurred by lens and pixel area, with the
+edge's curvature to first order. Shapes are described in their plane; each pixel is led back to the plane along its ray,
+so perspective and distortion come out as they are.
 """
 
 from __future__ import annotations
@@ -102,6 +102,27 @@ def near_stick(x_mm: float, y_mm: float, turns: Floats, shape: Floats) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: int) -> NDArray[np.int64]:
+    """Return for each row from where to where (k, 2) it lies within a convex outline widened by ``reach_px``."""
+    spans = np.empty((rows, 2), np.int64)
+    for row in range(rows):
+        low, high = 1e9, -1e9
+        for i in range(hull.shape[0]):
+            px, py = hull[i]
+            qx, qy = hull[(i + 1) % hull.shape[0]]
+            top, bottom = first_row + row - reach_px, first_row + row + reach_px
+            if max(py, qy) < top or min(py, qy) > bottom:
+                continue
+            for edge in (top, bottom):
+                t = 0.0 if py == qy else min(max((edge - py) / (qy - py), 0.0), 1.0)
+                x = px + t * (qx - px)
+                low, high = min(low, x), max(high, x)
+        spans[row, 0] = max(math.floor(low - reach_px), 0)
+        spans[row, 1] = max(min(math.ceil(high + reach_px) + 1, width), spans[row, 0])
+    return spans
+
+
+@njit(cache=True, nogil=True)
 def draw_stick(
     picture: Picture,
     light: Picture,
@@ -111,7 +132,8 @@ def draw_stick(
     turns: Floats,
     shape: Floats,
     scale: Floats,
-    box: NDArray[np.int64],
+    first_row: int,
+    spans: NDArray[np.int64],
     blur_px: float,
 ) -> None:
     """Draw a stick into a picture, averaged over the directions that it takes while the shutter is open.
@@ -128,13 +150,14 @@ def draw_stick(
         Cosine and sine of the stick's directions.
     shape, scale : float64
         See :func:`stick_value`.
-    box : (4,) int64
-        Pixels to look at: x from, to, y from, to.
+    first_row, spans : int, (k, 2) int64
+        Pixels to look at, row by row: x from, to (:func:`row_spans`).
     blur_px : float
         Blur of an edge.
     """
-    for y in range(box[2], box[3]):
-        for x in range(box[0], box[1]):
+    for row in range(spans.shape[0]):
+        y = first_row + row
+        for x in range(spans[row, 0], spans[row, 1]):
             x_mm, y_mm = plane_point(rays, plane, x - shift_px[0], y - shift_px[1])
             if not near_stick(x_mm, y_mm, turns, shape):
                 continue

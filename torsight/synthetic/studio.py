@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torsight.core.units import DEG
 from torsight.synthetic.camera_work import Bar, marker_points
 from torsight.synthetic.optics import View
-from torsight.synthetic.picture import MARGIN_PX, draw_bar, draw_stick, expose
+from torsight.synthetic.picture import MARGIN_PX, draw_bar, draw_stick, expose, row_spans
 from torsight.synthetic.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -116,6 +116,7 @@ class Studio:
         if shape is None:
             shape = self._moving_shape if stick else self._base_shape
         z_mm = self._scene.camera.moving_z_mm if stick else self._scene.camera.base_z_mm
+        first_row, spans = self._area(directions, z_mm, shape, shift_px)
         draw_stick(
             picture,
             self._light,
@@ -125,7 +126,8 @@ class Studio:
             np.column_stack([np.cos(directions), np.sin(directions)]),
             shape,
             self._scale(directions.mean(), z_mm, shape),
-            self._box(directions, z_mm, shape, shift_px),
+            first_row,
+            spans,
             self._blur_px,
         )
 
@@ -139,8 +141,10 @@ class Studio:
             rows.append([metric[0, 0], metric[0, 1], metric[1, 1]])
         return np.array(rows)
 
-    def _box(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> NDArray[np.int64]:
-        """Return the pixels that a stick can touch."""
+    def _area(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> tuple[int, NDArray[np.int64]]:
+        """Return the pixels that a stick can touch: first row, and from where to where in each."""
+        import cv2
+
         corners = []
         for direction in directions:
             u = np.array([math.cos(direction), math.sin(direction)])
@@ -150,11 +154,13 @@ class Studio:
             corners += [shape[8] * np.array(place) for place in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
         points = np.column_stack([np.array(corners), np.full(len(corners), z_mm)])
         seen = self._view.project(points) + shift_px
-        reach = 5.0 * self._blur_px + 1.0
+        hull = cv2.convexHull(seen.astype(np.float32)).reshape(-1, 2).astype(np.float64)
+        # Blur, and the bend that a lens gives to straight edges.
+        reach = 5.0 * self._blur_px + 2.0
         width, height = self._view.intrinsics.size_px
-        low = np.floor(seen.min(axis=0) - reach).astype(np.int64)
-        high = np.ceil(seen.max(axis=0) + reach).astype(np.int64) + 1
-        return np.array([max(low[0], 0), min(high[0], width), max(low[1], 0), min(high[1], height)])
+        first = max(int(np.floor(hull[:, 1].min() - reach)), 0)
+        last = min(int(np.ceil(hull[:, 1].max() + reach)) + 1, height)
+        return first, row_spans(hull, reach, width, first, max(last - first, 0))
 
     def first_markers(self, stick_rad: float, shift_px: Floats) -> Floats:
         """Return where the four markers are seen (4, 2), px."""
