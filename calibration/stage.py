@@ -115,11 +115,14 @@ def measure_axis(
     board: Board,
     intrinsics: Intrinsics,
     *,
+    device: str = "",
     base_z_mm: float = 0.0,
     moving_z_mm: float = 0.0,
     progress: Progress = silent,
 ) -> tuple[DiskPose, Seen]:
     """Find the rotation axis from pictures of the board on the disk.
+
+    ``device`` names the camera and its focal length, where the pictures of its calibration told.
 
     Raises
     ------
@@ -132,6 +135,14 @@ def measure_axis(
     """
     seen = find_views(images, board, progress=progress)
     require_size(intrinsics, seen.size_px, where=seen.sources[0].name)
+    if device and seen.device and device != seen.device:
+        raise InputError(
+            "is from another camera or focal length than the calibration",
+            where=seen.sources[0].name,
+            value=seen.device,
+            limit=device,
+            do="take it with the calibrated camera, zoom untouched",
+        )
     missing = [source.name for source in seen.sources if source.note]
     if missing:
         raise NoResultError(

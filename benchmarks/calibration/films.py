@@ -22,8 +22,10 @@ from torsight.core.geometry import rotation_vector
 from torsight.core.storage import read_table
 from torsight.core.tracks import MarkerTracks
 from torsight.synthetic import optics
+from torsight.synthetic.camera_work import marker_points
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
+from tracker.hints import MarkerHints
 from tracker.source import open_source
 from tracker.track import track_film
 
@@ -63,15 +65,19 @@ def known_camera(film: Scene) -> Camera:
     return Camera(camera.intrinsics, pose=pose, right=camera.right)
 
 
-def tracks_of(path: Path) -> MarkerTracks:
-    """Track one film; the markers are found without help."""
-    return track_film(open_source(path)).tracks
+def tracks_of(path: Path, view: optics.View, film: Scene) -> MarkerTracks:
+    """Track one film; the markers are given where the first frame shows them, to a tenth of a pixel."""
+    start = view.project(marker_points(film, np.radians(film.motion.start_deg))).round(1)
+    return track_film(open_source(path), markers=MarkerHints(start, "dot", "scene")).tracks
 
 
 def errors(film: Scene, folder: Path) -> dict[str, np.ndarray]:
     """Render, track and compare; the angle's error in degrees for each way to correct."""
     render_scene(film, out=folder)
-    left, right = (tracks_of(next(folder.glob(f"film_{side}*"))) for side in ("left", "right"))
+    left, right = (
+        tracks_of(next(folder.glob(f"film_{side}*")), view, film)
+        for side, view in zip(("left", "right"), optics.views(film), strict=True)
+    )
     truth = read_table(folder / "truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
     measured = angles_by_way(
         left.position_px, right.position_px, left.covariance_px2, right.covariance_px2, known_camera(film)

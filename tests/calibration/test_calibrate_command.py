@@ -6,6 +6,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
+import tomli_w
 import typer
 from made_up_views import CHESSBOARD, LENS, RIGHT_LENS, SIZE_PX, corners_px, in_right, picture, poses
 from PIL import Image
@@ -15,6 +16,7 @@ from torsight.cli import calibrate as calibrate_module
 from torsight.core.camera import read_camera
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
 from torsight.core.geometry import project
+from torsight.core.storage import write_table
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command("calibrate", cls=calibrate_module.Command)(calibrate_module.calibrate)
@@ -116,6 +118,20 @@ def test_known_camera_is_refused_for_another_picture_size(camera_toml, board_tom
     assert not (tmp_path / "x.toml").exists()
 
 
+def test_known_camera_is_refused_for_another_camera(camera_toml, board_toml, tmp_path):
+    known = tomllib.loads(camera_toml.read_text())
+    known["calibration"]["left"]["device"] = "Maker One 35 mm"
+    (tmp_path / "known.toml").write_text(tomli_w.dumps(known))
+    notes = Image.Exif()
+    notes[271], notes[272] = "Maker", "Two"
+    Image.fromarray(picture(np.array([0.2, -0.1, 0.4, 2.0, 1.0, 170.0]))).save(tmp_path / "disk.jpg", exif=notes)
+    with pytest.raises(InputError, match=r"another camera or focal length.*Maker Two.*Maker One 35 mm"):
+        run(
+            "calibrate", "--camera", tmp_path / "known.toml", "--board", board_toml,
+            "--pose", tmp_path / "disk.jpg", "--out", tmp_path / "x.toml",
+        )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -181,3 +197,32 @@ def test_renderer_and_camera_agree():
     ).reshape(-1, 2)
     assert np.abs(refined - corners).max() < 0.1
     assert CHESSBOARD.corners == (9, 6)
+
+
+def test_axis_from_the_circles_of_a_track(camera_toml, tmp_path, capsys):
+    direction = np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, -1.0])
+    first = np.cross(direction, [0.0, 1.0, 0.3])
+    first /= np.linalg.norm(first)
+    turn = np.radians(np.linspace(0, 200, 150))
+    wave = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
+    lens, rng = read_camera(camera_toml).intrinsics, np.random.default_rng(0)
+    table = {"frame": np.arange(150), "time_s": np.arange(150) / 30.0}
+    for name, radius in (("moving_inner", 10.0), ("moving_outer", 28.0)):
+        pixels = project(np.array([3.0, -2.0, 150.0]) + radius * wave, lens) + rng.normal(0, 0.03, (150, 2))
+        table |= {f"{name}_x_px": pixels[:, 0], f"{name}_y_px": pixels[:, 1]}
+        table |= {f"{name}_sigma_px": np.full(150, 0.03), f"{name}_valid": np.arange(150) % 10 > 0}
+    write_table(tmp_path / "markers.csv", table)
+    words = ["--camera", camera_toml, "--tracks", tmp_path / "markers.csv", "--out", tmp_path / "rig.toml"]
+    run("calibrate", *words, "--stick-mm", 18.0, "--base-z-mm", -6.0)
+    made = read_camera(tmp_path / "rig.toml")
+    sigma_rad = np.radians(made.extra["axis"]["direction_sigma_deg"])
+    assert np.arccos(cv2.Rodrigues(made.pose.rvec)[0][:, 2] @ direction) < 4 * sigma_rad < 0.01
+    assert made.pose.tvec_mm == pytest.approx([3.0, -2.0, 150.0], rel=0.01)
+    assert made.pose.base_z_mm == -6.0
+    assert made.extra["left"] == read_camera(camera_toml).extra["left"]
+    assert "of the markers' circles" in capsys.readouterr().err
+    with pytest.raises(ConfigError, match="needs a known --camera"):
+        run("calibrate", "--tracks", tmp_path / "markers.csv", "--out", tmp_path / "x.toml")
+    write_table(tmp_path / "other.csv", {"frame": np.arange(3)})
+    with pytest.raises(InputError, match="no column 'moving_inner_x_px'"):
+        run("calibrate", "--camera", camera_toml, "--tracks", tmp_path / "other.csv", "--out", tmp_path / "x.toml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -52,7 +53,9 @@ def calibrate(
         ),
     ] = None,
     *,
-    board: Annotated[Path, typer.Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")],
+    board: Annotated[
+        Path | None, typer.Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="CAMERA.toml", help="The camera file to write.")],
     right: Annotated[
         list[Path] | None,
@@ -67,14 +70,19 @@ def calibrate(
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(metavar="CAMERA.toml", help="A camera that is known, to add --pose to; then without IMAGES."),
+        typer.Option(metavar="CAMERA.toml", help="A camera that is known, to add a pose to; then without IMAGES."),
     ] = None,
-    base_z_mm: Annotated[
-        float, typer.Option(help="Height of the base stick's markers above the board on the disk.")
-    ] = 0.0,
-    moving_z_mm: Annotated[
-        float, typer.Option(help="Height of the moving stick's markers above the board on the disk.")
-    ] = 0.0,
+    tracks: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MARKERS.csv", help="With --camera: the axis from the markers' circles in a 'torsight track'."
+        ),
+    ] = None,
+    stick_mm: Annotated[
+        float | None, typer.Option(min=1e-3, help="With --tracks: distance of the moving stick's markers.")
+    ] = None,
+    base_z_mm: Annotated[float, typer.Option(help="Height of the base stick's markers above the board.")] = 0.0,
+    moving_z_mm: Annotated[float, typer.Option(help="Height of the moving stick's markers above the board.")] = 0.0,
 ) -> None:
     """Calibrate one camera or two from pictures of a board, and find the pose of the rotation axis.
 
@@ -86,6 +94,10 @@ def calibrate(
     """
     from torsight.cli.console import progress_bar, say
 
+    if tracks is not None:
+        for line in add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out):
+            say(line)
+        return
     with progress_bar() as progress:
         lines = calibrate_to_file(
             images or [],
@@ -104,7 +116,7 @@ def calibrate(
 def calibrate_to_file(
     images: list[Path],
     *,
-    board: Path,
+    board: Path | None,
     out: Path,
     right: list[Path] | None = None,
     pose: list[Path] | None = None,
@@ -128,6 +140,10 @@ def calibrate_to_file(
     from torsight.core.storage import write_text
 
     _check_usage(images, right or [], pose or [], camera)
+    if board is None:
+        raise ConfigError(
+            "needs --board BOARD.toml", where="torsight calibrate", do="make one with 'torsight board --out board.pdf'"
+        )
     chosen = read_board(board)
     known = read_camera(camera) if camera else None
     result = _calibrated(images, right or [], chosen, progress=progress)
@@ -144,12 +160,38 @@ def calibrate_to_file(
     return [*lines, f"Camera file     {out}"]
 
 
+def add_circles(
+    tracks: Path, camera: Path | None, *, stick_mm: float | None, heights_mm: tuple[float, float], out: Path
+) -> list[str]:
+    """Write the known camera with the pose that the markers' circles show; return what there is to say."""
+    from dataclasses import replace
+
+    import tomli_w
+
+    from calibration.circles import pose_from_tracks
+    from torsight.core.camera import camera_content, read_camera
+    from torsight.core.storage import write_text
+
+    if camera is None:
+        raise ConfigError("needs a known --camera with --tracks", where="torsight calibrate")
+    known = read_camera(camera)
+    found = pose_from_tracks(tracks, known, stick_mm=stick_mm, base_above_moving_mm=heights_mm[0] - heights_mm[1])
+    account = dict(known.extra) | {"axis": found.account(tracks)}
+    write_text(out, tomli_w.dumps(camera_content(replace(known, pose=found.pose, extra=account))))
+    axis = account["axis"]
+    lines = [
+        f"Rotation axis   tilted by {axis['tilt_deg']:.2f}° to the line of sight, ± {axis['direction_sigma_deg']:.2f}°",
+        f"  from          {axis['turned_deg']:.0f}° of the markers' circles",
+    ]
+    return [*lines, *(f"  note          {note}" for note in found.notes), f"Camera file     {out}"]
+
+
 def _check_usage(images: list[Path], right: list[Path], pose: list[Path], camera: Path | None) -> None:
     where = "torsight calibrate"
     if images and camera:
         raise ConfigError("takes IMAGES or a known --camera, not both", where=where)
     if not images and not (camera and pose):
-        raise ConfigError("needs IMAGES of a board, or a known --camera with --pose", where=where)
+        raise ConfigError("needs IMAGES of a board, or a known --camera with --pose or --tracks", where=where)
     if right and (pose or camera):
         raise ConfigError(
             "takes no --pose for a stereo pair",
@@ -181,8 +223,14 @@ def _with_axis(
         pose,
         result.board,
         camera_of(result, known).intrinsics,
+        device=result.left.seen.device if result.left else str(_lens_account(known).get("device", "")),
         base_z_mm=heights_mm[0],
         moving_z_mm=heights_mm[1],
         progress=progress,
     )
     return replace(result, disk=disk, disk_seen=seen)
+
+
+def _lens_account(known: Camera | None) -> Mapping[str, Any]:
+    account = known.extra.get("left", {}) if known else {}
+    return account if isinstance(account, Mapping) else {}
