@@ -1,4 +1,4 @@
-"""The decorator of compiled functions, with types kept."""
+"""The decorators of compiled functions, with types kept."""
 
 from __future__ import annotations
 
@@ -11,5 +11,13 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go."""
-    return cast("F", njit(cache=True, nogil=True)(function))
+    """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go.
+
+    A division by zero gives infinity, as in numpy.
+    """
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def inlined(function: F) -> F:
+    """Compile a small function into its callers."""
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))

@@ -3,11 +3,14 @@
 A transformation only advances, so the upward peaks of noise push it on and bias the angle. A low-pass filter would cure
 that and round the corners of the temperature, where an incomplete transformation ends. Here the noise is measured
 first, by differences of third order at several strides (so that noise that was interpolated onto a faster clock is
-found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets the value and slope
-of a local quadratic over a window on its left, on its right or around it. Each kind of window grows until the
-intervals of its estimates no longer meet (Goldenshluger and Nemirovski 1997; Katkovnik 1999): it stops at a corner by
-itself; the kind that ends with the smallest variance is used. Around a corner :mod:`torsight.actuator.corners` then
-fits both sides at once.
+found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets the value of a local
+parabola over a window before it, after it or around it. Each kind of window grows until the intervals of its estimates
+no longer meet (Goldenshluger and Nemirovski 1997; Katkovnik 1999): it stops at a corner by itself; the kind that ends
+with the smallest variance is used. Around a corner :mod:`torsight.actuator.corners` then fits both sides at once.
+
+The wire behind a slow sensor, τ dT_m/dt = T − T_m, comes out of the same fits: where the wire is locally a parabola,
+the sensor reads the parabola less its own lag and a rest that decays with τ, and that is what is fitted. The noise is
+not differentiated anywhere, and the wire's corners come out sharp.
 """
 
 from __future__ import annotations
@@ -34,6 +37,8 @@ _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
 _SELECTION: Final = 1.8
+# Beyond this many time constants what is left of an earlier corner is nothing.
+_GONE: Final = 25.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,25 +63,26 @@ class Conditioned:
     noise_c: float
 
 
-def condition(time_s: Array, temp_c: Array) -> Conditioned:
+def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditioned:
     """Remove the noise of a temperature log and keep its corners.
 
     Parameters
     ----------
     time_s, temp_c : (n,) float64
         Finite; times increasing, not necessarily at one rate.
+    lag_s : float
+        Time constant of the sensor: the wire's temperature is returned.
     """
     n = len(temp_c)
     if n < _SHORTEST:
-        slope = np.gradient(temp_c, time_s) if n > 1 else np.zeros(n)
-        return Conditioned(temp_c, np.asarray(slope, np.float64), np.zeros(n), 0.0)
-    noise, correlation = measure_noise(time_s, temp_c)
-    if noise <= NEGLIGIBLE_C:
-        # Rounding to a last digit is noise to a slope even where it is none to the value.
-        spread = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
-        _, rate, _ = _smooth(*_blocks(time_s, temp_c), spread, time_s)
+        slope = np.asarray(np.gradient(temp_c, time_s)) if n > 1 else np.zeros(n)
+        return Conditioned(temp_c + lag_s * slope, slope, np.zeros(n), 0.0)
+    noise, _ = measure_noise(time_s, temp_c)
+    # Rounding to a last digit is noise to a slope even where it is none to the value.
+    least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
+    value, rate, sigma = _smooth(*_blocks(time_s, temp_c), least, time_s, lag_s)
+    if noise <= NEGLIGIBLE_C and lag_s == 0.0:
         return Conditioned(temp_c, rate, np.full(n, noise), noise)
-    value, rate, sigma = _smooth(*_blocks(time_s, temp_c), noise, time_s)
     return Conditioned(value, rate, sigma, noise)
 
 
@@ -124,119 +130,158 @@ def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
     return largest, float(enough)
 
 
-def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array) -> tuple[Array, Array, Array]:
-    """Return value, slope and sigma at the wanted times."""
+def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
+    """Return value, slope and sigma of the wire's temperature at the wanted times."""
     noise, correlation = measure_noise(time_s, temp_c)
     sigma = max(noise, 0.2 * least) * math.sqrt(correlation)
     interval = float(np.median(np.diff(time_s)))
     longest = int(min(max(_MAX_WINDOW_S / interval, 16), _MAX_WINDOW))
-    smallest = max(4, int(3 * correlation))
+    smallest = max(4 if lag_s == 0.0 else 6, int(3 * correlation))
     sizes = [smallest]
     while sizes[-1] < longest:
         sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
-    time = time_s / interval
-    value, rate, left_over, sides = _local_fits(time, temp_c, sigma, np.array(sizes))
+    value, rate, left_over, sides = _local_fits(time_s / interval, temp_c, sigma, np.array(sizes), lag_s / interval)
+    rate /= interval
+    sides[:, 0] /= interval
+    sides[:, 1] /= interval**2
     left_over *= _SELECTION
     mend_corners(
-        time, temp_c, sides, sigma_c=sigma, smallest=smallest, value=value, rate=rate, left_over=left_over
+        time_s,
+        temp_c,
+        sides,
+        lag_s=lag_s,
+        sigma_c=sigma,
+        smallest=smallest,
+        value=value,
+        rate=rate,
+        left_over=left_over,
     )
-    rate /= interval
     if len(time_s) == len(wanted_s):
         return value, rate, left_over
-    return tuple(np.interp(wanted_s, time_s, item) for item in (value, rate, left_over))  # type: ignore[return-value]
+    return (
+        np.interp(wanted_s, time_s, value),
+        np.interp(wanted_s, time_s, rate),
+        np.interp(wanted_s, time_s, left_over),
+    )
 
 
 @compiled
-def _fit(m: Array) -> tuple[float, float, float, float]:
-    """Return value, slope and their unit variances at the origin of the quadratic with these moments.
+def _add(m: Array, t: float, y: float, lag: float) -> None:
+    """Add a sample to the normal equations: (4, 4) of 1, t, t² and the decaying rest, and the side's column."""
+    f1, f2 = t, t * t
+    m[0, 0] += 1.0
+    m[0, 1] += f1
+    m[0, 2] += f2
+    m[1, 2] += f1 * f2
+    m[2, 2] += f2 * f2
+    m[0, 4] += y
+    m[1, 4] += f1 * y
+    m[2, 4] += f2 * y
+    if lag > 0.0:
+        rest = np.exp(min(-t / lag, _GONE))
+        m[0, 3] += rest
+        m[1, 3] += rest * f1
+        m[2, 3] += rest * f2
+        m[3, 3] += rest * rest
+        m[3, 4] += rest * y
 
-    ``m`` holds Σ1, Σt, Σt², Σt³, Σt⁴, Σy, Σty, Σt²y.
+
+@compiled
+def _fit(m: Array, work: Array, lag: float) -> tuple[float, float, float, float]:
+    """Return value, slope and their unit variances, of the wire at the origin, from normal equations.
+
+    The wire is the parabola c0 + c1 t + c2 t² with lag · (its slope) added: value c0 + lag c1, slope c1 + 2 lag c2.
     """
-    a, b, c, d, e = m[0], m[1], m[2], m[3], m[4]
-    # Cofactors of [[a b c] [b c d] [c d e]].
-    c00, c01, c02 = c * e - d * d, c * d - b * e, b * d - c * c
-    c11, c12 = a * e - c * c, b * c - a * d
-    det = a * c00 + b * c01 + c * c02
-    value = (c00 * m[5] + c01 * m[6] + c02 * m[7]) / det
-    slope = (c01 * m[5] + c11 * m[6] + c12 * m[7]) / det
-    return value, slope, c00 / det, c11 / det
+    count = 4 if lag > 0.0 else 3
+    # Columns 4, 5 and 6: the side, and the two sums of coefficients that are wanted.
+    for i in range(count):
+        for j in range(count):
+            low, high = (i, j) if i < j else (j, i)
+            work[i, j] = m[low, high]
+        work[i, 4], work[i, 5], work[i, 6] = m[i, 4], 0.0, 0.0
+    work[1, 1] = m[0, 2]
+    work[0, 5], work[1, 5] = 1.0, lag
+    work[1, 6], work[2, 6] = 1.0, 2.0 * lag
+    for i in range(count):
+        pivot = work[i, i] + 1e-12 * m[0, 0]
+        for k in range(i + 1, count):
+            factor = work[k, i] / pivot
+            for j in range(i, 7):
+                work[k, j] -= factor * work[i, j]
+        work[i, i] = pivot
+    # With the matrix as L D Lᵀ: sums over the eliminated columns give aᵀ N⁻¹ b without solving back.
+    value = slope = variance_value = variance_slope = 0.0
+    for i in range(count):
+        inverse = 1.0 / work[i, i]
+        value += work[i, 5] * work[i, 4] * inverse
+        slope += work[i, 6] * work[i, 4] * inverse
+        variance_value += work[i, 5] * work[i, 5] * inverse
+        variance_slope += work[i, 6] * work[i, 6] * inverse
+    return value, slope, variance_value, variance_slope
 
 
 @compiled
-def _add(m: Array, t: float, y: float) -> None:
-    t2 = t * t
-    m[0] += 1.0
-    m[1] += t
-    m[2] += t2
-    m[3] += t2 * t
-    m[4] += t2 * t2
-    m[5] += y
-    m[6] += t * y
-    m[7] += t2 * y
+def _grow(m: Array, time: Array, temp_c: Array, k: int, first: int, last: int, lag: float) -> None:
+    """Add the samples ``first`` to ``last`` − 1 steps before (row 0) and after (row 1) sample k to the sums."""
+    for i in range(first, last):
+        if k - i >= 0:
+            _add(m[0], time[k - i] - time[k], temp_c[k - i] - temp_c[k], lag)
+        if k + i < temp_c.size:
+            _add(m[1], time[k + i] - time[k], temp_c[k + i] - temp_c[k], lag)
+    # Sample k itself is in both; around it, it counts once.
+    m[2] = m[0] + m[1]
+    m[2, 0, 0] -= 1.0
+    if lag > 0.0:
+        m[2, 0, 3] -= 1.0
+        m[2, 3, 3] -= 1.0
+
+
+@compiled
+def _judge(state: Array, estimate: float, reach: float) -> bool:
+    """Keep an estimate while its interval still meets all of this window's smaller ones; tell whether it is kept.
+
+    ``state`` holds alive, lower and upper end of what the intervals have in common.
+    """
+    state[1], state[2] = max(state[1], estimate - reach), min(state[2], estimate + reach)
+    if state[1] > state[2]:
+        state[0] = 0.0
+    return bool(state[0] > 0.0)
 
 
 @compiled
 def _local_fits(
-    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64]
+    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], lag: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Return value, slope and sigma of the best local quadratic at every sample, and both sides' slopes.
+    """Return value, slope and sigma of the best local fit at every sample, and both sides' slopes.
 
-    Value and slope choose their windows apart: a slope needs longer ones and feels a bend sooner. The last array
-    holds, for the window before and the one after each sample: slope, its variance, and the window's length.
+    The last array holds, for the window before and the one after each sample: slope, its variance, and its length.
     """
     n = temp_c.size
-    out = np.zeros((2, n))
-    left_over = np.full(n, sigma)
-    sides = np.zeros((2, 3, n))
+    value, slope, left_over = temp_c.copy(), np.zeros(n), np.full(n, sigma)
+    sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
-    moments, both = np.zeros((2, 8)), np.zeros(8)
-    low, high = np.empty((3, 2)), np.empty((3, 2))
-    alive, best = np.empty((3, 2), np.bool_), np.empty(2)
+    sums, state, work = np.zeros((3, 4, 5)), np.empty((3, 3)), np.zeros((4, 7))
     for k in range(n):
-        moments[:] = 0.0
-        low[:], high[:], alive[:], best[:] = -np.inf, np.inf, True, np.inf
-        done = 0
+        sums[:] = 0.0
+        state[:, 0], state[:, 1], state[:, 2] = 1.0, -np.inf, np.inf
+        best, done = np.inf, 0
         for size in sizes:
-            for i in range(done, size):
-                if k - i >= 0:
-                    _add(moments[0], time[k - i] - time[k], temp_c[k - i] - temp_c[k])
-                if k + i < n and i > 0:
-                    _add(moments[1], time[k + i] - time[k], temp_c[k + i] - temp_c[k])
+            _grow(sums, time, temp_c, k, done, size, lag)
             done = size
             for kind in range(3):
                 # Before k (with it), after k (with it), and around it.
                 if (kind != 1 and k - size + 1 < 0) or (kind != 0 and k + size - 1 >= n):
-                    alive[kind, :] = False
-                if not (alive[kind, 0] or alive[kind, 1]):
+                    state[kind, 0] = 0.0
+                if state[kind, 0] == 0.0:
                     continue
-                if kind == 0:
-                    both[:] = moments[0]
-                elif kind == 1:
-                    both[:] = moments[1]
-                    both[0] += 1.0
-                else:
-                    both[:] = moments[0] + moments[1]
-                y, rate, variance_y, variance_rate = _fit(both)
-                for what in range(2):
-                    if not alive[kind, what]:
-                        continue
-                    estimate = y if what == 0 else rate
-                    variance = variance_y if what == 0 else variance_rate
-                    reach = _THRESHOLD * sigma * np.sqrt(variance)
-                    low[kind, what] = max(low[kind, what], estimate - reach)
-                    high[kind, what] = min(high[kind, what], estimate + reach)
-                    if low[kind, what] > high[kind, what]:
-                        alive[kind, what] = False
-                    else:
-                        if what == 0 and kind < 2:
-                            sides[kind, 0, k] = rate
-                            sides[kind, 1, k] = sigma * sigma * variance_rate
-                            sides[kind, 2, k] = size
-                        if variance < best[what]:
-                            best[what] = variance
-                            out[what, k] = estimate
-            if not alive.any():
+                y, rate, variance, variance_rate = _fit(sums[kind], work, lag)
+                if not _judge(state[kind], y, _THRESHOLD * sigma * np.sqrt(variance)):
+                    continue
+                sides[kind, 0, k], sides[kind, 1, k], sides[kind, 2, k] = rate, sigma**2 * variance_rate, size
+                if variance < best:
+                    best, value[k], slope[k] = variance, temp_c[k] + y, rate
+            if not state[:, 0].any():
                 break
-        if best[0] < np.inf:
-            left_over[k] = sigma * np.sqrt(best[0])
-    return temp_c + out[0], out[1], left_over, sides
+        if best < np.inf:
+            left_over[k] = sigma * np.sqrt(best)
+    return value, slope, left_over, sides[:2]

@@ -50,9 +50,7 @@ class Cycle:
             "theta_3_deg": self.theta_3_deg,
             "beta_cr_deg": self.beta_cr_deg,
             "cycle_spring": self.spring,
-            "stable_cycle": dict(
-                zip(("theta_1_deg", "theta_2_deg", "theta_3_deg"), self.stable_deg, strict=True)
-            ),
+            "stable_cycle": dict(zip(("theta_1_deg", "theta_2_deg", "theta_3_deg"), self.stable_deg, strict=True)),
         }
 
 

@@ -7,7 +7,7 @@ second (angles averaged over each row's interval), which loses nothing that a qu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -24,6 +24,53 @@ ROW_RATE_HZ: Final = 5.0
 """A record that is faster than this is thinned to about four rows per second for a fit."""
 MAX_GAP_S: Final = 5.0
 """Temperatures are bridged by a line over gaps up to this; rows in longer gaps do not count."""
+
+
+_LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensors:
+    """The temperatures as logged, for effects that must go back to them.
+
+    Attributes
+    ----------
+    time_s : (m,) float64
+        Times of the log.
+    temps_c : two (m,) float64
+        Both temperatures, gaps bridged.
+    rows : (n,) int64
+        Rows of the log that the drive keeps.
+    """
+
+    time_s: Array
+    temps_c: tuple[Array, Array]
+    rows: NDArray[np.int64]
+    _known: dict[float, tuple[Array, Array]] = field(default_factory=dict)
+
+    def lag_correction(self, lag_s: float) -> tuple[Array, Array]:
+        """Return, for the kept rows, what the wires' temperatures differ from the sensors' by with this time constant.
+
+        Made for constants on a grid, once each, and interpolated between them.
+        """
+        place = float(np.interp(lag_s, _LAG_GRID_S, np.arange(len(_LAG_GRID_S))))
+        low = min(int(place), len(_LAG_GRID_S) - 2)
+        share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
+        ends = [self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])]
+        a, b = ((1.0 - share) * ends[0][i] + share * ends[1][i] for i in (0, 1))
+        return a, b
+
+    def _at(self, lag_s: float) -> tuple[Array, Array]:
+        if lag_s not in self._known:
+            a, b = (
+                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows]
+                - condition(self.time_s, temp).temp_c[self.rows]
+                if lag_s > 0.0
+                else np.zeros(len(self.rows))
+                for temp in self.temps_c
+            )
+            self._known[lag_s] = (a, b)
+        return self._known[lag_s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +99,8 @@ class Drive:
         Room temperature: the lowest that the springs come back to.
     known : (n,) bool
         False in gaps of the temperature log that are too long to bridge.
+    sensors : Sensors
+        The temperatures as logged.
     """
 
     time_s: Array
@@ -68,6 +117,7 @@ class Drive:
     start_sigma_rad: float
     room_c: float
     known: NDArray[np.bool_]
+    sensors: Sensors
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -143,6 +193,7 @@ class _Base:
     cycles: HalfCycles
     room_c: float
     known: NDArray[np.bool_]
+    sensors: Sensors
 
     def drive(self, angle: Array, sigma: Array, start: float, start_sigma: float) -> Drive:
         return Drive(
@@ -160,6 +211,7 @@ class _Base:
             start_sigma_rad=start_sigma,
             room_c=self.room_c,
             known=self.known,
+            sensors=self.sensors,
         )
 
 
@@ -192,6 +244,7 @@ def _driven(
         cycles=thinned,
         room_c=min(coldest),
         known=(known_a & known_b)[rows],
+        sensors=Sensors(time_s, (filled_a, filled_b), rows),
     )
 
 

@@ -1,9 +1,9 @@
 """Least-squares fit of the actuator to a record, with characterised values as priors.
 
-Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, divided by κ, the residual's variance times
-its correlation time (:mod:`torsight.actuator.weights`), and every value's distance from its prior. κ follows from the
-residual of the fit before, in a few rounds. Intervals come from the curvature at the minimum and so are inflated for
-correlation and misfit alike. Several starts guard against local minima.
+Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, divided by κ, the residual's variance
+times its correlation time (:mod:`torsight.actuator.weights`), and every value's distance from its prior. κ follows from
+the residual of the fit before, in a few rounds. Intervals come from the curvature at the minimum and so are inflated
+for correlation and misfit alike. Several starts guard against local minima.
 
 Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
 exact C fixes the scale; where all are uncertain the priors do.
@@ -37,6 +37,10 @@ _ROUNDS: Final = 3
 _SCREENED: Final = 2
 _SILENT: Final = 0.9
 _LEAST_MOTION: Final = 8.0
+_SCALE_NOTE: Final = (
+    "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
+    "the torque's absolute size rests on the characterised values"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,7 +256,7 @@ def _solve(
 
     def run(u: Array, weight: Array, evaluations: int) -> Any:
         return least_squares(
-            problem.misfit, inside(u), bounds=(lower, upper), args=(weight,), diff_step=1e-5,
+            problem.misfit, inside(u), bounds=(lower, upper), args=(weight,), diff_step=np.array(1e-5),
             ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=evaluations,
         )  # fmt: skip
 
@@ -383,8 +387,7 @@ def _derived(derived: Derived, values: Mapping[str, float], problem: _Problem, c
 
 def _notes(model: ActuatorModel, quiet: tuple[str, ...], kappa: float) -> tuple[str, ...]:
     notes = [
-        "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
-        "the torque's absolute size rests on the characterised values",
+        _SCALE_NOTE,
         f"the residual is correlated: one in {kappa:.0f} rows counts as independent",
     ]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}

@@ -1,3 +1,7 @@
+# mypy: disable-error-code="no-any-return"
+# Elements of numpy arrays carry no type that mypy could check against float.
+# ruff: noqa: FBT001
+# Compiled functions call each other by position, flags too.
 """The compiled stepping rule: both springs and the friction, sample by sample, for any temperature history.
 
 At every sample one scalar equation is solved. While the actuator slides, the unknown is the active spring's own
@@ -8,7 +12,13 @@ it sticks, x is kept and the unknown is ξ at that angle. The order within a sam
 temperature, passive spring, then try to slide the way the transformation drives, else stick, else be driven back.
 
 Everything is in the coordinates of the active spring: x falls while it recovers. The mirror image for spring B is the
-sign ``s`` (φ = s (x − θ_P/2)).
+sign s (φ = s (x − θ_P/2)).
+
+Arrays that go from function to function:
+``p`` scalars of the rig; ``tables`` (4, m) torques over an angle; ``sections`` (3, m) of the wire: weight, how much
+cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
+reference state; ``w`` (3, m) per section: ξ, ξ0, and the furthest place in the law's window; ``g`` what goes on from
+sample to sample.
 """
 
 from __future__ import annotations
@@ -16,9 +26,15 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
-# Places in the vector of scalars.
+from torsight.actuator.compiled import compiled, inlined
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.int8]
+Counts = NDArray[np.int64]
+
+# Places in p, the scalars of the rig (SI units, °C).
 K_A: Final = 0
 K_M: Final = 1
 K_S: Final = 2
@@ -40,16 +56,30 @@ ROOM_C: Final = 17
 GRID_START: Final = 18
 GRID_STEP: Final = 19
 FIXED_THETA_L: Final = 20
-N_SCALARS: Final = 21
+HAS_STIFFENING: Final = 21
+HAS_FRICTION: Final = 22
+HAS_STRAY: Final = 23
+SIMPLE: Final = 24
+N_SCALARS: Final = 25
 
-# Places in the state of the active spring.
+# Rows of the tables.
+STIFFENING: Final = 0
+FRICTION_DOWN: Final = 1
+FRICTION_UP: Final = 2
+STRAY: Final = 3
+
+# Places in c, q and g.
+_TEMP, _HEATING, _X0, _PER_S, _WOUND, _CROSS, _SCALE, _SIGN = 0, 1, 2, 3, 4, 5, 6, 7
+_TEMP_PASSIVE, _TURN_NOW = 8, 9
 _X_REF, _TAU_REF, _XI_REF, _THETA_L, _SLIDING = 0, 1, 2, 3, 4
+_X, _TAU, _XI, _MOVE, _REST_S, _XI_P, _XI_0_P, _TURN_P, _CHANGED, _WHO = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 _LN100: Final = 4.605170185988092
 _TORQUE_TOLERANCE: Final = 1e-15
+_SLIP_TOLERANCE: Final = 1e-13
 
 
-@njit(cache=True, nogil=True)
-def turning_points(temperature, half, threshold):
+@compiled
+def turning_points(temperature: Array, half: Counts, threshold: float) -> Flags:
     """Return +1 where the active spring heats and −1 where it cools; a turn counts beyond ``threshold`` °C.
 
     The turn is placed at the extremum itself, not where the threshold was crossed. Each half-cycle starts heating.
@@ -72,399 +102,454 @@ def turning_points(temperature, half, threshold):
     return direction
 
 
-@njit(cache=True, nogil=True)
-def _completed(heating, temperature, torque, p):
-    """Return the law's share: of ξ0 that is left while heating, of 1 − ξ0 that has become while cooling."""
+@inlined
+def _place(heating: bool, temperature: float, torque: float, p: Array) -> float:
+    """Return where in the law's window the wire is: 0 at its start, 1 at its end, in the direction of change."""
     if heating:
-        u = (temperature - p[A_START] - p[TEMP_PER_TORQUE_A] * torque) / p[A_WIDTH]
-        if u <= 0.0:
-            return 1.0
-        if p[TANAKA] > 0.5:
-            return np.exp(-_LN100 * u)
-        return 0.0 if u >= 1.0 else 0.5 * (np.cos(np.pi * u) + 1.0)
-    u = (temperature - p[M_FINISH] - p[TEMP_PER_TORQUE_M] * torque) / p[M_WIDTH]
-    if u >= 1.0:
+        return (temperature - p[A_START] - p[TEMP_PER_TORQUE_A] * torque) / p[A_WIDTH]
+    return 1.0 - (temperature - p[M_FINISH] - p[TEMP_PER_TORQUE_M] * torque) / p[M_WIDTH]
+
+
+@inlined
+def _done(place: float, p: Array) -> float:
+    """Return the share of the transformation that is done at a place in the window."""
+    if place <= 0.0:
         return 0.0
     if p[TANAKA] > 0.5:
-        return 1.0 - np.exp(-_LN100 * (1.0 - u))
-    return 1.0 if u <= 0.0 else 0.5 * (np.cos(np.pi * u) + 1.0)
+        return 1.0 - np.exp(-_LN100 * place)
+    return 1.0 if place >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * place)
 
 
-@njit(cache=True, nogil=True)
-def _fraction(heating, temperature, torque, p, weight, drop_c, drop_share, xi, xi_0):
+@inlined
+def _fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
     """Return the wire's ξ at this torque: each section's law, advanced only."""
     total = 0.0
-    for j in range(weight.size):
-        own = temperature - drop_c[j] - drop_share[j] * (temperature - p[ROOM_C])
-        done = _completed(heating, own, torque, p)
-        if heating:
-            total += weight[j] * min(xi[j], xi_0[j] * done)
-        else:
-            total += weight[j] * max(xi[j], xi_0[j] + (1.0 - xi_0[j]) * done)
+    heating = c[_HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[_TEMP] - sections[1, j] - sections[2, j] * (c[_TEMP] - p[ROOM_C])
+        place = _place(heating, own, torque, p)
+        xi = w[0, j]
+        if place > w[2, j]:
+            done = _done(place, p)
+            xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
+        total += sections[0, j] * xi
     return total
 
 
-@njit(cache=True, nogil=True)
-def _advance(heating, temperature, torque, p, weight, drop_c, drop_share, xi, xi_0):
+@compiled
+def _advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
-    for j in range(weight.size):
-        own = temperature - drop_c[j] - drop_share[j] * (temperature - p[ROOM_C])
-        done = _completed(heating, own, torque, p)
-        if heating:
-            xi[j] = min(xi[j], xi_0[j] * done)
-        else:
-            xi[j] = max(xi[j], xi_0[j] + (1.0 - xi_0[j]) * done)
-        total += weight[j] * xi[j]
+    heating = c[_HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[_TEMP] - sections[1, j] - sections[2, j] * (c[_TEMP] - p[ROOM_C])
+        place = _place(heating, own, torque, p)
+        if place > w[2, j]:
+            done = _done(place, p)
+            w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
+            w[2, j] = place
+        total += sections[0, j] * w[0, j]
     return total
 
 
-@njit(cache=True, nogil=True)
-def _interpolate(x, table, p):
-    """Return the table's value at x, held beyond its ends; 0 without a table."""
-    if table.size == 0:
-        return 0.0
+@inlined
+def _interpolate(x: float, row: int, p: Array, tables: Array) -> float:
+    """Return a table's value at x, held beyond its ends."""
     place = (x - p[GRID_START]) / p[GRID_STEP]
+    last = tables.shape[1] - 1
     if place <= 0.0:
-        return table[0]
-    if place >= table.size - 1:
-        return table[-1]
+        return tables[row, 0]
+    if place >= last:
+        return tables[row, last]
     i = int(place)
-    return table[i] + (place - i) * (table[i + 1] - table[i])
+    return tables[row, i] + (place - i) * (tables[row, i + 1] - tables[row, i])
 
 
-@njit(cache=True, nogil=True)
-def _loading(theta, p, stiffening):
+@inlined
+def _loading(theta: float, p: Array, tables: Array) -> float:
     """Return the martensite's loading curve with what stiffens it."""
-    extra = _interpolate(theta, stiffening, p)
+    extra = _interpolate(theta, STIFFENING, p, tables) if p[HAS_STIFFENING] > 0.0 else 0.0
     if theta <= p[THETA_CR]:
         return p[K_M] * theta + extra
     return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR]) + extra
 
 
-@njit(cache=True, nogil=True)
-def _passive(theta, theta_max, p, stiffening):
+@inlined
+def _cold(theta: float, theta_max: float, p: Array, tables: Array) -> float:
     """Return the torque of cold martensite: on its loading curve, or unwound elastically from ``theta_max``."""
     if theta >= theta_max:
-        return _loading(theta, p, stiffening)
-    return _loading(theta_max, p, stiffening) - p[K_M] * (theta_max - theta)
+        return _loading(theta, p, tables)
+    return _loading(theta_max, p, tables) - p[K_M] * (theta_max - theta)
 
 
-@njit(cache=True, nogil=True)
-def _friction(phi, upwards, scale, p, friction_down, friction_up):
-    """Return the friction magnitude at φ for a motion up (φ grows) or down."""
-    if friction_up.size == 0:
-        return p[TAU_C] * scale
-    table = friction_up if upwards else friction_down
-    return max(0.0, _interpolate(phi + 0.5 * p[THETA_P], table, p)) * scale
+@inlined
+def _friction(theta_a: float, up: bool, p: Array, tables: Array) -> float:
+    """Return the friction magnitude at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
+    if p[HAS_FRICTION] > 0.0:
+        return max(0.0, _interpolate(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables))
+    return p[TAU_C]
 
 
-@njit(cache=True, nogil=True)
-def _load(x, sense, x_before, per_s, theta_max, cross, scale, s, p, stiffening, friction_down, friction_up, stray):
+@inlined
+def _load(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
     −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ, mirrored for spring B.
     """
-    phi = s * (x - 0.5 * p[THETA_P])
-    friction = _friction(phi, sense * s > 0.0, scale, p, friction_down, friction_up)
-    friction += p[VISCOUS] * abs(x - x_before) * per_s
-    torque = _passive(p[THETA_P] - x, theta_max, p, stiffening) + cross
-    if stray.size > 0:
-        torque += s * _interpolate(phi + 0.5 * p[THETA_P], stray, p)
-    return torque - sense * friction
+    theta_a = x if c[_SIGN] > 0.0 else p[THETA_P] - x
+    friction = _friction(theta_a, sense * c[_SIGN] > 0.0, p, tables) * scale
+    friction += p[VISCOUS] * abs(x - c[_X0]) * c[_PER_S]
+    torque = _cold(p[THETA_P] - x, c[_WOUND], p, tables) + c[_CROSS] - sense * friction
+    if p[HAS_STRAY] > 0.0:
+        torque += c[_SIGN] * _interpolate(theta_a, STRAY, p, tables)
+    return torque
 
 
-@njit(cache=True, nogil=True)
-def _made(x, xi, heating, state, p, stiffening):
+@inlined
+def _made(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than its loading curve."""
     stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
-    torque = state[_TAU_REF] + stiffness * (x - state[_X_REF] - state[_THETA_L] * (xi - state[_XI_REF]))
-    if heating:
+    torque = q[_TAU_REF] + stiffness * (x - q[_X_REF] - q[_THETA_L] * (xi - q[_XI_REF]))
+    if c[_HEATING] > 0.0:
         return torque
-    return max(torque, _loading(x, p, stiffening))
+    return max(torque, _loading(x, p, tables))
 
 
-@njit(cache=True, nogil=True)
-def _root_step(a, fa, b, fb, c, fc):
-    """Return the bracket [a, b] after a trial c between them (Anderson–Björck): b is the newest point."""
-    if (fc > 0.0) == (fb > 0.0):
-        factor = 1.0 - fc / fb
-        fa = fa * (factor if factor > 0.0 else 0.5)
-    else:
-        a, fa = b, fb
-    return a, fa, c, fc
+@inlined
+def _excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+    """Return load less made torque at a trial angle, positive as long as it must slide on."""
+    load = _load(x, sense, c[_SCALE], c, p, tables)
+    return sense * (load - _made(x, _fraction(load, c, p, sections, w), c, q, p, tables))
 
 
-@njit(cache=True, nogil=True)
-def _slide(x, sense, guess, heating, temperature, per_s, theta_max, cross, scale, s, p, stiffening, friction_down,
-           friction_up, stray, weight, drop_c, drop_share, xi, xi_0, state):  # fmt: skip
-    """Return the angle to which the active spring slides from ``x`` in this sample."""
-    a, b = x, x
-    fa = fb = 0.0
+@compiled
+def _slide(sense: float, guess: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+    """Return the angle to which the active spring slides in this sample.
+
+    A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
+    """
+    a, fa, b, fb = c[_X0], 0.0, c[_X0], 0.0
+    bracketed = False
+    x = a
     step = max(guess, 1e-7)
-    first = True
-    for _ in range(64):
-        load = _load(b, sense, x, per_s, theta_max, cross, scale, s, p, stiffening, friction_down, friction_up, stray)
-        fraction = _fraction(heating, temperature, load, p, weight, drop_c, drop_share, xi, xi_0)
-        fb = sense * (load - _made(b, fraction, heating, state, p, stiffening))
-        if fb <= 0.0 and not first:
-            break
-        first = False
-        a, fa = b, max(fb, _TORQUE_TOLERANCE)
-        b = b + sense * step
-        step *= 2.0
-    for _ in range(80):
+    for trial in range(120):
+        fx = _excess(x, sense, c, q, w, p, tables, sections)
+        if trial == 0:
+            if fx <= 0.0:
+                return x
+            fa = fx
+        elif not bracketed:
+            b, fb = x, fx
+            if fx <= 0.0:
+                bracketed = True
+            else:
+                drop = (fa - fx) / step
+                ahead = 1.05 * fx / drop if drop > 0.0 else 2.0 * step
+                a, fa = x, fx
+                step = min(max(ahead, 1e-9), 8.0 * step)
+        else:
+            if (fx > 0.0) == (fb > 0.0):
+                factor = 1.0 - fx / fb
+                fa *= factor if factor > 0.0 else 0.5
+            else:
+                a, fa = b, fb
+            b, fb = x, fx
+        if not bracketed:
+            x = a + sense * step
+            continue
         if abs(fb) <= _TORQUE_TOLERANCE or abs(b - a) < 1e-13 or fa == fb:
             break
-        c = b - fb * (b - a) / (fb - fa)
-        load = _load(c, sense, x, per_s, theta_max, cross, scale, s, p, stiffening, friction_down, friction_up, stray)
-        fraction = _fraction(heating, temperature, load, p, weight, drop_c, drop_share, xi, xi_0)
-        fc = sense * (load - _made(c, fraction, heating, state, p, stiffening))
-        a, fa, b, fb = _root_step(a, fa, b, fb, c, fc)
+        x = b - fb * (b - a) / (fb - fa)
     return b
 
 
-@njit(cache=True, nogil=True)
-def _stick(x, total, heating, temperature, p, stiffening, weight, drop_c, drop_share, xi, xi_0, state):
-    """Return ξ at the kept angle: the law at the torque that this very ξ makes."""
-    a = total
-    torque = _made(x, a, heating, state, p, stiffening)
-    b = _fraction(heating, temperature, torque, p, weight, drop_c, drop_share, xi, xi_0)
-    if b == a:
-        return a
-    fa = a - b
-    torque = _made(x, b, heating, state, p, stiffening)
-    fb = b - _fraction(heating, temperature, torque, p, weight, drop_c, drop_share, xi, xi_0)
-    for _ in range(80):
+@compiled
+def _stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+    """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
+    a, fa, b, fb = total, 0.0, total, 0.0
+    xi = total
+    for trial in range(80):
+        law = _fraction(_made(x, xi, c, q, p, tables), c, p, sections, w)
+        fx = xi - law
+        if trial == 0:
+            if fx == 0.0:
+                return xi
+            fa = fx
+            xi = law
+            continue
+        if trial == 1:
+            b, fb = xi, fx
+        else:
+            if (fx > 0.0) == (fb > 0.0):
+                factor = 1.0 - fx / fb
+                fa *= factor if factor > 0.0 else 0.5
+            else:
+                a, fa = b, fb
+            b, fb = xi, fx
         if abs(fb) <= 1e-14 or abs(b - a) < 1e-15 or fa == fb:
             break
-        c = b - fb * (b - a) / (fb - fa)
-        torque = _made(x, c, heating, state, p, stiffening)
-        fc = c - _fraction(heating, temperature, torque, p, weight, drop_c, drop_share, xi, xi_0)
-        a, fa, b, fb = _root_step(a, fa, b, fb, c, fc)
+        xi = b - fb * (b - a) / (fb - fa)
     return b
 
 
-@njit(cache=True, nogil=True)
-def _crosstalk(theta, theta_max, xi, xi_0, heating, temperature, p, stiffening):
-    """Return the passive spring's ξ and the torque that its own recovery adds at this angle."""
-    base = _passive(theta, theta_max, p, stiffening)
-    angle = max(0.0, theta_max - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * p[PASSIVE_SHARE]
-    low, high = 0.0, 1.0
-    if heating:
-        high = xi
-    else:
-        low = xi
-    # The law at the torque of a trial ξ, less the trial: falls as the trial grows, in both directions of change.
+@compiled
+def _sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Array) -> float:
+    """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
+    a, b = xi_from, xi_to
+    slope = p[K_M] - p[K_A]
     for _ in range(60):
+        xi = 0.5 * (a + b)
+        torque = q[_TAU_REF] + (p[K_A] + xi * slope) * (x - q[_X_REF] - q[_THETA_L] * (xi - q[_XI_REF]))
+        # While ξ falls the torque grows towards the load, while ξ grows it falls towards it.
+        if (torque - load) * (xi_to - xi_from) > 0.0:
+            a = xi
+        else:
+            b = xi
+    return 0.5 * (a + b)
+
+
+@compiled
+def _crosstalk(theta: float, c: Array, g: Array, p: Array, tables: Array) -> float:
+    """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
+    base = _cold(theta, c[_WOUND], p, tables)
+    angle = max(0.0, c[_WOUND] - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * p[PASSIVE_SHARE]
+    if c[_TURN_NOW] != g[_TURN_P]:
+        g[_XI_0_P], g[_TURN_P] = g[_XI_P], c[_TURN_NOW]
+    heating, xi = g[_TURN_P] > 0.0, g[_XI_P]
+    low, high = (0.0, xi) if heating else (xi, 1.0)
+    # The law at the torque of a trial ξ, less the trial: falls as the trial grows, in both directions of change.
+    for _ in range(46):
         trial = 0.5 * (low + high)
         torque = base + (p[K_A] + trial * (p[K_M] - p[K_A])) * angle * (1.0 - trial)
-        done = _completed(heating, temperature, torque, p)
-        target = min(xi, xi_0 * done) if heating else max(xi, xi_0 + (1.0 - xi_0) * done)
+        done = _done(_place(heating, c[_TEMP_PASSIVE], torque, p), p)
+        own = g[_XI_0_P] * (1.0 - done) if heating else g[_XI_0_P] + (1.0 - g[_XI_0_P]) * done
+        target = min(xi, own) if heating else max(xi, own)
         if target > trial:
             low = trial
         else:
             high = trial
-        if high - low < 1e-13:
-            break
     fraction = 0.5 * (low + high)
-    if heating and fraction > xi - 1e-12:
-        fraction = xi
-    return fraction, (p[K_A] + fraction * (p[K_M] - p[K_A])) * angle * (1.0 - fraction)
+    if abs(fraction - xi) > 1e-12:
+        g[_XI_P] = fraction
+    fraction = g[_XI_P]
+    return (p[K_A] + fraction * (p[K_M] - p[K_A])) * angle * (1.0 - fraction)
 
 
-@njit(cache=True, nogil=True)
-def _sticking_end(x, load, xi_from, xi_to, state, p):
-    """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
-    a, b = xi_from, xi_to
-    slope = p[K_M] - p[K_A]
-    for _ in range(100):
-        c = 0.5 * (a + b)
-        torque = state[_TAU_REF] + (p[K_A] + c * slope) * (x - state[_X_REF] - state[_THETA_L] * (c - state[_XI_REF]))
-        # While ξ falls the torque grows towards the load, while ξ grows it falls towards it.
-        if (torque - load) * (xi_to - xi_from) > 0.0:
-            a = c
-        else:
-            b = c
-        if abs(b - a) < 1e-15:
-            break
-    return 0.5 * (a + b)
-
-
-@njit(cache=True, nogil=True)
-def _home(x, theta_max, p, stiffening, limit):
-    """Return θ_max and torque of a spring at ``x`` unwound, if need be, so that its torque is at most ``limit``."""
-    torque = _passive(x, theta_max, p, stiffening)
-    if torque <= limit:
-        return theta_max, torque
-    low, high = max(x, p[THETA_CR]), max(x, p[THETA_CR]) + 1.0
+@compiled
+def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
+    """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
+    if _loading(x, p, tables) <= limit:
+        return x
+    # From the critical angle on an unwinding leads to less torque the further it starts, as long as the curve rises
+    # less than the unwinding falls: a spring that stiffens beyond that cannot have been wound further.
+    low = max(x, p[THETA_CR])
+    high, torque = low, _cold(x, low, p, tables)
+    while torque > limit and high < low + 4.0 * p[THETA_P]:
+        further = _cold(x, high + 0.1, p, tables)
+        if further >= torque:
+            return high
+        high, torque = high + 0.1, further
     for _ in range(60):
-        if _passive(x, high, p, stiffening) <= limit or p[K_M] <= p[K_S]:
-            break
-        high = x + 2.0 * (high - x)
-    for _ in range(100):
         middle = 0.5 * (low + high)
-        if _passive(x, middle, p, stiffening) > limit:
+        if _cold(x, middle, p, tables) > limit:
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high), limit
+    return 0.5 * (low + high)
 
 
-@njit(cache=True, nogil=True)
-def run(per_s, temp_active, temp_passive, active, half, direction, passive_direction, theta_l_scale, friction_scale,
-        p, stiffening, friction_down, friction_up, stray, weight, drop_c, drop_share, theta_start):  # fmt: skip
+@compiled
+def _home(theta_start: float, scale: float, p: Array, tables: Array) -> Array:
+    """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold."""
+    wound = np.empty(2)
+    for i in range(2):
+        own = theta_start if i == 0 else p[THETA_P] - theta_start
+        hold = scale * _friction(theta_start, i == 1, p, tables)
+        wound[i] = _wound_for(own, _loading(p[THETA_P] - own, p, tables) + hold, p, tables)
+    return wound
+
+
+@inlined
+def _recoverable(wound: float, scale: float, p: Array) -> float:
+    if p[FIXED_THETA_L] > 0.0:
+        return p[FIXED_THETA_L] * scale
+    return max(0.0, wound - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * scale
+
+
+@compiled
+def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, g: Array, q: Array, w: Array,
+                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+    """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left."""
+    before = int(g[_WHO])
+    if before >= 0:
+        wound[before] = g[_X]
+    x = theta_a if who == 0 else p[THETA_P] - theta_a
+    sign = 1.0 if who == 0 else -1.0
+    limit = _cold(p[THETA_P] - x, wound[1 - who], p, tables) + scale * _friction(theta_a, who == 1, p, tables)
+    if p[HAS_STRAY] > 0.0:
+        limit += sign * _interpolate(theta_a, STRAY, p, tables)
+    g[_WHO], g[_X], g[_XI] = who, x, 1.0
+    g[_TAU] = min(_cold(x, wound[who], p, tables), limit)
+    g[_XI_P], g[_XI_0_P], g[_TURN_P], g[_CHANGED] = 1.0, 1.0, 1.0, 1.0
+    q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = x, g[_TAU], 1.0, 0.0
+    q[_THETA_L] = _recoverable(wound[who], theta_l_scale, p)
+    w[0], w[1], w[2] = 1.0, 1.0, 0.0
+
+
+@compiled
+def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
+          wound: Array, p: Array) -> None:  # fmt: skip
+    """Take a new reference state when heating turns into cooling or back.
+
+    A turn after which nothing changes until the next is no turn: the transformation before it goes on.
+    """
+    if g[_CHANGED] > 0.0:
+        saved_q[:], saved_w[:] = q, w
+        q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = g[_X], g[_TAU], g[_XI], 0.0
+        w[1], w[2] = w[0], 0.0
+        if heating and g[_XI] > 1.0 - 1e-9:
+            who = int(g[_WHO])
+            wound[who] = g[_X]
+            q[_THETA_L] = _recoverable(g[_X], theta_l_scale, p)
+    else:
+        for i in range(q.size):
+            q[i], saved_q[i] = saved_q[i], q[i]
+        for j in range(w.shape[1]):
+            for i in (1, 2):
+                w[i, j], saved_w[i, j] = saved_w[i, j], w[i, j]
+    g[_CHANGED] = 0.0
+
+
+@compiled
+def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> bool:
+    """Bring the active spring to rest in this sample; return whether it slid.
+
+    First the way in which the transformation drives, then (after sticking) the other way.
+    """
+    x, scale = g[_X], c[_SCALE]
+    hold = scale
+    if p[STATIC_EXCESS] > 0.0 and q[_SLIDING] == 0.0:
+        hold *= 1.0 + p[STATIC_EXCESS] * (1.0 - np.exp(-g[_REST_S] / p[STATIC_TIME]))
+    for attempt in range(2):
+        sense = -1.0 if (c[_HEATING] > 0.0) == (attempt == 0) else 1.0
+        limit = _load(x, sense, hold, c, p, tables)
+        reached = _fraction(limit, c, p, sections, w) if attempt == 0 else g[_XI]
+        if sense * (limit - _made(x, reached, c, q, p, tables)) > _SLIP_TOLERANCE:
+            if q[_SLIDING] != sense:
+                end = reached
+                if attempt == 0:
+                    end = g[_XI]
+                    if sense * (limit - _made(x, end, c, q, p, tables)) < 0.0:
+                        end = _sticking_end(x, limit, end, reached, q, p)
+                q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = x, limit, end, sense
+            g[_X] = _slide(sense, 1.02 * g[_MOVE], c, q, w, p, tables, sections)
+            g[_TAU] = _load(g[_X], sense, scale, c, p, tables)
+            g[_XI] = _advance(g[_TAU], c, p, sections, w)
+            g[_MOVE] = abs(g[_X] - x)
+            return True
+        if attempt == 0:
+            g[_XI] = _stick(x, g[_XI], c, q, w, p, tables, sections)
+            g[_TAU] = _made(x, g[_XI], c, q, p, tables)
+            _advance(g[_TAU], c, p, sections, w)
+    return False
+
+
+@inlined
+def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
+    """Return whether no section's transformation advances at the torque as it is."""
+    heating = c[_HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[_TEMP] - sections[1, j] - sections[2, j] * (c[_TEMP] - p[ROOM_C])
+        complete = w[2, j] >= 1.0 and p[TANAKA] < 0.5
+        if not complete and _place(heating, own, g[_TAU], p) > w[2, j]:
+            return False
+    return True
+
+
+@compiled
+def run(
+    per_s: Array,
+    temps: Array,
+    active: Flags,
+    half: Counts,
+    directions: NDArray[np.int8],
+    theta_l_scale: Array,
+    friction_scale: Array,
+    p: Array,
+    tables: Array,
+    sections: Array,
+    theta_start: float,
+) -> Array:
     """Step through all samples.
 
     Parameters
     ----------
     per_s : (n,) float64
         One over the time since the sample before, 1/s (0 for the first).
-    temp_active, temp_passive : (n,) float64
+    temps : (2, n) float64
         Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
     active : (n,) int8
         0 while A is driven, 1 while B is.
     half : (n,) int64
         Number of the half-cycle, from 0.
-    direction, passive_direction : (n,) int8
-        From :func:`turning_points`.
+    directions : (2, n) int8
+        From :func:`turning_points`, for either row of ``temps``.
     theta_l_scale : (halves,) float64
         Factor on the recoverable angle in each half-cycle.
     friction_scale : (n,) float64
         Factor on the friction at each sample.
     p : (N_SCALARS,) float64
         Scalars, in SI units.
-    stiffening, friction_down, friction_up, stray : (m,) float64
-        Tables over an angle (own winding θ for the first, φ + θ_P/2 for the others), or empty.
-    weight, drop_c, drop_share : (sections,) float64
+    tables : (4, m) float64
+        Torques over an angle: own winding θ for the first, θ^A = φ + θ_P/2 for the others.
+    sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
     theta_start : float
         θ^A at the start, rad.
 
     Returns
     -------
-    theta_a, xi_a, xi_b, tau_a, tau_b : (n,) float64
-        Angle of spring A (rad), fractions, torques (N·m).
+    (5, n) float64
+        θ^A (rad), ξ of A and B, torque of A and B (N·m).
     """
-    n = temp_active.size
-    sections = weight.size
+    n = active.size
     out = np.empty((5, n))
-    theta_p = p[THETA_P]
-    # Both springs' largest winding since they were last austenite, torque and fraction.
-    wound = np.array([theta_start, theta_p - theta_start])
-    for i in range(2):
-        own = theta_start if i == 0 else theta_p - theta_start
-        other = theta_p - own
-        friction = _friction(theta_start - 0.5 * theta_p, i == 1, friction_scale[0], p, friction_down, friction_up)
-        wound[i], _ = _home(own, own, p, stiffening, _loading(other, p, stiffening) + friction)
-    xi, xi_0, saved_xi_0 = np.ones(sections), np.ones(sections), np.ones(sections)
-    state, saved = np.zeros(5), np.zeros(5)
-    x = theta_a = theta_start
-    tau, total, move, rest_s = 0.0, 1.0, 1e-3, 0.0
-    xi_passive = xi_0_passive = 1.0
-    cross, passive_turned = 0.0, 1
-    changed, who = True, -1
+    c, q, saved_q, g = np.zeros(10), np.zeros(5), np.zeros(5), np.zeros(10)
+    w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
+    g[_WHO], g[_MOVE] = -1.0, 1e-3
+    theta_a, theta_p = theta_start, p[THETA_P]
+    wound = _home(theta_start, friction_scale[0], p, tables)
     for k in range(n):
+        fresh = True
         if k == 0 or half[k] != half[k - 1]:
-            if who >= 0:
-                wound[who] = x
-            who = active[k]
-            x = theta_a if who == 0 else theta_p - theta_a
-            sign = 1.0 if who == 0 else -1.0
-            hold = _friction(sign * (x - 0.5 * theta_p), sign < 0.0, friction_scale[k], p, friction_down, friction_up)
-            other = _passive(theta_p - x, wound[1 - who], p, stiffening)
-            if stray.size > 0:
-                other += sign * _interpolate(sign * (x - 0.5 * theta_p) + 0.5 * theta_p, stray, p)
-            tau = min(_passive(x, wound[who], p, stiffening), other + hold)
-            excess = max(0.0, wound[who] - p[THETA_CR])
-            state[_THETA_L] = excess * (1.0 - p[K_S] / p[K_M])
-            if p[FIXED_THETA_L] > 0.0:
-                state[_THETA_L] = p[FIXED_THETA_L]
-            state[_THETA_L] *= theta_l_scale[half[k]]
-            state[_X_REF], state[_TAU_REF], state[_XI_REF], state[_SLIDING] = x, tau, 1.0, 0.0
-            xi[:], xi_0[:] = 1.0, 1.0
-            total, xi_passive, xi_0_passive, cross, passive_turned = 1.0, 1.0, 1.0, 0.0, 1
-            changed = True
-        elif direction[k] != direction[k - 1]:
-            # A turn after which nothing had changed was no turn: the transformation before it goes on.
-            if changed:
-                saved[:], saved_xi_0[:] = state, xi_0
-                state[_X_REF], state[_TAU_REF], state[_XI_REF], state[_SLIDING] = x, tau, total, 0.0
-                xi_0[:] = xi
-                if direction[k] > 0 and total > 1.0 - 1e-9 and p[FIXED_THETA_L] <= 0.0:
-                    wound[who] = x
-                    state[_THETA_L] = max(0.0, x - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * theta_l_scale[half[k]]
-            else:
-                for i in range(5):
-                    state[i], saved[i] = saved[i], state[i]
-                for j in range(sections):
-                    xi_0[j], saved_xi_0[j] = saved_xi_0[j], xi_0[j]
-            changed = False
-        heating = direction[k] > 0
-        temperature, scale = temp_active[k], friction_scale[k]
-        s = 1.0 if who == 0 else -1.0
-        x_before, total_before = x, total
-        theta_max = wound[1 - who]
+            scale = theta_l_scale[half[k]]
+            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
+        elif directions[0, k] != directions[0, k - 1]:
+            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
+        else:
+            fresh = p[SIMPLE] == 0.0
+        who = int(g[_WHO])
+        c[_TEMP], c[_HEATING] = temps[0, k], directions[0, k]
+        if not fresh and _nothing_to_do(c, g, w, p, sections):
+            for i in range(5):
+                out[i, k] = out[i, k - 1]
+            continue
+        c[_X0], c[_PER_S], c[_WOUND], c[_SCALE] = g[_X], per_s[k], wound[1 - who], friction_scale[k]
+        c[_SIGN] = 1.0 if who == 0 else -1.0
+        c[_TEMP_PASSIVE], c[_CROSS] = temps[1, k], 0.0
+        c[_TURN_NOW] = directions[1, k]
         if p[PASSIVE_SHARE] > 0.0:
-            if passive_direction[k] != passive_turned:
-                xi_0_passive, passive_turned = xi_passive, passive_direction[k]
-            xi_passive, cross = _crosstalk(
-                theta_p - x, theta_max, xi_passive, xi_0_passive, passive_turned > 0, temp_passive[k], p, stiffening
-            )
-        threshold = scale
-        if p[STATIC_EXCESS] > 0.0 and state[_SLIDING] == 0.0:
-            threshold *= 1.0 + p[STATIC_EXCESS] * (1.0 - np.exp(-rest_s / p[STATIC_TIME]))
-        slid = False
-        # First the way in which the transformation drives, then (after sticking) the other way.
-        for attempt in range(2):
-            sense = -1.0 if heating == (attempt == 0) else 1.0
-            limit = _load(x, sense, x, 0.0, theta_max, cross, threshold, s, p, stiffening, friction_down, friction_up,
-                          stray)  # fmt: skip
-            if attempt == 0:
-                reached = _fraction(heating, temperature, limit, p, weight, drop_c, drop_share, xi, xi_0)
-            else:
-                reached = total
-            made = _made(x, reached, heating, state, p, stiffening)
-            if sense * (limit - made) > 1e-13:
-                if state[_SLIDING] != sense:
-                    end = reached
-                    if attempt == 0:
-                        before = _made(x, total, heating, state, p, stiffening)
-                        end = total
-                        if sense * (limit - before) < 0.0:
-                            end = _sticking_end(x, limit, total, reached, state, p)
-                    kinetic = _load(x, sense, x, 0.0, theta_max, cross, scale, s, p, stiffening, friction_down,
-                                    friction_up, stray)  # fmt: skip
-                    state[_X_REF], state[_TAU_REF], state[_XI_REF] = x, kinetic, end
-                    if threshold > scale:
-                        state[_TAU_REF] = limit
-                    state[_SLIDING] = sense
-                x = _slide(x, sense, 1.3 * move, heating, temperature, per_s[k], theta_max, cross, scale, s, p,
-                           stiffening, friction_down, friction_up, stray, weight, drop_c, drop_share, xi, xi_0,
-                           state)  # fmt: skip
-                tau = _load(x, sense, x_before, per_s[k], theta_max, cross, scale, s, p, stiffening, friction_down,
-                            friction_up, stray)  # fmt: skip
-                total = _advance(heating, temperature, tau, p, weight, drop_c, drop_share, xi, xi_0)
-                move = abs(x - x_before)
-                slid = True
-                break
-            if attempt == 0:
-                total = _stick(x, total, heating, temperature, p, stiffening, weight, drop_c, drop_share, xi, xi_0,
-                               state)  # fmt: skip
-                tau = _made(x, total, heating, state, p, stiffening)
-                _advance(heating, temperature, tau, p, weight, drop_c, drop_share, xi, xi_0)
-        if slid:
-            rest_s = 0.0
-        elif k > 0:
-            rest_s += 1.0 / per_s[k]
-        if total != total_before or x != x_before:
-            changed = True
-        wound[1 - who] = max(theta_max, theta_p - x)
-        theta_a = x if who == 0 else theta_p - x
-        other = _passive(theta_p - x, wound[1 - who], p, stiffening) + cross
+            c[_CROSS] = _crosstalk(theta_p - g[_X], c, g, p, tables)
+        total = g[_XI]
+        slid = _settle(g, c, q, w, p, tables, sections)
+        g[_REST_S] = 0.0 if slid or k == 0 else g[_REST_S] + 1.0 / per_s[k]
+        if g[_XI] != total or g[_X] != c[_X0]:
+            g[_CHANGED] = 1.0
+        wound[1 - who] = max(wound[1 - who], theta_p - g[_X])
+        theta_a = g[_X] if who == 0 else theta_p - g[_X]
         out[0, k] = theta_a
-        out[1 + who, k] = total
-        out[2 - who, k] = xi_passive
-        out[3 + who, k] = tau
-        out[4 - who, k] = other
+        out[1 + who, k] = g[_XI]
+        out[2 - who, k] = g[_XI_P]
+        out[3 + who, k] = g[_TAU]
+        out[4 - who, k] = _cold(theta_p - g[_X], wound[1 - who], p, tables) + c[_CROSS]
     return out

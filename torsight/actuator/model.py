@@ -131,6 +131,7 @@ class ActuatorModel:
             half=drive.cycles.half,
             cycle=counts + before,
             room_c=drive.room_c,
+            sensors=drive.sensors,
             history=history,
             theta_l_scale=np.ones(len(counts)),
             friction_scale=np.ones(len(drive)),
@@ -165,35 +166,24 @@ def run_ports(
     """Run the kernel on ports, from the angle as read at the first row."""
     start = _unread(start_angle_rad, ports)
     is_a = ports.active == 0
-    temp_active = np.where(is_a, ports.temp_a_c, ports.temp_b_c)
-    temp_passive = np.where(is_a, ports.temp_b_c, ports.temp_a_c)
-    direction = kernel.turning_points(temp_active, ports.half, TURN_C)
-    passive_direction = (
-        kernel.turning_points(temp_passive, ports.half, TURN_C) if ports.passive_share > 0.0 else direction
-    )
+    temps = np.stack([np.where(is_a, ports.temp_a_c, ports.temp_b_c), np.where(is_a, ports.temp_b_c, ports.temp_a_c)])
+    directions = np.ones((2, len(is_a)), np.int8)
+    for row in (0, 1) if ports.passive_share > 0.0 else (0,):
+        directions[row] = kernel.turning_points(temps[row], ports.half, TURN_C)
     per_s = np.zeros(len(ports.time_s))
     per_s[1:] = 1.0 / np.diff(ports.time_s)
     half_turn = 0.5 * ports.rig.theta_p_rad
-    nothing = np.empty(0)
-    tables = [
-        nothing if table is None else table
-        for table in (ports.stiffening_nm, ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
-    ]
     out = kernel.run(
         per_s,
-        temp_active,
-        temp_passive,
+        temps,
         ports.active,
         ports.half,
-        direction,
-        passive_direction,
+        directions,
         ports.theta_l_scale,
         ports.friction_scale,
         scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
-        *tables,
-        ports.section_weight,
-        ports.section_drop_c,
-        ports.section_drop_share,
+        _tables(ports),
+        np.stack([ports.section_weight, ports.section_drop_c, ports.section_drop_share]),
         start + half_turn,
     )
     phi = out[0] - half_turn
@@ -233,8 +223,21 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[kernel.PASSIVE_SHARE], p[kernel.TANAKA] = ports.passive_share, float(tanaka)
     p[kernel.ROOM_C] = ports.room_c
     p[kernel.GRID_START], p[kernel.GRID_STEP] = grid[0], grid[1] - grid[0]
+    p[kernel.HAS_STIFFENING] = float(ports.stiffening_nm is not None)
+    p[kernel.HAS_FRICTION] = float(ports.friction_down_nm is not None)
+    p[kernel.HAS_STRAY] = float(ports.stray_nm is not None)
+    # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
+    moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or np.any(ports.friction_scale != 1.0)
+    p[kernel.SIMPLE] = float(not moving_load)
     p[kernel.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
+
+
+def _tables(ports: Ports) -> Array:
+    """Return the kernel's tables; those that are not there are zero and never looked at."""
+    given = (ports.stiffening_nm, ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
+    size = max([2, *(len(table) for table in given if table is not None)])
+    return np.stack([np.zeros(size) if table is None else table for table in given])
 
 
 def _unread(angle_rad: float, ports: Ports) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.drive import Sensors
 from torsight.actuator.springs import Rig
 
 Array = NDArray[np.float64]
@@ -62,6 +63,8 @@ class Ports:
         How often the driven spring had been heated before each half-cycle, the history's cycles included.
     room_c : float
         Room temperature.
+    sensors : Sensors
+        The temperatures as logged.
     history : History
         What earlier records left.
     section_weight, section_drop_c, section_drop_share : (m,) float64
@@ -96,6 +99,7 @@ class Ports:
     half: NDArray[np.int64]
     cycle: NDArray[np.int64]
     room_c: float
+    sensors: Sensors
     history: History = field(default_factory=History)
     section_weight: Array = field(default_factory=lambda: np.ones(1))
     section_drop_c: Array = field(default_factory=lambda: np.zeros(1))

@@ -8,6 +8,7 @@ spring is the hotter one at the top of a rise, and warming by its neighbour is n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -104,7 +105,7 @@ def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray
         starts, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
         for start, end in zip(starts, ends, strict=True):
             top = start + int(np.argmax(temps[spring][start:end]))
-            found.append(Heating(spring, int(start), top, float(temps[spring][start]), float(temps[spring][top])))
+            found.append(Heating(spring, int(start), int(top), float(temps[spring][start]), float(temps[spring][top])))
     return sorted(found, key=lambda item: item.start)
 
 
@@ -117,7 +118,7 @@ def _driven(temps: tuple[Array, Array], *, rise_c: float, turn_c: float) -> list
         sense = turning_points(own, one, turn_c)
         edges = np.flatnonzero(np.diff(sense)) + 1
         bounds = [0, *edges.tolist(), len(own)]
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        for first, last in pairwise(bounds):
             if sense[first] < 0:
                 continue
             start = max(first - 1, 0)
@@ -147,7 +148,7 @@ def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating
 def _chain(heatings: list[Heating], n: int) -> HalfCycles:
     active, half = np.empty(n, np.int8), np.empty(n, np.int64)
     starts = [0]
-    for before, item in zip(heatings[:-1], heatings[1:], strict=True):
+    for before, item in pairwise(heatings):
         # Warming by the neighbour may have begun before: a half-cycle starts after the last one's top.
         starts.append(max(item.start, before.top + 1))
     bounds = [*starts, n]

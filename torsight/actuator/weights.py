@@ -8,6 +8,7 @@ between record and priors follow from these, not from n.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -40,8 +41,8 @@ def reading_floor(drive: Drive) -> float:
     angle = drive.angle_rad[np.isfinite(drive.angle_rad)]
     if len(angle) < 8:
         return 1e-4
-    scatter = float(np.median(np.abs(np.diff(angle, 3)))) / 0.6745 / np.sqrt(20.0)
-    return max(0.7 * scatter, 1e-5)
+    scatter = float(np.median(np.abs(np.diff(angle, 3)))) / 0.6745 / math.sqrt(20.0)
+    return float(max(0.7 * scatter, 1e-5))
 
 
 def spikes(drive: Drive) -> NDArray[np.bool_]:

@@ -73,6 +73,8 @@ class Effect:
         From times and the plain model's residual (measured less model, rad) to starting points, best first.
     is_clock : bool
         True for an error between two recorders' clocks: it is not applied in predictions.
+    order : int
+        Among effects that act at the same place, smaller ones come first; then the ids decide.
     """
 
     id: str
@@ -85,6 +87,7 @@ class Effect:
     derived: tuple[Derived, ...] = ()
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
     is_clock: bool = False
+    order: int = 0
 
 
 @functools.cache
@@ -115,6 +118,6 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     return tuple(sorted((known[name] for name in set(ids)), key=_order))
 
 
-def _order(effect: Effect) -> tuple[bool, int, str]:
-    """Clocks are mended first, then what the sensors say, then what the rig does, the camera last."""
-    return not effect.is_clock, _STAGES.index(effect.acts_on), effect.id
+def _order(effect: Effect) -> tuple[int, int, str]:
+    """Return where an effect acts: first what the sensors say, then what the rig does, the camera last."""
+    return _STAGES.index(effect.acts_on), effect.order, effect.id

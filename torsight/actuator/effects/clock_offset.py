@@ -48,11 +48,10 @@ EFFECT: Final = Effect(
     title="the clocks of camera and temperature log differ",
     parameters=(
         Parameter(name="clock_offset_s", value=1.0, unit="s", lower=-120.0, upper=120.0, null=0.0),
-        Parameter(
-            name="clock_drift_ppm", value=0.0, unit="ppm", lower=-5e3, upper=5e3, sigma=200.0, null=0.0
-        ),
+        Parameter(name="clock_drift_ppm", value=0.0, unit="ppm", lower=-5e3, upper=5e3, sigma=200.0, null=0.0),
     ),
     apply=apply,
     starts=({"clock_offset_s": -1.0}, {"clock_offset_s": 5.0}, {"clock_offset_s": -5.0}),
     is_clock=True,
+    order=1,
 )

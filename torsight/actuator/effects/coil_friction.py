@@ -2,8 +2,9 @@ r"""Tight coils rub on each other.
 
 .. math:: τ_f = τ_c + k \sum_{A,B} (θ − θ_{on})_+
 
-θ winding of either spring, θ_on winding beyond which coils touch (°), k rise of friction (mN·m/rad). Predicted residual:
-grows towards the ends of the stroke, its sign follows the direction of motion. Source: the paper, section 4.1, step 2.
+θ winding of either spring, θ_on winding beyond which coils touch (°), k rise of friction (mN·m/rad). Predicted
+residual: grows towards the ends of the stroke, its sign follows the direction of motion. Source: the paper, section
+4.1, step 2.
 """
 
 from __future__ import annotations
@@ -45,9 +46,7 @@ EFFECT: Final = Effect(
     acts_on="friction",
     title="tight coils rub on each other",
     parameters=(
-        Parameter(
-            name="coil_friction_mnm_per_rad", value=0.1, unit="mN·m/rad", lower=0.0, upper=20.0, null=0.0
-        ),
+        Parameter(name="coil_friction_mnm_per_rad", value=0.1, unit="mN·m/rad", lower=0.0, upper=20.0, null=0.0),
         Parameter(name="coil_onset_deg", value=620.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
     ),
     apply=apply,

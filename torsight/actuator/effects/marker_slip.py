@@ -40,11 +40,8 @@ def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
     before, after = total[:-1] / count, (total[-1] - total[:-1]) / (n - count)
     gain = (after - before) ** 2 * count * (n - count) / n
     # A step inside a motion hides behind the motion's error: the largest in every eighth of the record.
-    found = []
-    for part in np.array_split(np.arange(5, n - 6), 8):
-        if len(part):
-            found.append(int(part[np.argmax(gain[part])]))
-    found.sort(key=lambda i: -gain[i])
+    parts = [part for part in np.array_split(np.arange(5, n - 6), 8) if len(part)]
+    found = sorted((int(part[np.argmax(gain[part])]) for part in parts), key=lambda i: -gain[i])
     return tuple(
         {
             "slip_time_s": float(0.5 * (time_s[good[i]] + time_s[good[i + 1]])),

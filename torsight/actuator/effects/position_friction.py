@@ -29,9 +29,7 @@ def friction_factor(phi_rad: Array, *, sine: float, cosine: float) -> Array:
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Multiply the friction, the same for both directions."""
-    factor = friction_factor(
-        ports.phi_grid_rad(), sine=values["friction_sine"], cosine=values["friction_cosine"]
-    )
+    factor = friction_factor(ports.phi_grid_rad(), sine=values["friction_sine"], cosine=values["friction_cosine"])
     return ports.with_friction(factor, factor)
 
 

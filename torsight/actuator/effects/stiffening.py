@@ -3,8 +3,8 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 .. math:: τ_{load} = τ_{load,0} + k_3 (θ − θ_{on})_+^3
 
 θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³; on the loading curve of martensite,
-which is left elastically. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the paper,
-section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
+which is left elastically. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the
+paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 
 from __future__ import annotations
