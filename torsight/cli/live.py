@@ -139,6 +139,7 @@ def _ended_by(stop: threading.Event) -> AbstractContextManager[None]:
 def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> AbstractContextManager[None]:
     """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
     import contextlib
+    from urllib.parse import quote
 
     from torsight.cli.console import say
     from torsight.viewer.program import Viewer, free_port
@@ -152,7 +153,7 @@ def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> AbstractC
         if browser_port is not None:
             arguments = ["--serve-web", "--web-viewer-port", str(browser_port), feed.address]
             screens.append(Viewer(arguments, port=free_port()))
-            say(f"In a browser      http://127.0.0.1:{browser_port}?url={feed.address}")
+            say(f"In a browser      http://127.0.0.1:{browser_port}?url={quote(feed.address, safe='')}")
         elif window:
             screens.append(Viewer(["--connect", feed.address], port=free_port()))
         say(f"For any viewer    rerun {feed.address}")
