@@ -181,7 +181,10 @@ def test_late_sensor_trails_a_ramp_by_its_rate(reference_values: RigValues) -> N
 def test_warm_passive_spring_shortens_the_stroke(reference_values: RigValues) -> None:
     plain = run(reference_values, SHORT)
     other = run(reference_values, SHORT, effects={"heat_crosstalk": {"conductance_w_per_k": 0.02}})
-    assert other.xi_b[other.half_cycle == 0].min() < 0.99
+    first = other.half_cycle == 0
+    assert 0.05 < other.xi_b[first].min() < 0.95
+    # Below A_s, which stress only raises, a cold spring stays martensite.
+    assert other.xi_b[first & (other.wire_b_c < reference_values.a_s_c) & other.heat_a].min() == 1.0
     assert other.angle_rad[other.half_cycle == 0].min() > plain.angle_rad[plain.half_cycle == 0].min() + 1.0 * DEG
     assert plain.xi_b[plain.half_cycle == 0].min() == 1.0
 

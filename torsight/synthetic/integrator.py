@@ -57,7 +57,7 @@ def switch(c: Constants, springs: Springs, phi: float, temps_c: Floats, active: 
     s, xi0, xi, _, _ = springs
     if command > 0:
         if active >= 0:
-            set_cold(c, s[active], xi[active], winding(c, active, phi), temps_c[active])
+            set_cold(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
         active = command - 1
         s[active, FACTOR] = 1.0
         theta = winding(c, active, phi)

@@ -241,20 +241,24 @@ def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c:
 
 
 @njit(cache=True)
-def set_cold(c: Constants, s: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float) -> None:
+def set_cold(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
     """Make a spring that was active cold martensite on its loading curve at its present angle."""
     s[MODE] = COLD
     s[THETA_MAX] = theta
     s[FACTOR] = 1.0
-    set_martensite(c, s, xi, theta, temp_c)
+    set_martensite(c, s, xi0, xi, theta, temp_c)
 
 
 @njit(cache=True)
-def set_martensite(c: Constants, s: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float) -> None:
-    """Make all of a cold spring martensite, its winding kept."""
+def set_martensite(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Make all of a cold spring martensite, its winding kept; warming is the next thing that can happen to it."""
     xi[:] = 1.0
     s[XI] = 1.0
-    s[WARMING] = 1.0
+    turn(s, xi0, xi, 1)
     s[TURN_C] = temp_c
     s[TAU] = torque(c, s, theta, 1.0, temp_c)
 
@@ -270,12 +274,11 @@ def start_heating(
     cycle: float,
 ) -> None:
     """Switch a cold spring on: it recovers what its last winding left, less what fatigue took."""
-    set_martensite(c, s, xi, theta, temp_c)
+    set_martensite(c, s, xi0, xi, theta, temp_c)
     left = (1.0 - c.fatigue) ** cycle
     if c.fatigue_form == 1:
         left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
     s[THETA_L] = recoverable(c, s[THETA_MAX]) * left
-    turn(s, xi0, xi, 1)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = HEATING
 
