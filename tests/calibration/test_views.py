@@ -6,7 +6,18 @@ import av
 import cv2
 import numpy as np
 import pytest
-from made_up_views import CHARUCO, CHESSBOARD, corners_px, picture, poses, whole
+from made_up_views import (
+    CHARUCO,
+    CHESSBOARD,
+    LENS,
+    RIGHT_LENS,
+    RIGHT_TVEC_MM,
+    corners_px,
+    in_right,
+    picture,
+    poses,
+    whole,
+)
 from PIL import Image
 
 from calibration.board import Board
@@ -134,3 +145,19 @@ def test_verdict_says_why(folder):
     assert any(reason.startswith("views: 5, good is at least 10") for reason in few.reasons)
     all_of_them = calibrate_one(files, CHESSBOARD).verdict
     assert not any(reason.startswith("views") for reason in all_of_them.reasons)
+
+
+def test_two_films_that_start_together_are_a_pair(tmp_path):
+    where = whole(poses(80, 8, distance_mm=(170.0, 230.0)))[:7]
+    # One exposure lies blurred between any two: it must be chosen on neither side.
+    for side, lens, place in (("left", LENS, lambda pose: pose), ("right", RIGHT_LENS, in_right)):
+        frames = []
+        for index, pose in enumerate(where):
+            still = picture(place(pose), lens=lens, seed=index)
+            frames += [cv2.GaussianBlur(still, (0, 0), 1.5), still]
+        write_film(tmp_path / f"{side}.mkv", frames)
+    stereo = calibrate_two([tmp_path / "left.mkv"], [tmp_path / "right.mkv"], CHESSBOARD)
+    assert all(index % 2 == 1 for index in stereo.pair.index)
+    assert len(stereo.pair.index) >= 6
+    assert stereo.pair.right.tvec_mm == pytest.approx(RIGHT_TVEC_MM, abs=4 * stereo.pair.sigma[3:].max())
+    assert stereo.pair.epipolar_px.mean() < 0.15

@@ -38,7 +38,7 @@ class Axis:
     direction : (3,) float64
         Unit vector along the axis, towards the camera.
     direction_sigma_rad : float
-        Standard deviation of its tilt, in the direction that is known worst.
+        Standard deviation of its tilt, in the direction that is known worst; widened by a misfit above 1.
     radius_mm, height_mm : (k,) float64
         Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
     misfit : float
@@ -123,14 +123,14 @@ def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
     point = start_point + values[2] * frame[0] + values[3] * frame[1]
     height, radius = values[4:].reshape(markers, 2).T
     arc_rad = _arc(position - point, direction)
-    freedom = residuals(values).size - len(values)
+    misfit = float(np.sqrt(chi_squared / (residuals(values).size - len(values))))
     return Axis(
         point_mm=point + height[0] * direction,
         direction=direction,
-        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(spread_of_values[:2, :2])[-1])),
+        direction_sigma_rad=_widest(spread_of_values) * max(misfit, 1.0),
         radius_mm=radius,
         height_mm=height - height[0],
-        misfit=float(np.sqrt(chi_squared / freedom)),
+        misfit=misfit,
         arc_rad=arc_rad,
     )
 
@@ -170,14 +170,15 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
         raise _too_small_arc(arc_rad)
     r1, r2, between = values[4:7]
     length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(between)))
+    misfit = float(np.sqrt(chi_squared / (3 * len(rows) - len(values))))
     distinct = [item for item in found[1:] if _tilted(item[3], item[0][:2]) @ direction < np.cos(1e-3)]
     return Axis(
         point_mm=point / length,
         direction=direction,
-        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(spread_of_values[:2, :2])[-1])),
+        direction_sigma_rad=_widest(spread_of_values) * max(misfit, 1.0),
         radius_mm=np.array([r1, r2]) / length,
         height_mm=np.zeros(2),
-        misfit=float(np.sqrt(chi_squared / (3 * len(rows) - len(values)))),
+        misfit=misfit,
         arc_rad=arc_rad,
         mirror_gap=float(distinct[0][2] - chi_squared) if distinct else np.inf,
     )
@@ -340,6 +341,11 @@ def _common_centre(position: Floats, direction: Floats) -> Floats:
 def _tilted(frame: Floats, tilt: Floats) -> Floats:
     vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
     return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _widest(covariance: Floats) -> float:
+    """Return the standard deviation of the tilt, the first two values, in the direction that is known worst."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
 
 
 def _towards_camera(direction: Floats, point: Floats) -> Floats:
