@@ -139,7 +139,7 @@ def angles(rig: Rig, rng: np.random.Generator) -> dict[str, np.ndarray]:
     left_px = project(seen, rig.true.intrinsics) + noise[0]
     right_px = project(seen, right.intrinsics, rvec=right.rvec, tvec_mm=right.tvec_mm) + noise[1]
     covariance = np.broadcast_to(np.eye(2) * SIGMA_PX**2, (*left_px.shape, 2))
-    measured = angles_by_way(left_px, right_px, covariance, covariance, rig.known)
+    measured = angles_by_way((left_px, covariance), (right_px, covariance), rig.known)
     return {way: error_deg(angle, turn) for way, angle in measured.items()}
 
 

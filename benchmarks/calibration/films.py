@@ -18,6 +18,7 @@ import numpy as np
 from ways import angles_by_way, error_deg
 
 from torsight.core.camera import Camera, Pose
+from torsight.core.errors import NoResultError
 from torsight.core.geometry import rotation_vector
 from torsight.core.storage import read_table
 from torsight.core.tracks import MarkerTracks
@@ -45,7 +46,7 @@ def scene(tilt_deg: float, k1: float, distance_mm: float, *, codec: str, crf: in
             "camera": {
                 "focal_px": 1100.0,
                 "tilt_deg": tilt_deg,
-                "tilt_towards_deg": 70.0,
+                "tilt_towards_deg": 90.0,
                 "distortion": [k1, -0.2 * k1, 0.0004, -0.0003, 0.0],
                 "distance_mm": distance_mm,
             },
@@ -74,15 +75,25 @@ def tracks_of(path: Path, view: optics.View, film: Scene) -> MarkerTracks:
 def errors(film: Scene, folder: Path) -> dict[str, np.ndarray]:
     """Render, track and compare; the angle's error in degrees for each way to correct."""
     render_scene(film, out=folder)
-    left, right = (
-        tracks_of(next(folder.glob(f"film_{side}*")), view, film)
-        for side, view in zip(("left", "right"), optics.views(film), strict=True)
-    )
+    sides = []
+    for side, view in zip(("left", "right"), optics.views(film), strict=True):
+        try:
+            tracks = tracks_of(next(folder.glob(f"film_{side}*")), view, film)
+        except NoResultError:
+            if side == "left":
+                raise
+            # Without the right film all but the last way remain.
+            sides.append(None)
+        else:
+            sides.append((tracks.position_px, tracks.covariance_px2))
     truth = read_table(folder / "truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
-    measured = angles_by_way(
-        left.position_px, right.position_px, left.covariance_px2, right.covariance_px2, known_camera(film)
-    )
+    measured = angles_by_way(sides[0], sides[1], known_camera(film))
     return {way: error_deg(angle, np.radians(truth)) for way, angle in measured.items()}
+
+
+def _rms(error_deg: np.ndarray) -> str:
+    known = error_deg[np.isfinite(error_deg)]
+    return f"{np.sqrt(np.mean(known**2)):.3f}" if len(known) else "no track"
 
 
 def main() -> None:
@@ -94,14 +105,18 @@ def main() -> None:
     header = False
     for distance_mm, k1, tilt_deg in itertools.product(DISTANCES_MM, RADIAL, TILTS_DEG):
         film = scene(tilt_deg, k1, distance_mm, codec=options.codec, crf=options.crf)
-        with tempfile.TemporaryDirectory() as folder:
-            found = errors(film, Path(folder))
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                found = errors(film, Path(folder))
+        except NoResultError as error:
+            print(f"| {distance_mm:g} | {k1:g} | {tilt_deg:g} | none: {error} |")
+            continue
         if not header:
             print("| distance, mm | k1 | tilt, ° | frames | " + " | ".join(found) + " |")
             print("| --- " * (4 + len(found)) + "|")
             header = True
         seen = next(iter(found.values()))
-        cells = " | ".join(f"{np.sqrt(np.nanmean(error**2)):.3f}" for error in found.values())
+        cells = " | ".join(f"{_rms(error)}" for error in found.values())
         print(f"| {distance_mm:g} | {k1:g} | {tilt_deg:g} | {np.isfinite(seen).sum()} of {len(seen)} | {cells} |")
         sys.stdout.flush()
 

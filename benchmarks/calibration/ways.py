@@ -11,26 +11,20 @@ from torsight.core.geometry import on_plane, ray_from_pixel, triangulate
 Z = np.array([0.0, 0.0, 1.0])
 
 
-def angles_by_way(
-    left_px: np.ndarray, right_px: np.ndarray, left_covariance: np.ndarray, right_covariance: np.ndarray, known: Camera
-) -> dict[str, np.ndarray]:
+Points = tuple[np.ndarray, np.ndarray]
+"""Positions (n, 4, 2) in px and covariances (n, 4, 2, 2)."""
+
+
+def angles_by_way(left: Points, right: Points | None, known: Camera) -> dict[str, np.ndarray]:
     """Return the angle (n,) in rad for each way; ``known`` holds lens, pose and right camera.
 
     picture as it is: nothing is corrected. lens only: distortion is taken out. tilt only: the pose is used with a lens
     without distortion. lens and tilt: both. lens and circles: the pose is found from the markers' own paths. stereo:
     markers in space, about the axis of their circles.
     """
+    left_px, left_covariance = left
     pinhole = Intrinsics(known.intrinsics.size_px, known.intrinsics.matrix, np.zeros(5))
     found = axis_in_picture(left_px[:, 2:], left_covariance[:, 2:], known.intrinsics)
-    space = triangulate(
-        left_px,
-        right_px,
-        left=known.intrinsics,
-        right=known.right,
-        left_covariance_px2=left_covariance,
-        right_covariance_px2=right_covariance,
-    )
-    axis = axis_in_space(space.position_mm[:, 2:], space.covariance_mm2[:, 2:])
     ray = ray_from_pixel(left_px, known.intrinsics)[0]
     return {
         "picture as it is": _flat(left_px),
@@ -38,7 +32,7 @@ def angles_by_way(
         "tilt only": _on_planes(left_px, pinhole, known.pose),
         "lens and tilt": _on_planes(left_px, known.intrinsics, known.pose),
         "lens and circles": _on_planes(left_px, known.intrinsics, pose_from_axis(found)),
-        "stereo": _about(space.position_mm, axis.direction),
+        "stereo": np.full(len(left_px), np.nan) if right is None else _in_space(left, right, known),
     }
 
 
@@ -47,6 +41,19 @@ def error_deg(angle_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
     error = np.angle(np.exp(1j * (angle_rad - truth_rad)))
     middle = np.angle(np.nanmean(np.exp(1j * error)))
     return np.degrees(np.angle(np.exp(1j * (error - middle))))
+
+
+def _in_space(left: Points, right: Points, known: Camera) -> np.ndarray:
+    space = triangulate(
+        left[0],
+        right[0],
+        left=known.intrinsics,
+        right=known.right,
+        left_covariance_px2=left[1],
+        right_covariance_px2=right[1],
+    )
+    axis = axis_in_space(space.position_mm[:, 2:], space.covariance_mm2[:, 2:])
+    return _about(space.position_mm, axis.direction)
 
 
 def _flat(position: np.ndarray) -> np.ndarray:
