@@ -17,7 +17,7 @@ from torsight.synthetic.keys import key, read_section
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Section [protocol] without its half-cycles."""
+    """Section [protocol]: the pace, and how often; the half-cycles are a list of their own."""
 
     time_factor: float = key(
         1.0, "scales every duration and the rig's heat capacities; 1 is the paper's pace", lower=1e-3, upper=100.0
