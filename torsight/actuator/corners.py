@@ -194,7 +194,7 @@ def _solve(t: Array, y: Array, at: float, lag: float) -> tuple[float, Array, Arr
     for a in range(count):
         normal[a, a] += 1e-10
         side[a] /= scale[a]
-    inverse: Array = np.linalg.inv(normal)
+    inverse = np.linalg.inv(normal)
     coefficients = inverse @ side
     error = square
     for a in range(count):
@@ -203,7 +203,7 @@ def _solve(t: Array, y: Array, at: float, lag: float) -> tuple[float, Array, Arr
             inverse[a, b] /= scale[a] * scale[b]
     out = np.zeros(6)
     out[:count] = coefficients / scale
-    return max(error, 0.0), out, inverse
+    return max(error, 0.0), out, inverse.astype(np.float64)
 
 
 @compiled

@@ -60,7 +60,8 @@ HAS_STIFFENING: Final = 21
 HAS_FRICTION: Final = 22
 HAS_STRAY: Final = 23
 SIMPLE: Final = 24
-N_SCALARS: Final = 25
+HOME_HOLD: Final = 25
+N_SCALARS: Final = 26
 
 # Rows of the tables.
 STIFFENING: Final = 0
@@ -364,7 +365,7 @@ def _home(theta_start: float, scale: float, p: Array, tables: Array) -> Array:
     wound = np.empty(2)
     for i in range(2):
         own = theta_start if i == 0 else p[THETA_P] - theta_start
-        hold = scale * _friction(theta_start, i == 1, p, tables)
+        hold = p[HOME_HOLD] * scale * _friction(theta_start, i == 1, p, tables)
         wound[i] = _wound_for(own, _loading(p[THETA_P] - own, p, tables) + hold, p, tables)
     return wound
 

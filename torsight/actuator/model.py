@@ -221,7 +221,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[kernel.TAU_C], p[kernel.VISCOUS] = rig.tau_c_nm, ports.viscous_nms
     p[kernel.STATIC_EXCESS], p[kernel.STATIC_TIME] = ports.static_excess, ports.static_time_s
     p[kernel.PASSIVE_SHARE], p[kernel.TANAKA] = ports.passive_share, float(tanaka)
-    p[kernel.ROOM_C] = ports.room_c
+    p[kernel.ROOM_C], p[kernel.HOME_HOLD] = ports.room_c, ports.home_hold
     p[kernel.GRID_START], p[kernel.GRID_STEP] = grid[0], grid[1] - grid[0]
     p[kernel.HAS_STIFFENING] = float(ports.stiffening_nm is not None)
     p[kernel.HAS_FRICTION] = float(ports.friction_down_nm is not None)

@@ -75,6 +75,8 @@ class Ports:
         Factor on the recoverable angle.
     friction_scale : (n,) float64
         Factor on the friction torque.
+    home_hold : float
+        Share of the friction that is taken to have stopped the springs before the record.
     viscous_nms : float
         Friction torque per rad/s.
     static_excess, static_time_s : float
@@ -107,6 +109,7 @@ class Ports:
     passive_share: float = 0.0
     theta_l_scale: Array = field(default_factory=lambda: np.ones(1))
     friction_scale: Array = field(default_factory=lambda: np.ones(1))
+    home_hold: float = 1.0
     viscous_nms: float = 0.0
     static_excess: float = 0.0
     static_time_s: float = 1.0
