@@ -66,7 +66,7 @@ def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
                 rrb.Spatial2DView(origin="film", name="Film"),
                 rrb.TextDocumentView(origin="summary", name="Summary"),
                 rrb.TextLogView(origin="events", name="Events", columns=_event_columns()),
-                row_shares=[5, 3, 3],
+                row_shares=[5.0, 3.6, 2.8],
             ),
             rrb.Vertical(
                 curves("Angle (°)", "angle"),

@@ -77,6 +77,11 @@ def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int |
     viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=port)
     try:
         yield _connected(viewer)
+    except (RuntimeError, ConnectionError) as error:
+        # Without a driver it answers first and ends when it is to draw.
+        if viewer.ended_within(3.0):
+            raise _cannot_draw(viewer.why_ended()) from error
+        raise
     finally:
         viewer.end()
 
@@ -93,8 +98,11 @@ def _connected(viewer: Viewer) -> ViewerClient:
             time.sleep(0.1)
         else:
             return client
-    reason = f"it did not answer within {START_S:g} s" if viewer.running else viewer.why_ended()
-    raise OutputError(
+    raise _cannot_draw(f"it did not answer within {START_S:g} s" if viewer.running else viewer.why_ended())
+
+
+def _cannot_draw(reason: str) -> OutputError:
+    return OutputError(
         f"the viewer cannot draw here ({reason})",
         where="pictures of a recording",
         do="install a Vulkan driver, for example mesa-vulkan-drivers",

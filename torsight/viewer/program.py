@@ -14,6 +14,7 @@ from typing import Final
 from torsight.core.errors import NoResultError
 
 LOOPBACK: Final = "127.0.0.1"
+_TROUBLE: Final = ("no graphics adapter", "adapter was found", "winit", "display", "address already in use")
 
 
 def viewer_program() -> Path:
@@ -67,11 +68,20 @@ class Viewer:
         """Wait until it ends and return its exit code."""
         return self.process.wait()
 
+    def ended_within(self, limit_s: float) -> bool:
+        """Wait a moment for its end, and return whether it came."""
+        try:
+            self.process.wait(timeout=limit_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
     def why_ended(self) -> str:
-        """Return the last thing that it said."""
+        """Return what it said of its trouble, else the last thing that it said."""
         self._said.seek(0)
-        lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
-        return lines[-1].strip()[:300] if lines else f"exit code {self.process.returncode}"
+        lines = [line.strip() for line in self._said.read().decode("utf-8", "replace").splitlines() if line.strip()]
+        trouble = [line for line in lines if any(word in line.lower() for word in _TROUBLE)]
+        return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
         """End it, wait for it, and forget what it said."""
