@@ -7,7 +7,7 @@ second (angles averaged over each row's interval), which loses nothing that a qu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -92,15 +92,17 @@ class Drive:
     cycles : HalfCycles
         Which spring is driven when.
     angle_rad, angle_sigma_rad : (n,) float64
-        Measured angle (NaN: none) and its standard deviation.
+        Measured angle less the whole turns (NaN: none) and its standard deviation.
     start_angle_rad, start_sigma_rad : float
-        Angle as read at the first row.
+        Angle at the first row, less the whole turns.
     room_c : float
         Room temperature: the lowest that the springs come back to.
     known : (n,) bool
         False in gaps of the temperature log that are too long to bridge.
     sensors : Sensors
         The temperatures as logged.
+    turns : int
+        Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     """
 
     time_s: Array
@@ -118,9 +120,20 @@ class Drive:
     room_c: float
     known: NDArray[np.bool_]
     sensors: Sensors
+    turns: int = 0
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+
+def whole_turns(angle_rad: Array) -> int:
+    """Return by how many whole turns a reading is ahead of the actuator's own angle.
+
+    A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
+    profile so that the middle is zero), so the middle of what was read decides.
+    """
+    low, high = np.nanquantile(angle_rad, [0.005, 0.995])
+    return round(float(low + high) / 2.0 / (2.0 * math.pi))
 
 
 def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
@@ -142,7 +155,9 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     )
     angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, base.rows)
     start, start_sigma = start_angle(table.angle_rad, table.angle_sigma_rad)
-    return base.drive(angle, sigma, start, start_sigma)
+    turns = whole_turns(table.angle_rad)
+    ahead_rad = 2.0 * math.pi * turns
+    return replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad, start_sigma), turns=turns)
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from torsight.actuator.spec import actuator_from
 from torsight.core.errors import InputError, TorsightError
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import read_json, write_json
+from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,8 @@ class FittedModel:
         A learned correction, as plain numbers; whoever learned it evaluates it.
     account : mapping
         What people may want to know of the fit (error, noise floor, source).
+    turns : int
+        Whole turns by which the record's reading was ahead of the actuator's own angle.
     """
 
     model: ActuatorModel
@@ -66,6 +70,7 @@ class FittedModel:
     cycles: tuple[int, int] = (0, 0)
     closure: Mapping[str, Any] | None = None
     account: Mapping[str, Any] = field(default_factory=dict)
+    turns: int = 0
 
     @property
     def history(self) -> History:
@@ -89,9 +94,18 @@ class FittedModel:
         InputError, NoResultError
             When the log cannot drive the model.
         """
-        drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad, where=where)
+        ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad)
+        drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad - ahead_rad, where=where)
         simulation = self.model.simulate(drive, self.values, history=self.history)
-        return Prediction(np.where(drive.known, simulation.angle_rad, np.nan), drive, simulation)
+        return Prediction(np.where(drive.known, simulation.angle_rad + ahead_rad, np.nan), drive, simulation)
+
+    def _turns_of(self, start_angle_rad: float) -> int:
+        """Return the whole turns nearest the record's that put the start where the springs can be."""
+        values = self.model.spec.values
+        reach_rad = DEG * (values["theta_p_deg"] / 2.0 - values["theta_cr_deg"])
+        off_rad = start_angle_rad - 2.0 * np.pi * self.turns
+        further = max(0, ceil((abs(off_rad) - reach_rad) / (2.0 * np.pi)))
+        return self.turns + (further if off_rad > 0.0 else -further)
 
 
 def fitted_model(
@@ -117,6 +131,7 @@ def fitted_model(
         cycles=(springs.count(0), springs.count(1)),
         closure=closure,
         account=account or {},
+        turns=drive.turns,
     )
 
 
@@ -133,6 +148,7 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "theta_l_deg": model.theta_l_deg,
             "values": dict(fitted.values),
             "cycles": {"a": fitted.cycles[0], "b": fitted.cycles[1]},
+            "turns": fitted.turns,
             "closure": fitted.closure,
             "account": dict(fitted.account),
         },
@@ -170,6 +186,7 @@ def read_model(path: Path) -> FittedModel:
             cycles=(int(content["cycles"]["a"]), int(content["cycles"]["b"])),
             closure=content["closure"],
             account=content["account"],
+            turns=int(content["turns"]),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         detail = str(error) if isinstance(error, TorsightError) else f"{type(error).__name__}: {error}"

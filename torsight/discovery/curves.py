@@ -18,20 +18,21 @@ _STILL_C_S = 0.01
 def curve_columns(
     problem: ActuatorProblem, plain: Fit, extended: Fit, held_out: Sequence[int]
 ) -> dict[str, NDArray[np.generic]]:
-    """Return the columns, one row per row of the drive; angles in degrees, NaN where not measured."""
+    """Return the columns, one row per row of the drive; angles in degrees as read, NaN where not measured."""
     drive = problem.drive
     before = problem.simulate(plain.values, plain.effects)
     after = problem.simulate(extended.values, extended.effects)
     observed = drive.angle_rad / DEG
+    ahead_deg = 360.0 * drive.turns
     is_a = drive.cycles.active == 0
     rate = np.where(is_a, drive.rate_a_c_s, drive.rate_b_c_s)
     direction = np.where(np.abs(rate) < _STILL_C_S, "rest", np.where(rate > 0.0, "heating", "cooling"))
     return {
         "time_s": drive.time_s,
-        "angle_deg": observed,
+        "angle_deg": observed + ahead_deg,
         "angle_sigma_deg": drive.angle_sigma_rad / DEG,
-        "plain_deg": before.angle_rad / DEG,
-        "extended_deg": after.angle_rad / DEG,
+        "plain_deg": before.angle_rad / DEG + ahead_deg,
+        "extended_deg": after.angle_rad / DEG + ahead_deg,
         "residual_before_deg": observed - before.angle_rad / DEG,
         "residual_after_deg": observed - after.angle_rad / DEG,
         "temp_a_c": drive.temp_a_c,

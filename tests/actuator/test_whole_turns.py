@@ -1,0 +1,60 @@
+"""A film cannot tell 185° from −175°; the model must not care."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import actuator_from
+from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.storage import read_toml
+from torsight.core.units import DEG
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> ActuatorModel:
+    from torsight.cli.init import init
+
+    folder = tmp_path_factory.mktemp("init")
+    init(folder)
+    return ActuatorModel(actuator_from(read_toml(folder / "actuator.toml"), where="actuator.toml"))
+
+
+@pytest.fixture(scope="module")
+def record(model: ActuatorModel) -> SyncedTable:
+    """One full cycle that starts at 185°, simulated."""
+    time_s = np.arange(0.0, 1200.0, 0.5)
+    heat = np.interp(time_s, [0, 30, 280, 320, 600], [23, 23, 80, 80, 23])
+    rest = np.interp(time_s, [600, 630, 880, 920, 1200], [23, 23, 80, 80, 23])
+    log = TemperatureLog(time_s, heat, rest)
+    start_rad = 185.0 * DEG
+    drive = model.prepare_log(log, start_angle_rad=start_rad)
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    angle_rad = model.simulate(drive, values).angle_rad
+    return SyncedTable(time_s, angle_rad, np.full_like(time_s, 1e-3), heat, rest)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 1, 2])
+def test_a_reading_whole_turns_off_gives_the_same_drive(model: ActuatorModel, record: SyncedTable, turns: int) -> None:
+    off = replace(record, angle_rad=record.angle_rad + 2.0 * np.pi * turns)
+    drive = model.prepare(off)
+    assert drive.turns == turns
+    np.testing.assert_allclose(drive.angle_rad, record.angle_rad, atol=1e-12)
+
+
+def test_a_prediction_goes_on_in_the_turn_of_the_record(model: ActuatorModel, record: SyncedTable, tmp_path) -> None:
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    off = replace(record, angle_rad=record.angle_rad - 2.0 * np.pi)
+    fitted = fitted_model(model, values, model.prepare(off))
+    write_model(tmp_path / "model.json", fitted)
+    again: FittedModel = read_model(tmp_path / "model.json")
+    log = TemperatureLog(record.time_s, record.temp_a_c, record.temp_b_c)
+    predicted = again.predict(log, start_angle_rad=float(off.angle_rad[0])).angle_rad
+    np.testing.assert_allclose(predicted, off.angle_rad, atol=1e-9)
+    # a record that starts where only the other turn can be meant is taken so
+    plain = again.predict(log, start_angle_rad=float(record.angle_rad[0])).angle_rad
+    np.testing.assert_allclose(plain, record.angle_rad, atol=1e-9)
