@@ -88,8 +88,6 @@ class _Judge:
     def earned(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
         for name in contender.effects:
-            if self.size(contender, name) < self._settings.least_size * self._field.fitter.problem.resolution:
-                return False
             without = self._field.contenders.get(tuple(e for e in contender.effects if e != name))
             if without is None or not self._better(contender, without):
                 return False
@@ -98,17 +96,19 @@ class _Judge:
     def _better(self, contender: Contender, without: Contender) -> bool:
         if without.cost - contender.cost < self._threshold:
             return False
+        removed = self._mean_square(without) - self._mean_square(contender)
+        if removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
+            return False
         if not self._can_hold_out:
             return True
         keep = 1.0 - self._settings.least_held_out_gain
         return contender.held_out.information < keep * without.held_out.information
 
-    def size(self, contender: Contender, name: str) -> float:
-        """Return how far an effect moves the model, root mean square, at the set's other values."""
+    def _mean_square(self, contender: Contender) -> float:
+        """Return the mean over time of the squared residual."""
         problem = self._field.fitter.problem
-        values = {**contender.fit.values, **self._field.fitter.candidates[name].null_point()}
-        without = problem.predict(values, contender.effects)
-        return float(np.sqrt(np.mean((contender.fit.solution.prediction - without)[problem.valid] ** 2)))
+        residual = (problem.observed - contender.fit.solution.prediction)[problem.valid]
+        return float(np.average(residual**2, weights=np.gradient(problem.time_s)[problem.valid]))
 
     def share(self, contender: Contender) -> float:
         """Return the share of the base model's excess cost that a set explains."""

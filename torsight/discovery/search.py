@@ -49,8 +49,8 @@ class Settings:
     near_floor : float
         ... or leaves less than this many times the floor.
     least_size : float
-        An effect that moves the model by less than this many of the problem's resolutions (root mean square) is not
-        worth a name.
+        An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
+        not worth a name.
     """
 
     most_effects: int = 3
@@ -196,8 +196,17 @@ class Search:
         return sorted((f for f in self._fits.values() if len(f.effects) == size), key=lambda f: (f.cost, f.effects))
 
     def _best(self) -> Fit:
-        # A further effect has to earn more than the luckiest candidate does by chance.
-        return min(self._fits.values(), key=lambda f: (f.cost + 30.0 * len(f.effects), f.effects))
+        """Return the fit that explains most, with its residual's size as free as its parameters (profile likelihood).
+
+        At weights that come from a poor fit all sums of squares are small; what counts then is their ratio.
+        """
+        count = max(1.0, self._fits[()].solution.data_cost)
+
+        def score(fit: Fit) -> tuple[float, EffectSet]:
+            prior = fit.cost - fit.solution.data_cost
+            return count * np.log(max(fit.solution.data_cost, 1e-9)) + prior + 8.0 * len(fit.effects), fit.effects
+
+        return min(self._fits.values(), key=score)
 
     def _worth(self, size: int) -> bool:
         """Return whether larger sets may matter: something is left, and this size has gained something."""
@@ -210,14 +219,17 @@ class Search:
         return left if size == 1 else left and gained
 
     def _reweight(self) -> None:
-        """Take the weights from the best residual and refit, at them, what may still matter."""
-        best = self._best()
-        self._follow(best)
-        kept = [*self._ranked(0), *self._ranked(1)]
-        for size in range(2, self._settings.most_effects + 1):
-            kept += self._ranked(size)[: 3 * self._settings.beam]
-        refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
-        self._fits = {fit.effects: fit for fit in refitted}
+        """Take the weights from the best residual and refit, at them, what may still matter; twice, as both move."""
+        for _ in range(2):
+            before = self._scales
+            self._follow(self._best())
+            kept = [*self._ranked(0), *self._ranked(1)]
+            for size in range(2, self._settings.most_effects + 1):
+                kept += self._ranked(size)[: 3 * self._settings.beam]
+            refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
+            self._fits = {fit.effects: fit for fit in refitted}
+            if self._scales.motion > 0.8 * before.motion and self._scales.rest > 0.8 * before.rest:
+                break
 
     def _follow(self, fit: Fit) -> None:
         """Take floor, scales and weights from a fit's residual."""
