@@ -14,7 +14,14 @@ from typing import Final
 from torsight.core.errors import NoResultError
 
 LOOPBACK: Final = "127.0.0.1"
-_TROUBLE: Final = ("no graphics adapter", "adapter was found", "winit", "display", "address already in use")
+_TROUBLE: Final = (
+    "panicked at",
+    "no graphics adapter",
+    "adapter was found",
+    "winit",
+    "display",
+    "address already in use",
+)
 
 
 def viewer_program() -> Path:
