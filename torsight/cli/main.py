@@ -26,6 +26,7 @@ COMMANDS: Final = (
     "predict",
     "calibrate",
     "render",
+    "live",
     "view",
     "batch",
 )

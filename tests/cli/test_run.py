@@ -1,0 +1,160 @@
+"""The main job on a film of a rig with a hidden effect: every file of the contract, and the same again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from torsight.cli.main import main
+from torsight.core.storage import read_json, read_table
+from torsight.synthetic.render import render_scene
+from torsight.synthetic.scene import demo_scene, scene_from
+
+FILES = (
+    "angle.csv",
+    "markers.csv",
+    "track.json",
+    "merged.csv",
+    "sync.json",
+    "fit.json",
+    "discovery.json",
+    "model.json",
+    "curves.csv",
+    "report.html",
+    "recording.rrd",
+    "provenance.json",
+)
+DISCOVERY_KEYS = {
+    "schema",
+    "verdict",
+    "effects",
+    "alternatives",
+    "drivers",
+    "before",
+    "after",
+    "held_out",
+    "noise_floor_deg",
+    "parameters",
+    "next_experiment",
+}
+SCENE = """
+seed = 23
+[protocol]
+time_factor = 0.1
+rest_s = 40.0
+[[protocol.half_cycle]]
+spring = "a"
+peak_c = 84.0
+[[protocol.half_cycle]]
+spring = "b"
+peak_c = 82.0
+ramp_s = 450.0
+[effects.position_friction]
+amplitude = 0.5
+phase_rad = -1.1
+[thermal]
+wire_capacity_j_per_k = 0.6
+[film]
+fps = 8.0
+crf = 12
+[camera]
+tilt_deg = 7.0
+[log]
+offset_s = -4.0
+before_s = 5.0
+"""
+
+
+def leave(*words: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return int(end.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a rendered rig with a run on it: ``rig/`` and ``out/``."""
+    folder = tmp_path_factory.mktemp("run")
+    render_scene(scene_from(tomllib.loads(SCENE), where="test"), out=folder / "rig")
+    assert leave("run", str(folder / "rig" / "experiment.toml"), "--out", str(folder / "out")) == 0
+    return folder
+
+
+def test_every_file_of_the_contract_is_there(finished: Path) -> None:
+    left = sorted(path.name for path in (finished / "out").iterdir())
+    assert left == sorted(FILES)
+
+
+def test_the_angle_is_right_within_its_own_sigma(finished: Path) -> None:
+    angle = read_table(finished / "out" / "angle.csv", required=("frame", "angle_deg", "angle_sigma_deg", "valid"))
+    truth = read_table(finished / "rig" / "truth.csv", required=("frame", "angle_deg"))
+    assert angle["frame"].tolist() == truth["frame"].tolist()
+    valid = angle["valid"].to_numpy() > 0
+    assert valid.mean() > 0.85
+    error = (angle["angle_deg"] - truth["angle_deg"]).to_numpy()[valid]
+    # the first frame is read within half a turn; where the rig was before, no film can tell
+    error -= 360.0 * np.round(error[0] / 360.0)
+    pull = error / angle["angle_sigma_deg"].to_numpy()[valid]
+    assert np.sqrt(np.mean(pull**2)) < 2.0
+    assert np.abs(error).max() < 1.0
+
+
+def test_discovery_names_what_was_hidden(finished: Path) -> None:
+    found = read_json(finished / "out" / "discovery.json")
+    assert set(found) >= DISCOVERY_KEYS
+    named = {effect["id"] for effect in found["effects"]} | {
+        name for one in found["alternatives"] for name in ([one] if isinstance(one, str) else one)
+    }
+    assert "position_friction" in named
+    assert found["after"]["rmse_train_deg"] < 0.5 * found["before"]["rmse_train_deg"]
+    low, high = found["parameters"]["tau_c_mnm"]["ci95"]
+    assert low < found["parameters"]["tau_c_mnm"]["value"] < high
+
+
+def test_the_clock_interval_covers_the_truth(finished: Path) -> None:
+    clock = read_json(finished / "out" / "sync.json")
+    low, high = clock["offset_s"]["ci95"]
+    assert low <= -4.0 <= high
+
+
+def test_the_summary_names_report_and_recording(finished: Path) -> None:
+    from torsight.cli.summary import summary
+
+    text = "\n".join(summary(finished / "out"))
+    for words in ("Range of motion", "Friction torque", "95 %", "position friction", "report.html", "recording.rrd"):
+        assert words in text
+
+
+def test_provenance_is_enough_to_do_it_again(finished: Path, tmp_path: Path) -> None:
+    assert leave("run", "--from", str(finished / "out" / "provenance.json"), "--out", str(tmp_path / "again")) == 0
+    for name in FILES:
+        if name not in ("recording.rrd", "report.html"):
+            first, second = (folder / name for folder in (finished / "out", tmp_path / "again"))
+            assert first.read_bytes() == second.read_bytes(), name
+
+
+def test_an_input_that_changed_since_is_refused(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads((finished / "out" / "provenance.json").read_text())
+    log = next(name for name in content["inputs"] if name.endswith("temps.csv"))
+    copy = tmp_path / "temps.csv"
+    shutil.copy(log, copy)
+    copy.write_text(copy.read_text() + "\n")
+    text = (finished / "out" / "provenance.json").read_text().replace(log, str(copy))
+    (tmp_path / "provenance.json").write_text(text)
+    assert leave("run", "--from", str(tmp_path / "provenance.json")) == 3
+    assert "has changed since the run" in capsys.readouterr().err
+
+
+def test_the_scene_of_the_demo_hides_something_from_its_actuator_file() -> None:
+    scene = demo_scene()
+    assert scene.effects
+    assert scene.camera.tilt_deg > 3.0
+    assert scene.sensor.sample_s == pytest.approx(0.015)
+    assert scene.sensor.noise_c > 0.0
