@@ -25,6 +25,7 @@ COMMANDS: Final = (
     "simulate",
     "predict",
     "calibrate",
+    "board",
     "render",
     "live",
     "view",
