@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG, PPM
-from torsight.synthetic.hidden import ClockOffset
+from torsight.synthetic.hidden import ClockOffset, HiddenEffect
 from torsight.synthetic.rig import RigRecord, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 
@@ -34,12 +34,15 @@ class Played:
         How long the rig's record runs before the film.
     duration_s : float
         Length of the film.
+    read_rad : (n,) float64 or None
+        The rig's angle as a camera reads it, sample by sample, but for a slipped marker.
     """
 
     scene: Scene
     rig: RigRecord | None
     before_s: float
     duration_s: float
+    read_rad: Floats | None = None
 
     def actuator_angle(self, time_s: Floats) -> Floats:
         """Return the actuator angle φ, rad, at instants of the film's clock."""
@@ -49,17 +52,14 @@ class Played:
 
     def stick_angle(self, time_s: Floats) -> Floats:
         """Return the moving stick's direction less the base stick's, rad, at instants of the film's clock."""
-        effects = dict(self.scene.effects)
-        slip = {"marker_slip": effects.pop("marker_slip")} if "marker_slip" in effects else {}
-        offset_rad = self.scene.sticks.offset_deg * DEG
-        if self.rig is None:
-            read = reading_angle(hand_motion(self.scene, time_s), time_s, effects)
+        slips = {name: effect for name, effect in self.scene.effects.items() if name == "marker_slip"}
+        if self.rig is None or self.read_rad is None:
+            read = reading_angle(hand_motion(self.scene, time_s), time_s, _steady(self.scene))
         else:
-            # Play has a history: it is followed sample by sample, a slip happens between any two.
-            sampled = reading_angle(self.rig.angle_rad, self.rig.time_s - self.before_s, effects)
+            # Play has a history: it is followed sample by sample; a slip happens between any two.
             step_s = self.rig.time_s[1] - self.rig.time_s[0]
-            read = between_samples(sampled, (time_s + self.before_s) / step_s)
-        return reading_angle(read, time_s, slip) + offset_rad
+            read = between_samples(self.read_rad, (time_s + self.before_s) / step_s)
+        return reading_angle(read, time_s, slips) + self.scene.sticks.offset_deg * DEG
 
     def lit(self, time_s: Floats) -> NDArray[np.bool_]:
         """Return whether a spring is switched on at instants of the film's clock."""
@@ -99,7 +99,13 @@ def play_scene(scene: Scene) -> Played:
         before_s=before_s,
         after_s=scene.log.after_s,
     )
-    return Played(scene, rig, before_s, min(total_s, scene.protocol.duration_s))
+    read_rad = reading_angle(rig.angle_rad, rig.time_s - before_s, _steady(scene))
+    return Played(scene, rig, before_s, min(total_s, scene.protocol.duration_s), read_rad)
+
+
+def _steady(scene: Scene) -> dict[str, HiddenEffect]:
+    """Return the effects that do not happen at one moment of the film."""
+    return {name: effect for name, effect in scene.effects.items() if name != "marker_slip"}
 
 
 def clock(scene: Scene) -> tuple[float, float]:

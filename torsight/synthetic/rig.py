@@ -108,16 +108,18 @@ class RigRecord:
 
 def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a sampled signal at places in units of samples: cubic, without overshoot, held beyond the ends."""
-    place = np.clip(place, 0.0, len(values) - 1.000001)
+    last = len(values) - 1
+    place = np.clip(place, 0.0, last - 1e-6)
     index = place.astype(np.int64)
     u = place - index
-    start, rise = values[index], values[index + 1] - values[index]
-    slope = np.gradient(values)
+    start, end = values[index], values[index + 1]
+    rise = end - start
+    slopes = (end - values[np.maximum(index - 1, 0)], values[np.minimum(index + 2, last)] - start)
     # Fritsch and Carlson's limit: no overshoot where a motion starts or stops within a sample.
     bound = 3.0 * np.abs(rise)
-    slopes = [np.where(m * rise > 0, np.clip(m, -bound, bound), 0.0) for m in (slope[index], slope[index + 1])]
+    first, second = (np.where(m * rise > 0, np.clip(0.5 * m, -bound, bound), 0.0) for m in slopes)
     result: NDArray[np.float64] = (
-        start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * slopes[0] + u * u * (u - 1) * slopes[1]
+        start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * first + u * u * (u - 1) * second
     )
     return result
 
