@@ -19,7 +19,7 @@ PICTURE_SUFFIXES: Final = (
 )  # fmt: skip
 """Files of a folder that count as pictures; another file is taken as a film."""
 
-_FILM_CANDIDATES: Final = 240
+_FILM_CANDIDATES: Final = 150
 _EXIF_MAKE, _EXIF_MODEL, _EXIF_PART, _EXIF_FOCAL, _EXIF_SERIAL = 271, 272, 34665, 37386, 42033
 
 

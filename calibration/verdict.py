@@ -33,7 +33,10 @@ GOOD: Final = Verdict("good")
 
 @dataclass(frozen=True, slots=True)
 class _Criterion:
-    """One number against what is good and what is usable; ``more`` is better, or less."""
+    """One number against what is good and what is usable; ``more`` is better, or less.
+
+    ``text`` and ``limit`` word the value and the limit in a reason.
+    """
 
     name: str
     value: float
@@ -41,6 +44,7 @@ class _Criterion:
     usable: float
     more: bool
     text: str
+    limit: str
     do: str
 
     def word(self) -> Word:
@@ -51,7 +55,8 @@ class _Criterion:
 
     def reason(self) -> str:
         side = "at least" if self.more else "at most"
-        return f"{self.name}: {self.text.format(self.value)}, good is {side} {self.text.format(self.good)}; {self.do}"
+        seen, limit = self.text.format(self.value), self.limit.format(self.good)
+        return f"{self.name} {seen}, good is {side} {limit}; {self.do}"
 
 
 def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> NDArray[np.bool_]:
@@ -71,22 +76,27 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     covered = cells_covered([lens.views[index] for index in lens.kept], size_px)
     return _verdict(
         [
-            _Criterion("views", len(lens.kept), 10, 6, more=True, text="{:.0f}", do="take more pictures"),
             _Criterion(
-                "mean error", lens.fit.mean_px, 0.5, 1.0, more=False, text="{:.2f} px",
+                "views:", len(lens.kept), 10, 6, more=True, text="{:.0f}", limit="{:.0f}", do="take more pictures"
+            ),
+            _Criterion(
+                "mean error", lens.fit.mean_px, 0.5, 1.0, more=False, text="is {:.2f} px", limit="{:.2g} px",
                 do="mount the board flat, hold it still, light it evenly, focus",
             ),
             _Criterion(
                 "focal length", 100.0 * float(lens.sigma[:2].max()) / focal, 0.5, 2.0, more=False,
-                text="known to {:.2g} %", do="tilt the board more, to all sides, and come nearer",
+                text="is uncertain by {:.2g} %", limit="{:.2g} %",
+                do="tilt the board more, to all sides, and come nearer",
             ),
             _Criterion(
-                "board's orientations", spread_deg(normals), 40.0, 15.0, more=True, text="differ by {:.0f}°",
+                "board's orientations", spread_deg(normals), 40.0, 15.0, more=True,
+                text="differ by {:.0f}°", limit="{:.0f}°",
                 do="tilt the board to the left, right, top and bottom by 20° to 45°",
             ),
             _Criterion(
                 "coverage", 100.0 * float(covered.mean()), 75.0, 35.0, more=True,
-                text="{:.0f} % of the picture", do=f"bring the board also {_empty_sides(covered)}",
+                text="is {:.0f} % of the picture", limit="{:.0f} %",
+                do=f"bring the board also {_empty_sides(covered)}",
             ),
         ]
     )  # fmt: skip
@@ -108,13 +118,14 @@ def judge_pair(*, pairs: int, epipolar_px: float, baseline_share: float) -> Verd
     """Return the verdict on a stereo pair's geometry; ``baseline_share`` is sigma over baseline."""
     return _verdict(
         [
-            _Criterion("pairs", pairs, 8, 4, more=True, text="{:.0f}", do="take more pairs"),
+            _Criterion("pairs:", pairs, 8, 4, more=True, text="{:.0f}", limit="{:.0f}", do="take more pairs"),
             _Criterion(
-                "epipolar error", epipolar_px, 0.5, 1.0, more=False, text="{:.2f} px",
+                "epipolar error", epipolar_px, 0.5, 1.0, more=False, text="is {:.2f} px", limit="{:.2g} px",
                 do="release both cameras at one instant, hold the board still, move no camera",
             ),
             _Criterion(
-                "baseline", 100.0 * baseline_share, 0.5, 2.0, more=False, text="known to {:.2g} %",
+                "baseline", 100.0 * baseline_share, 0.5, 2.0, more=False,
+                text="is uncertain by {:.2g} %", limit="{:.2g} %",
                 do="show the board to both cameras from nearer and more tilted",
             ),
         ]

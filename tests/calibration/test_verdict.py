@@ -21,7 +21,13 @@ def test_cells_are_counted_where_corners_are():
     [
         (10, 0.2, 0.002, "good", []),
         (6, 0.2, 0.002, "usable", ["pairs: 6, good is at least 8; take more pairs"]),
-        (10, 1.4, 0.01, "do again", ["epipolar error: 1.40 px", "baseline: known to 1 %"]),
+        (
+            10,
+            1.4,
+            0.01,
+            "do again",
+            ["epipolar error is 1.40 px, good is at most 0.5 px", "baseline is uncertain by 1 %"],
+        ),
     ],
 )
 def test_pair_is_judged_by_its_worst_number(pairs, epipolar_px, share, word, reasons):
