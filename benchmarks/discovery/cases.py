@@ -60,7 +60,10 @@ LIBRARY: Final[Mapping[str, Draw]] = {
         "onset_deg": g.uniform(600, 700),
         "form": g.choice(["linear", "quadratic", "exponential"]),
     },
-    "viscous_friction": lambda g: {"viscous_mnm_s_per_rad": _log_uniform(g, 2, 20), "form": g.choice(["linear", "power"])},
+    "viscous_friction": lambda g: {
+        "viscous_mnm_s_per_rad": _log_uniform(g, 2, 20),
+        "form": g.choice(["linear", "power"]),
+    },
     "position_friction": lambda g: {
         "amplitude": g.uniform(0.15, 0.5),
         "phase_rad": g.uniform(-3, 3),
@@ -101,7 +104,10 @@ OUTSIDE: Final[Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
     "direction_friction": (lambda g: {"asymmetry": _either(g, g.uniform(0.15, 0.4))}, ("direction",)),
     "r_phase": (lambda g: {"step_deg": g.uniform(15, 40)}, ("temp_active_c", "temp_passive_c")),
     "thermistor_curve": (lambda g: {"bulge_c": _either(g, g.uniform(0.6, 2.0))}, ("temp_active_c",)),
-    "end_stop": (lambda g: {"angle_deg": g.uniform(195, 220), "stiffness_mnm_per_rad": g.uniform(1, 5)}, ("angle_deg",)),
+    "end_stop": (
+        lambda g: {"angle_deg": g.uniform(195, 220), "stiffness_mnm_per_rad": g.uniform(1, 5)},
+        ("angle_deg",),
+    ),
     "imbalance": (lambda g: {"excess": _either(g, g.uniform(0.03, 0.1))}, ("direction", "angle_deg")),
 }
 """Effects outside the library, each with the variables that are right answers for its first driver."""
@@ -165,7 +171,7 @@ def make_record(case: Case) -> Record:
         details = {name: _drawn(name, rng, record.duration_s) for name in case.effects}
         run = _run(values, record, later, error | details, noise_seed)
         size = float(np.quantile(np.abs(run.angle - base.angle) / DEG, 0.95))
-        each = [_alone(name, details, case, values, record, later, error, noise_seed, base) for name in case.effects]
+        each = [_alone(name, details, values, record, later, error, noise_seed, base) for name in case.effects]
         if not case.effects or (_SIZE_DEG[0] <= min(each) and max(each) <= _SIZE_DEG[1]):
             break
     return _record(run, values, size, details, noise_seed)
@@ -174,7 +180,6 @@ def make_record(case: Case) -> Record:
 def _alone(
     name: str,
     details: Mapping[str, dict[str, object]],
-    case: Case,
     values: RigValues,
     record: Protocol,
     later: Protocol,
@@ -190,7 +195,7 @@ def _alone(
 
 def _drawn(name: str, rng: np.random.Generator, duration_s: float) -> dict[str, object]:
     draw = LIBRARY[name] if name in LIBRARY else OUTSIDE[name][0]
-    made = {key: str(value) if isinstance(value, str) else float(value) for key, value in draw(rng).items()}  # type: ignore[arg-type]
+    made = {key: str(value) if isinstance(value, str) else float(str(value)) for key, value in draw(rng).items()}
     if name == "marker_slip":
         made["time_s"] = float(made["time_s"]) * duration_s
     return made
@@ -231,9 +236,7 @@ def _run(
     made: dict[str, HiddenEffect] = {name: HIDDEN[name](**details) for name, details in effects.items()}  # type: ignore[arg-type]
     whole = Protocol((*record.half_cycles, *later.half_cycles), record.rest_s, 1.0, home=True)
     rng = np.random.default_rng(noise_seed)
-    run: RigRecord = simulate_rig(
-        values, whole, effects=made, sensor=Sensor(sample_s=_STEP_S, noise_c=0.02), rng=rng
-    )
+    run: RigRecord = simulate_rig(values, whole, effects=made, sensor=Sensor(sample_s=_STEP_S, noise_c=0.02), rng=rng)
     angle = reading_angle(run.angle_rad, run.time_s, made)
     temps = (run.temp_a_c, run.temp_b_c)
     clock = made.get("clock_offset")

@@ -75,6 +75,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     cases = [case for case in suite(given.part) if given.match in case.name]
     with given.out.open("w") as file, ProcessPoolExecutor(given.jobs) as pool:
         for done in as_completed([pool.submit(run_case, case) for case in cases]):
+            if done.exception() is not None:
+                print(f"failed: {done.exception()!r}", flush=True)
+                continue
             result = done.result()
             file.write(json.dumps(result) + "\n")
             file.flush()

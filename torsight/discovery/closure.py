@@ -69,8 +69,8 @@ def learn_closure(field: Field, contender: Contender, *, seed: int) -> Closure |
     design = _Design(problem.block, labels, weight, residual, known, 1.0 / (2.0 * size) ** 2)
     alone = design.score({})
     chosen, left = _forward(design, groups, alone, seed=seed)
-    gain = 1.0 - left[-1] / alone
-    if not chosen or gain < LEAST_GAIN or size * np.sqrt(gain) < LEAST_SIZE * problem.resolution:
+    gain = 1.0 - left[-1] / alone if chosen else 0.0
+    if gain < LEAST_GAIN or size * np.sqrt(gain) < LEAST_SIZE * problem.resolution:
         return None
     coefficients = design.coefficients({name: groups[name] for name in chosen})
     return Closure(

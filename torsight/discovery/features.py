@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 DIRECTION: Final = "direction"
 _TREND: Final = ("time_s", "cycle")
-_KNOTS: Final = 7
+_KNOTS: Final = 10
 
 
 @dataclass(frozen=True, slots=True)

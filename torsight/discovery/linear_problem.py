@@ -82,7 +82,8 @@ def linear_problem(
     families : mapping, optional
         Effect id to its family.
     """
-    size = float(np.nanstd(observed))
+    measured = observed[np.isfinite(observed)]
+    size = float(np.std(measured)) if len(measured) else 1.0
 
     def parameter(name: str, column: Array, *, null: float | None) -> Parameter:
         typical = float(np.sqrt(np.mean(column**2)))

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
 
@@ -202,24 +203,17 @@ def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, spac
 
 
 def _step(normal: Array, gradient: Array, x: Array, *, damping: float, space: Space) -> tuple[Array, float]:
-    """Return the damped step, with parameters that a bound stops held there, and the decrease that it promises."""
-    tight = 1e-9 * space.scale
-    free = ~(((x <= space.lower + tight) & (gradient < 0.0)) | ((x >= space.upper - tight) & (gradient > 0.0)))
-    step = np.zeros_like(x)
-    for _ in range(len(x)):
-        if not free.any():
-            return np.zeros_like(x), 0.0
-        index = np.flatnonzero(free)
-        matrix = normal[np.ix_(index, index)]
-        # 1/scale² keeps a direction that the record says nothing about from running away.
-        ridge = damping * (np.diag(matrix) + 1e-6 / space.scale[index] ** 2) + 1e-9 / space.scale[index] ** 2
-        step[:] = 0.0
-        step[index] = np.linalg.solve(matrix + np.diag(ridge), gradient[index])
-        beyond = free & ((x + step < space.lower - tight) | (x + step > space.upper + tight))
-        at_bound = beyond & ((x <= space.lower + tight) | (x >= space.upper - tight))
-        if not at_bound.any():
-            break
-        free &= ~at_bound
-    step = space.clip(x + step) - x
+    """Return the damped step that stays within the bounds, and the decrease that it promises."""
+    # 1/scale² keeps a direction that the record says nothing about from running away.
+    ridge = damping * (np.diag(normal) + 1e-6 / space.scale**2) + 1e-9 / space.scale**2
+    matrix = normal + np.diag(ridge)
+    step = np.linalg.solve(matrix, gradient)
+    if np.any(x + step < space.lower) or np.any(x + step > space.upper):
+        # The quadratic within a box, in units of the scales, as a bounded linear least-squares problem.
+        root = np.linalg.cholesky(matrix * np.outer(space.scale, space.scale))
+        target = np.linalg.solve(root, gradient * space.scale)
+        low, high = (space.lower - x) / space.scale, (space.upper - x) / space.scale
+        within = lsq_linear(root.T, target, bounds=(low - 1e-12, high + 1e-12), method="bvls", tol=1e-12)
+        step = space.clip(x + within.x * space.scale) - x
     promised = float(2.0 * gradient @ step - step @ normal @ step)
     return step, promised

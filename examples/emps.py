@@ -1,0 +1,127 @@
+"""What a linear drive's model lacks: the discovery engine on measured data that have nothing to do with springs.
+
+The EMPS benchmark (Janot, Gautier and Brunot, 2019) is a screw-driven carriage. Its reference model says
+force = M a + Fv v + Fc sign(v) + offset, which leaves a relative error of 4.08 %. This script asks what is missing, and
+then lets both models predict a second record that neither has seen.
+
+Run: python examples/emps.py ../shared/data/emps
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat
+from scipy.signal import butter, decimate, filtfilt
+
+from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.linear_problem import LinearProblem, linear_problem
+
+Array = NDArray[np.float64]
+RATE_HZ = 1000.0
+BASE = ("mass_kg", "viscous_n_s_per_m", "coulomb_n", "offset_n")
+CANDIDATES = {
+    "friction_by_direction": ("viscous_asymmetry_n_s_per_m",),
+    "quadratic_drag": ("drag_n_s2_per_m2",),
+    "stribeck": ("stribeck_n",),
+    "spring": ("stiffness_n_per_m",),
+    "friction_by_position": ("coulomb_slope_n_per_m",),
+    "cogging": ("cogging_sine_n", "cogging_cosine_n"),
+    "coulomb_drift": ("coulomb_drift_n",),
+    "viscous_drift": ("viscous_drift_n_s_per_m",),
+}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One record: force in N and the columns of every parameter at 100 Hz, time in s, stroke number."""
+
+    time_s: Array
+    force_n: Array
+    columns: Mapping[str, Array]
+    stroke: NDArray[np.int64]
+
+
+def read_drive(path: Path) -> Drive:
+    """Read a record: speed and acceleration from the position, filtered both ways; 100 samples a second."""
+    content = {name: values.ravel() for name, values in loadmat(path).items() if not name.startswith("__")}
+    low_pass = butter(4, 150.0 / (0.5 * RATE_HZ))
+    position = filtfilt(*low_pass, content["qm"])
+    speed = np.gradient(position, 1.0 / RATE_HZ)
+    sign = np.sign(speed)
+    share = np.linspace(0.0, 1.0, len(speed))
+    pitch_m = 0.05
+    full = {
+        "mass_kg": np.gradient(speed, 1.0 / RATE_HZ),
+        "viscous_n_s_per_m": speed,
+        "coulomb_n": sign,
+        "offset_n": np.ones_like(speed),
+        "viscous_asymmetry_n_s_per_m": np.abs(speed),
+        "drag_n_s2_per_m2": speed * np.abs(speed),
+        "stribeck_n": sign * np.exp(-np.abs(speed) / 0.02),
+        "stiffness_n_per_m": position,
+        "coulomb_slope_n_per_m": sign * position,
+        "cogging_sine_n": np.sin(2.0 * np.pi * position / pitch_m),
+        "cogging_cosine_n": np.cos(2.0 * np.pi * position / pitch_m),
+        "coulomb_drift_n": sign * share,
+        "viscous_drift_n_s_per_m": speed * share,
+        "force": float(content["gtau"][0]) * content["vir"],
+        "time": content["t"],
+        "reference": content["qg"],
+    }
+    slow = {name: decimate(column[50:-50], 10, ftype="fir", zero_phase=True) for name, column in full.items()}
+    turns = np.abs(np.diff(np.sign(np.gradient(slow["reference"])))) > 1.0
+    return Drive(
+        time_s=slow["time"],
+        force_n=slow["force"],
+        columns={name: slow[name] for name in (*BASE, *(key for keys in CANDIDATES.values() for key in keys))},
+        stroke=np.concatenate([[0], np.cumsum(turns)]),
+    )
+
+
+def problem_of(drive: Drive) -> LinearProblem:
+    """Return the record as a problem for the engine; whole strokes are held out."""
+    columns = drive.columns
+    return linear_problem(
+        drive.force_n,
+        {name: columns[name] for name in BASE},
+        {effect: {name: columns[name] for name in names} for effect, names in CANDIDATES.items()},
+        time_s=drive.time_s,
+        block=np.minimum(drive.stroke, drive.stroke.max()),
+        drivers={"speed": columns["viscous_n_s_per_m"], "direction": columns["coulomb_n"]},
+        sigma=0.0,
+    )
+
+
+def relative_error(drive: Drive, values: Mapping[str, float]) -> float:
+    """Return the norm of the error over the norm of the force, as the benchmark does."""
+    predicted = sum(value * drive.columns[name] for name, value in values.items())
+    return float(np.linalg.norm(drive.force_n - predicted) / np.linalg.norm(drive.force_n))
+
+
+def discover_drive(folder: Path) -> tuple[Findings, Drive, Drive]:
+    """Return what is found on the first record, and both records."""
+    record, later = read_drive(folder / "DATA_EMPS.mat"), read_drive(folder / "DATA_EMPS_PULSES.mat")
+    return find_missing(problem_of(record)), record, later
+
+
+def main(folder: Path) -> None:
+    """Print what is missing and what it is worth."""
+    findings, record, later = discover_drive(folder)
+    field, chosen = findings.field, findings.decision.chosen
+    single = field.of_size(1)[0]
+    base = field.base.fit.values
+    print("Base model       ", ", ".join(f"{name} {value:.4g}" for name, value in base.items()))
+    print(f"Verdict           {findings.verdict}: {', '.join(chosen.effects) or 'nothing'}")
+    for title, fit in (("base", field.base.fit), (single.effects[0], single.fit), ("all that is named", chosen.fit)):
+        first, second = relative_error(record, fit.values), relative_error(later, fit.values)
+        print(f"Relative error    {100 * first:.2f} %, second record {100 * second:.2f} % ({title})")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "../shared/data/emps"))

@@ -1,0 +1,109 @@
+"""The engine on measurements that nobody of this project made."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from torsight.discovery.engine import find_missing
+from torsight.discovery.linear_problem import LinearProblem, linear_problem
+
+pytestmark = pytest.mark.shared_data
+
+
+@pytest.fixture(scope="module")
+def emps() -> ModuleType:
+    path = Path(__file__).parents[2] / "examples" / "emps.py"
+    spec = importlib.util.spec_from_file_location("emps_example", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_linear_drive_lacks_friction_that_differs_by_direction(emps: ModuleType, shared_data: Path) -> None:
+    findings, record, later = emps.discover_drive(shared_data / "emps")
+    field, chosen = findings.field, findings.decision.chosen
+    base, single = field.base, field.of_size(1)[0]
+    assert single.effects == ("friction_by_direction",)
+    assert "friction_by_direction" in chosen.effects
+    # Published: M 95.1089 kg, Fv 203.5034 N s/m, Fc 20.3935 N, offset −3.1648 N; 4.0834 % and 3.1117 %.
+    published = {"mass_kg": 95.1089, "viscous_n_s_per_m": 203.5034, "coulomb_n": 20.3935, "offset_n": -3.1648}
+    for name, value in published.items():
+        assert base.fit.values[name] == pytest.approx(value, rel=3e-3)
+    assert emps.relative_error(record, base.fit.values) == pytest.approx(0.040834, rel=0.01)
+    assert emps.relative_error(record, single.fit.values) == pytest.approx(0.031117, rel=0.01)
+    assert emps.relative_error(later, single.fit.values) < 0.97 * emps.relative_error(later, base.fit.values)
+    assert emps.relative_error(later, chosen.fit.values) < emps.relative_error(later, single.fit.values)
+
+
+def test_wire_under_constant_stress_moves_from_cycle_to_cycle(shared_data: Path) -> None:
+    problem = _loops(shared_data / "sma_react" / "isobaric_7cycle.txt")
+    findings = find_missing(problem)
+    assert "cycle_drift" in findings.decision.chosen.effects
+    base, chosen = findings.before, findings.after
+    assert base is not None
+    assert chosen is not None
+    assert chosen.rms < 0.5 * base.rms
+
+
+def test_without_a_name_the_drift_is_still_traced_to_the_cycle(shared_data: Path) -> None:
+    problem = _loops(shared_data / "sma_react" / "isobaric_7cycle.txt", nameless=True)
+    findings = find_missing(problem)
+    assert findings.verdict == "unknown"
+    assert findings.closure is not None
+    assert findings.closure.drivers[0][0] == "cycle"
+
+
+def _loops(path: Path, *, nameless: bool = False) -> LinearProblem:
+    """Extension over temperature at 2400 MPa: one curve for heating and one for cooling, the same in every cycle."""
+    rows = []
+    for line in path.read_text(encoding="latin-1").splitlines():
+        fields = line.strip().strip('"').split(",")
+        if len(fields) == 6 and fields[0].replace(".", "").isdigit():
+            rows.append([float(field) for field in fields])
+    time_h, _, _, temp_c, extension_mm, stress_mpa = np.array(rows).T
+    loaded = np.flatnonzero(stress_mpa > 2300.0)
+    time_h, temp_c, extension_mm = time_h[loaded], temp_c[loaded], extension_mm[loaded]
+    smooth = np.convolve(np.pad(temp_c, 4, mode="edge"), np.ones(9) / 9.0, mode="valid")
+    heating = np.gradient(smooth) > 0.0
+    lows = [
+        int(np.argmin(np.where((time_h > t) & (time_h < t + 0.8), temp_c, np.inf))) for t in np.arange(7) * 0.775 + 0.2
+    ]
+    cycle = np.searchsorted(np.array(lows), np.arange(len(temp_c)))
+    knots = np.linspace(-30.0, 51.0, 9)
+    hats = np.column_stack([np.interp(temp_c, knots, row) for row in np.eye(len(knots))])
+    base = {
+        f"{way}_{i}": hats[:, i] * on for way, on in (("up", heating), ("down", ~heating)) for i in range(len(knots))
+    }
+    late = cycle.astype(float)
+    candidates = {
+        "rate": {"rate": np.gradient(smooth)},
+        "hold": {"hold": np.exp(-np.abs(temp_c + 30.0))},
+    }
+    if not nameless:
+        # Settles with the cycles by amounts that change over the temperature, heating and cooling apart.
+        fall = 1.0 - np.exp(-late / 2.0)
+        coarse = [np.interp(temp_c, [-30.0, 10.0, 51.0], row) for row in np.eye(3)]
+        candidates["cycle_drift"] = {
+            f"settled_{way}_{i}": fall * column * on
+            for way, on in (("up", heating), ("down", ~heating))
+            for i, column in enumerate(coarse)
+        }
+    return linear_problem(
+        extension_mm,
+        base,
+        candidates,
+        time_s=3600.0 * time_h,
+        block=np.clip(cycle, 0, 7).astype(np.int64),
+        drivers={"temp_active_c": temp_c, "cycle": late, "direction": np.where(heating, 1.0, -1.0)},
+        sigma=0.0,
+        resolution=0.05,
+    )

@@ -1,0 +1,95 @@
+"""The solver against closed forms and another library."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+
+from torsight.discovery.solver import Space, jacobian, solve
+
+
+def _space(m: int, *, lower: float = -np.inf, upper: float = np.inf, sigma: float = np.inf) -> Space:
+    return Space(
+        lower=np.full(m, lower),
+        upper=np.full(m, upper),
+        scale=np.ones(m),
+        prior_mean=np.zeros(m),
+        prior_sigma=np.full(m, sigma),
+    )
+
+
+def test_linear_with_priors_is_the_normal_equations_solution() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((60, 4))
+    y = columns @ np.array([1.0, -2.0, 0.5, 3.0]) + 0.1 * rng.standard_normal(60)
+    weight = rng.uniform(0.5, 2.0, 60)
+    found = solve(lambda x: columns @ x, np.zeros(4), observed=y, weight=weight, space=_space(4, sigma=0.7))
+    matrix = columns.T @ (columns * weight[:, None]) + np.eye(4) / 0.49
+    expected = np.linalg.solve(matrix, columns.T @ (weight * y))
+    assert found.converged
+    # The search ends where a step promises less than 1e-4 units of information.
+    assert np.allclose(found.x, expected, atol=1e-2 / np.sqrt(np.linalg.eigvalsh(matrix)[0]))
+
+
+def test_bounds_agree_with_another_solver() -> None:
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((80, 5))
+    y = 20.0 * columns @ np.array([2.0, -2.0, 0.2, 0.0, -0.1])
+    found = solve(
+        lambda x: columns @ x, np.zeros(5), observed=y, weight=np.ones(80), space=_space(5, lower=-1.0, upper=1.0)
+    )
+    expected = lsq_linear(columns, y, bounds=(-1.0, 1.0)).x
+    assert np.allclose(found.x, expected, atol=2e-2)
+
+
+def test_nonlinear_agrees_with_another_solver() -> None:
+    t = np.linspace(0.0, 4.0, 100)
+    rng = np.random.default_rng(3)
+    y = 2.0 * np.exp(-0.7 * t) + 0.3 + 0.01 * rng.standard_normal(100)
+
+    def model(x: np.ndarray) -> np.ndarray:
+        return np.asarray(x[0] * np.exp(-x[1] * t) + x[2])
+
+    found = solve(model, np.ones(3), observed=y, weight=np.full(100, 1e4), space=_space(3), max_iterations=40)
+    expected = least_squares(lambda x: (model(x) - y) * 100.0, np.ones(3))
+    assert found.cost == pytest.approx(2.0 * expected.cost, abs=0.05)
+    sigma = np.sqrt(np.diag(np.linalg.inv(expected.jac.T @ expected.jac)))
+    assert np.all(np.abs(found.x - expected.x) < 0.2 * sigma)
+
+
+def test_a_known_solution_is_gone_on_from_without_evaluations() -> None:
+    columns = np.eye(3)
+    calls = 0
+
+    def model(x: np.ndarray) -> np.ndarray:
+        nonlocal calls
+        calls += 1
+        return columns @ x
+
+    first = solve(model, np.zeros(3), observed=np.arange(3.0), weight=np.ones(3), space=_space(3))
+    calls = 0
+    again = solve(model, first.x, observed=np.arange(3.0), weight=np.full(3, 2.0), space=_space(3), known=first)
+    assert calls == 0
+    assert np.allclose(again.x, first.x)
+
+
+def test_derivatives_at_an_upper_bound_point_inwards() -> None:
+    space = _space(1, upper=1.0)
+    seen: list[float] = []
+
+    def model(x: np.ndarray) -> np.ndarray:
+        seen.append(float(x[0]))
+        return 3.0 * x
+
+    derivative = jacobian(model, np.ones(1), at_x=np.full(1, 3.0), space=space)
+    assert max(seen) <= 1.0
+    assert derivative[0, 0] == pytest.approx(3.0)
+
+
+def test_samples_without_weight_may_be_nan() -> None:
+    y = np.array([1.0, np.nan, 3.0])
+    found = solve(
+        lambda x: np.full(3, x[0]), np.zeros(1), observed=y, weight=np.array([1.0, 0.0, 1.0]), space=_space(1)
+    )
+    assert found.x[0] == pytest.approx(2.0, abs=1e-2)
