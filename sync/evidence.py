@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from sync.belief import DRIFT_SIGMA_PPM, Belief
 from sync.channels import noise_c
 from sync.coarse import Plateau, assign, explained_share, find_plateaus
-from sync.corners import Corner, cooling_corner, find_stop, heating_end
+from sync.corners import MAX_LAG_S, Corner, cooling_corner, find_stop, heating_end
 from sync.crossings import Crossings, collect_crossings
-from sync.flanks import Flank, LogPicture, picture_log
+from sync.flanks import Flank, LogPicture, lag_window_s, picture_log
 from sync.lag import LagBelief, lag_belief
 from sync.merge import longest_gap_s
 from sync.motion import Stroke, find_strokes
@@ -23,10 +23,13 @@ from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 
+_SHORT_LAG_S: Final = 0.2
 _PLATEAUS: Final = 12
 _STARTS: Final = 4
 _LEFT_OUT: Final = 8.0
 """Logarithm of how much less likely it is that a stroke has no flank at all."""
+_TEMPER: Final = 0.2
+"""Passings of one stroke are far from independent: their likelihoods count for less when separate answers are weighed."""
 _STOP_SIGMA_S: Final = 0.05
 _CORNER_PER_LAG: Final = 0.6
 _STOP_ASTRAY_S: Final = 3.0
@@ -86,6 +89,14 @@ def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief |
     picture = picture_log(log, max_gap_s=longest_gap_s(log))
     if not strokes or not picture.flanks:
         return None
+    lag = lag_belief([corner for _, corner in _corners(log, picture, None)])
+    corners = _corners(log, picture, lag.value_s)
+    if lag.value_s is not None and lag.value_s > _SHORT_LAG_S:
+        window_s = lag_window_s(picture)
+        picture = replace(
+            picture_log(log, max_gap_s=longest_gap_s(log), slope_window_s=window_s), flanks=picture.flanks
+        )
+    picture = replace(picture, flanks=_sharpened(picture.flanks, corners))
     span = (float(angles.time_s[0]), float(angles.time_s[-1]))
     plateaus = find_plateaus(strokes, picture, film_span_s=span)
     if prior is not None:
@@ -98,8 +109,6 @@ def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief |
         )
     if not plateaus:
         return None
-    lag = lag_belief([corner for _, corner in _corners(log, picture, None)])
-    corners = _corners(log, picture, lag.value_s)
     scene = _Scene(angles, log, strokes, picture, corners, lag)
     found = [part for plateau in plateaus[:_PLATEAUS] if (part := _weigh(scene, plateau, prior)) is not None]
     if not found:
@@ -140,6 +149,7 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
     center_s = 0.5 * (plateau.low_s + plateau.high_s)
     flanks = assign(scene.strokes, scene.picture.flanks, center_s)
     matched = sum(flank is not None for flank in flanks)
+    plateau = _possible(plateau, scene.strokes, flanks, slack_s=1.0 + (scene.lag.value_s or MAX_LAG_S))
     crossings = collect_crossings(scene.strokes, flanks)
     if crossings is None:
         return None
@@ -151,7 +161,8 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
     if prior is not None:
         wide = _moved(prior, 0.0, crossings.middle_s)
     # The thresholds see offset and lag as one delay; the stops see the offset alone.
-    delays = _delays(crossings, scene.picture, plateau, wide)
+    assumed_s = scene.lag.value_s or 0.0
+    delays = _delays(crossings, scene.picture, plateau, wide, lag_s=assumed_s)
     if not delays:
         return None
     lost = _LEFT_OUT * (len(scene.strokes) - matched)
@@ -160,12 +171,26 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
     for delay in delays:
         for lag_s, log_weight in zip(scene.lag.grid_s, scene.lag.log_weight, strict=True):
             belief = Belief(
-                delay.mean - np.array([lag_s, 0.0]), delay.covariance, delay.log_weight + float(log_weight) - lost
+                delay.mean - np.array([lag_s - assumed_s, 0.0]),
+                delay.covariance,
+                _TEMPER * delay.log_weight + float(log_weight) - lost,
             )
             for stop in paired:
                 belief = _with_stop(belief, stop, crossings.middle_s)
             beliefs.append(belief)
     return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
+
+
+def _possible(
+    plateau: Plateau, strokes: Sequence[Stroke], flanks: Sequence[Flank | None], *, slack_s: float
+) -> Plateau:
+    """Narrow a range: no motion back before the power went off, none on after the temperature stopped rising."""
+    pairs = [(stroke, flank) for stroke, flank in zip(strokes, flanks, strict=True) if flank is not None]
+    low = max([flank.begin_s - stroke.begin_s - 0.5 for stroke, flank in pairs], default=plateau.low_s)
+    high = min([flank.end_s - stroke.end_s for stroke, flank in pairs], default=plateau.high_s) + slack_s
+    if high - low < 1.0:
+        return plateau
+    return replace(plateau, low_s=max(low, plateau.low_s), high_s=max(min(high, plateau.high_s), low + 0.5))
 
 
 def _with_stop(belief: Belief, stop: _PairedStop, middle_s: float) -> Belief:
@@ -180,11 +205,11 @@ def _with_stop(belief: Belief, stop: _PairedStop, middle_s: float) -> Belief:
     return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
 
 
-def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: Belief) -> list[Belief]:
+def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: Belief, *, lag_s: float) -> list[Belief]:
     """Return the distinct local answers of the thresholds on a plateau, from a scan over it."""
     step_s = max(0.5, (plateau.high_s - plateau.low_s) / 100.0)
     offset_s = np.arange(plateau.low_s, plateau.high_s + step_s, step_s)
-    evidence = scan(crossings, picture, offset_s=offset_s, lag_s=0.0)
+    evidence = scan(crossings, picture, offset_s=offset_s, lag_s=lag_s)
     if not np.isfinite(evidence).any():
         return []
     order = np.argsort(evidence)[::-1]
@@ -194,7 +219,7 @@ def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: B
             starts.append(float(offset_s[index]))
     found: list[Belief] = []
     for start_s in starts:
-        delay = refine(crossings, picture, start_s=start_s, prior=wide, lag_s=0.0)
+        delay = refine(crossings, picture, start_s=start_s, prior=wide, lag_s=lag_s)
         if delay is None:
             continue
         sigma = float(np.sqrt(delay.covariance[0, 0]))
@@ -251,6 +276,15 @@ def _corners(log: TemperatureLog, picture: LogPicture, lag_s: float | None) -> t
         if corner is not None:
             found.append((flank, corner))
     return tuple(found)
+
+
+def _sharpened(flanks: Sequence[Flank], corners: Sequence[tuple[Flank, Corner]]) -> tuple[Flank, ...]:
+    """Let coolings begin where the power went off: nothing can move back before."""
+    begin = {(flank.spring, flank.begin_s): corner.time_s for flank, corner in corners}
+    return tuple(
+        flank if flank.heating else replace(flank, begin_s=begin.get((flank.spring, flank.begin_s), flank.begin_s))
+        for flank in flanks
+    )
 
 
 def _off_times(time_s: NDArray[np.float64], switch: NDArray[np.bool_] | None) -> NDArray[np.float64] | None:

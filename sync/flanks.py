@@ -55,12 +55,12 @@ class LogPicture:
     flanks: tuple[Flank, ...]
 
 
-def picture_log(log: TemperatureLog, *, max_gap_s: float) -> LogPicture:
-    """Smooth both temperatures and find their flanks."""
+def picture_log(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogPicture:
+    """Smooth both temperatures, their slopes over a window of its own, and find their flanks."""
     springs: dict[Spring, EvenSignal] = {}
     readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
     for name, temperature in readings:
-        signal = even_signal(log.time_s, temperature, window_s=2.0, max_gap_s=max_gap_s)
+        signal = even_signal(log.time_s, temperature, window_s=2.0, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
         if signal is not None:
             springs[name] = signal
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
@@ -68,6 +68,12 @@ def picture_log(log: TemperatureLog, *, max_gap_s: float) -> LogPicture:
     threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
     flanks = [flank for name, signal in springs.items() for flank in _flanks(name, signal, threshold_c)]
     return LogPicture(springs=springs, flanks=tuple(sorted(flanks, key=lambda flank: flank.begin_s)))
+
+
+def lag_window_s(picture: LogPicture) -> float:
+    """Return the time over which a slope can be taken without rounding a cooling: a fifth of its time constant."""
+    lengths = [flank.end_s - flank.begin_s for flank in picture.flanks if not flank.heating]
+    return float(np.clip(np.median(lengths) / 16.0, 0.5, 8.0)) if lengths else 2.0
 
 
 def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flank]:

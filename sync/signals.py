@@ -60,9 +60,14 @@ class EvenSignal:
 
 
 def even_signal(
-    time_s: NDArray[np.float64], value: NDArray[np.float64], *, window_s: float, max_gap_s: float
+    time_s: NDArray[np.float64],
+    value: NDArray[np.float64],
+    *,
+    window_s: float,
+    max_gap_s: float,
+    slope_window_s: float | None = None,
 ) -> EvenSignal | None:
-    """Average onto an even grid and smooth with a local parabola.
+    """Average onto an even grid and smooth with a local parabola, the slope over a window of its own where one is given.
 
     Both steps are symmetric in time: they move nothing. ``None`` where fewer than a dozen samples are known.
     """
@@ -82,15 +87,15 @@ def even_signal(
         filled = _binned(at_s, there, grid_s, step_s, filled)
     right = np.clip(np.searchsorted(at_s, grid_s), 1, len(at_s) - 1)
     bridged = at_s[right] - at_s[right - 1] <= max_gap_s
-    points = 2 * max(2, round(window_s / step_s / 2.0)) + 1
-    points = min(points, count - 1 + count % 2)
+    points = _odd(window_s / step_s, count)
+    slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
     smooth = savgol_filter(filled, points, 2)
-    slope = savgol_filter(filled, points, 2, deriv=1, delta=step_s)
+    slope = savgol_filter(filled, slope_points, 2, deriv=1, delta=step_s)
     noise = _noise(there)
     unit = np.zeros(points)
     unit[points // 2] = 1.0
     value_gain = float(np.linalg.norm(savgol_filter(unit, points, 2, mode="constant")))
-    ramp = np.arange(points) - points // 2
+    ramp = np.arange(slope_points) - slope_points // 2
     slope_gain = 1.0 / (step_s * float(np.linalg.norm(ramp)))
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
@@ -104,6 +109,10 @@ def even_signal(
         noise=noise,
         point_sigma=scale,
     )
+
+
+def _odd(points: float, most: int) -> int:
+    return min(2 * max(2, round(points / 2.0)) + 1, most - 1 + most % 2)
 
 
 def _binned(

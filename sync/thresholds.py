@@ -103,8 +103,11 @@ def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray
     # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
     independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
+    # Across a corner no polynomial follows: such rates tell nothing.
+    missed = float(np.sqrt(np.mean((value[known] - powers @ coefficient) ** 2)))
+    excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
-    return np.asarray(design @ coefficient), np.asarray(sigma)
+    return np.asarray(design @ coefficient), np.hypot(sigma, excess)
 
 
 def refine(crossings: Crossings, picture: LogPicture, *, start_s: float, prior: Belief, lag_s: float) -> Belief | None:
@@ -151,9 +154,7 @@ def _linear(
     # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J.
     data = wire.temp_c[keep] - jacobian @ point - 50.0
     precision = np.linalg.inv(prior.covariance)
-    # One passing of each level goes into the unknown curve: it says nothing about the clock, whatever its rate.
-    share = 1.0 - 1.0 / crossings.shared[keep]
-    density = float((share * np.log(np.maximum(np.abs(rate), 1e-3))).sum())
+    density = _density(crossings.stroke[keep], crossings.kind[keep], rate)
     common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
     scatter = crossings.scatter[np.ix_(keep, keep)]
     parts: list[Belief] = []
@@ -170,6 +171,20 @@ def _linear(
         belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
         parts.append(Belief(mean, np.linalg.inv(information), density + belief_in_scatter - 0.5 * (fit + log_det)))
     return parts
+
+
+def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[np.float64]) -> float:
+    """Return the logarithm of the factor that turns densities of temperature into densities of time.
+
+    It counts once per stroke, as the scatter does that matters; and one stroke of each kind goes into the unknown curve
+    and says nothing about the clock, whatever its rate.
+    """
+    total = 0.0
+    for number in np.unique(kind):
+        strokes = np.unique(stroke[kind == number])
+        logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
+        total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
+    return total
 
 
 def _mixed(parts: Sequence[Belief]) -> Belief:
