@@ -71,13 +71,12 @@ def read_drive(path: Path) -> Drive:
         "coulomb_drift_n": sign * share,
         "viscous_drift_n_s_per_m": speed * share,
         "force": float(content["gtau"][0]) * content["vir"],
-        "time": content["t"],
         "reference": content["qg"],
     }
     slow = {name: decimate(column[50:-50], 10, ftype="fir", zero_phase=True) for name, column in full.items()}
     turns = np.abs(np.diff(np.sign(np.gradient(slow["reference"])))) > 1.0
     return Drive(
-        time_s=slow["time"],
+        time_s=content["t"][50:-50:10],
         force_n=slow["force"],
         columns={name: slow[name] for name in (*BASE, *(key for keys in CANDIDATES.values() for key in keys))},
         stroke=np.concatenate([[0], np.cumsum(turns)]),

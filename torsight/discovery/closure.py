@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.discovery.features import bases_of
+from torsight.discovery.features import Basis, bases_of
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Closure
 from torsight.discovery.search import Contender, Field
@@ -53,12 +53,46 @@ class _Blocks:
 
 def learn_closure(field: Field, contender: Contender, *, seed: int) -> Closure | None:
     """Learn a stand-in for what a fitted set leaves, or return None where nothing predictable is left."""
-    problem = field.fitter.problem
+    found = _learn(field, contender, seed=seed)
+    if found is None:
+        return None
+    gain = 1.0 - found.left[-1] / found.alone
+    if gain < LEAST_GAIN or found.size * np.sqrt(gain) < LEAST_SIZE * field.fitter.problem.resolution:
+        return None
+    coefficients = found.design.coefficients({name: found.groups[name] for name in found.chosen})
+    return Closure(
+        features=found.chosen,
+        weights=tuple(coefficients.tolist()),
+        drivers=_shares(found.chosen, found.alone, found.left),
+        held_out_gain=gain,
+        settings={"bases": [basis.to_json() for name in found.chosen for basis in found.bases[name]]},
+    )
+
+
+def predictable(field: Field, contender: Contender, *, seed: int) -> float:
+    """Return the information that a stand-in would still remove from a fitted set's residual, on unseen blocks."""
+    found = _learn(field, contender, seed=seed)
+    return 0.0 if found is None else found.alone - found.left[-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Learned:
+    """What the search for drivers came to: information left on unseen blocks without, and after each driver."""
+
+    design: _Design
+    bases: Mapping[str, tuple[Basis, ...]]
+    groups: Mapping[str, Array]
+    size: float
+    alone: float
+    chosen: tuple[str, ...]
+    left: tuple[float, ...]
+
+
+def _learn(field: Field, contender: Contender, *, seed: int) -> _Learned | None:
+    problem, fit, weight = field.fitter.problem, contender.fit, field.fitter.weight
     labels = block_labels(problem)
     if not problem.drivers or len(labels) < 2:
         return None
-    weight = field.fitter.weight
-    fit = contender.fit
     residual = np.where(weight > 0.0, problem.observed - fit.solution.prediction, 0.0)
     size = float(np.sqrt(np.average(residual**2, weights=weight)))
     bases = bases_of(problem.drivers, weight)
@@ -69,17 +103,7 @@ def learn_closure(field: Field, contender: Contender, *, seed: int) -> Closure |
     design = _Design(problem.block, labels, weight, residual, known, 1.0 / (2.0 * size) ** 2)
     alone = design.score({})
     chosen, left = _forward(design, groups, alone, seed=seed)
-    gain = 1.0 - left[-1] / alone if chosen else 0.0
-    if gain < LEAST_GAIN or size * np.sqrt(gain) < LEAST_SIZE * problem.resolution:
-        return None
-    coefficients = design.coefficients({name: groups[name] for name in chosen})
-    return Closure(
-        features=tuple(chosen),
-        weights=tuple(coefficients.tolist()),
-        drivers=_shares(chosen, alone, left),
-        held_out_gain=gain,
-        settings={"bases": [basis.to_json() for name in chosen for basis in bases[name]]},
-    )
+    return _Learned(design, bases, groups, size, alone, tuple(chosen), tuple(left)) if chosen else None
 
 
 def _shares(chosen: Sequence[str], alone: float, left: Sequence[float]) -> tuple[tuple[str, float], ...]:
@@ -161,3 +185,5 @@ def _forward(design: _Design, groups: Mapping[str, Array], alone: float, *, seed
         left.append(scores[best])
         before = scores[best]
     return chosen, left
+
+

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from torsight.discovery.closure import predictable
 from torsight.discovery.fitting import EffectSet, space_of
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.search import Contender, Field, Settings
@@ -35,7 +36,7 @@ class Decision:
     threshold : float
         The gain that the luckiest candidate takes from noise.
     share_explained : float
-        Share of the base model's excess that ``best`` explains.
+        Share that ``best`` explains of what can be explained.
     excess : float
         Root mean square of the base model's residual over the floor, both in information.
     left : float
@@ -55,7 +56,7 @@ class Decision:
 def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = True) -> Decision:
     """Choose among the contenders of a search."""
     threshold = gain_threshold(field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed)
-    judge = _Judge(field, settings, threshold, can_hold_out=can_hold_out)
+    judge = _Judge(field, settings, threshold, seed=seed, can_hold_out=can_hold_out)
     best = field.base
     for size in range(1, settings.most_effects + 1):
         for contender in field.of_size(size):
@@ -77,7 +78,9 @@ def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = 
 
 
 class _Judge:
-    def __init__(self, field: Field, settings: Settings, threshold: float, *, can_hold_out: bool) -> None:
+    def __init__(self, field: Field, settings: Settings, threshold: float, *, seed: int, can_hold_out: bool) -> None:
+        self._seed = seed
+        self._shares: dict[Contender, float] = {}
         self._field = field
         self._settings = settings
         self._threshold = threshold
@@ -96,24 +99,41 @@ class _Judge:
     def _better(self, contender: Contender, without: Contender) -> bool:
         if without.cost - contender.cost < self._threshold:
             return False
-        removed = self._mean_square(without) - self._mean_square(contender)
+        removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
         if removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
             return False
         if not self._can_hold_out:
             return True
         keep = 1.0 - self._settings.least_held_out_gain
-        return contender.held_out.information < keep * without.held_out.information
+        if contender.held_out.information >= keep * without.held_out.information:
+            return False
+        before = self._over_time(without.held_out.residual)
+        after = self._over_time(contender.held_out.residual)
+        rest = before - self._over_time(self._field.floor)
+        return not without.effects or before - after >= self._settings.share_of_rest * rest
 
-    def _mean_square(self, contender: Contender) -> float:
-        """Return the mean over time of the squared residual."""
+    def _residual(self, contender: Contender) -> Array:
+        return self._field.fitter.problem.observed - contender.fit.solution.prediction
+
+    def _over_time(self, values: Array) -> float:
+        """Return the mean square over the time that counts."""
         problem = self._field.fitter.problem
-        residual = (problem.observed - contender.fit.solution.prediction)[problem.valid]
-        return float(np.average(residual**2, weights=np.gradient(problem.time_s)[problem.valid]))
+        valid = problem.valid
+        return float(np.average(values[valid] ** 2, weights=np.gradient(problem.time_s)[valid]))
 
     def share(self, contender: Contender) -> float:
-        """Return the share of the base model's excess cost that a set explains."""
-        excess = self._field.base.cost - self._floor
-        return (self._field.base.cost - contender.cost) / excess if excess > 0.0 else 0.0
+        """Return the share that a set explains of what can be explained.
+
+        What it leaves counts as far as it lies beyond the floor and a learned stand-in could predict it on blocks that
+        it has not seen.
+        """
+        if contender not in self._shares:
+            explained = self._field.base.cost - contender.cost
+            left = max(0.0, contender.cost - self._floor)
+            if self._can_hold_out and left > 0.0:
+                left = min(left, predictable(self._field, contender, seed=self._seed))
+            self._shares[contender] = explained / (explained + left) if explained > 0.0 else 0.0
+        return self._shares[contender]
 
     def over_floor(self, contender: Contender) -> float:
         """Return how many times the floor a set leaves."""

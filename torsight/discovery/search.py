@@ -48,6 +48,9 @@ class Settings:
         A set is named where it explains this share of what was to explain ...
     near_floor : float
         ... or leaves less than this many times the floor.
+    share_of_rest : float
+        In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
+        the fit has not seen: a second name is not given for the error of the first one's form.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
@@ -60,6 +63,7 @@ class Settings:
     rival_gain: float = 12.0
     share_explained: float = 0.7
     near_floor: float = 2.0
+    share_of_rest: float = 0.6
     least_size: float = 2.0
 
 
