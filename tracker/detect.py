@@ -79,7 +79,9 @@ def find_dots(luma: NDArray[np.uint8]) -> list[Dot]:
 
 def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
     """Fit the dot near a place and measure the room around it; None where there is none."""
-    close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=radius_px + 1.5, ellipse=False)
+    radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
+    room_px = 1.25 * radius_px + 1.5
+    close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
     if close is None or close.explained < _EXPLAINED:
         return None
     room = _room(luma, close)
@@ -117,6 +119,19 @@ def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: flo
         if best is None or merit < best[0]:
             best = (merit, dot)
     return None if best is None else best[1]
+
+
+def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *, light_dot: bool) -> float:
+    """Return the radius, near a first guess, at which the brightness steps most."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+    reach = np.linspace(0.7, 1.4, 15) * radius_px
+    x = np.rint(x_px + reach[:, None] * np.cos(angles)).astype(np.int64)
+    y = np.rint(y_px + reach[:, None] * np.sin(angles)).astype(np.int64)
+    if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+        return radius_px
+    rings = luma[y, x].mean(axis=1)
+    steps = (rings[:-2] - rings[2:]) * (1.0 if light_dot else -1.0)
+    return float(reach[1 + int(np.argmax(steps))])
 
 
 def _room(luma: NDArray[np.uint8], fit: DotFit) -> float:

@@ -21,8 +21,9 @@ _SHARPEST_PX: Final = 0.12
 
 _ROUNDS: Final = 15
 _LOOK: Final = 3
-_HOPELESS: Final = 0.5
-"""A fit that explains less than this share after a few rounds is not of a dot."""
+_DOUBTFUL: Final = 0.3
+_HOPELESS: Final = 0.55
+"""A start that explains less than the first share is not looked at; a fit that explains less than the second after a few rounds is not of a dot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,44 +195,50 @@ def fit_dot(
     DotFit or None
         None where the fit runs away, or the window leaves the picture.
     """
-    parameters = np.array([x_px, y_px, radius_px, EDGE_PX, 0.0, 0.0])
-    scale = np.array([0.05, 0.05, 0.05, 0.05, 0.01, 0.01])
-    free = 6 if ellipse else 4
-    sign = 1.0 if light_dot else -1.0
-    window = _window(luma, parameters, window_for(radius_px, EDGE_PX, room_px))
-    if window is None:
+    start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
+    # First with a wide window, which holds the rim even where the start is off; then with the right one.
+    wide = min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5))
+    window = _window(luma, start, wide)
+    found = None if window is None else _minimise(window, start, free=4, radius_px=radius_px)
+    for _ in range(2):
+        if found is None:
+            return None
+        parameters = found[0]
+        window = _window(luma, parameters, window_for(parameters[2], parameters[3], room_px))
+        found = None if window is None else _minimise(window, parameters, free=6 if ellipse else 4, radius_px=radius_px)
+    if found is None:
         return None
-    best = _solve(window, parameters)
-    damping = 1e-3
+    parameters, solved = found
+    return _result(parameters, solved, 1.0 if light_dot else -1.0, window_for(parameters[2], parameters[3], room_px))
+
+
+def _minimise(
+    window: _Window, start: NDArray[np.float64], *, free: int, radius_px: float
+) -> tuple[NDArray[np.float64], _Solved] | None:
+    """Fit the first ``free`` parameters in one window by Levenberg and Marquardt; None where it is hopeless."""
+    parameters, best, damping = start.copy(), _solve(window, start, free), 1e-3
+    if best.explained < _DOUBTFUL:
+        return None
     for round_number in range(_ROUNDS):
         if round_number == _LOOK and best.explained < _HOPELESS:
             return None
-        moved = [_solve(window, _nudged(parameters, i, scale[i])).residual_vector for i in range(free)]
-        jacobian = np.stack([(one - best.residual_vector) / scale[i] for i, one in enumerate(moved)], axis=1)
-        normal = jacobian.T @ jacobian
-        gradient = jacobian.T @ best.residual_vector
-        delta = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), -gradient)
-        delta = np.clip(delta, -0.5 * radius_px, 0.5 * radius_px)
+        normal = best.jacobian.T @ best.jacobian
+        gradient = best.jacobian.T @ best.residual_vector
+        delta = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
         trial = parameters.copy()
-        trial[:free] += delta
-        if not _sane(trial, parameters, (x_px, y_px), radius_px):
-            damping = max(damping, 1e-2) * 10.0
+        trial[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
+        trial[3] = max(trial[3], _SHARPEST_PX)
+        other = _solve(window, trial, free) if _sane(trial, parameters, start, radius_px) else None
+        if other is None or other.mean_square > best.mean_square * (1.0 + 1e-9):
+            damping = max(damping, 1e-4) * 10.0
             if damping > 1e4:
                 break
             continue
-        moved_window = _window(luma, trial, window_for(trial[2], trial[3], room_px))
-        if moved_window is None:
-            return None
-        # The window follows the dot, so that costs are compared per pixel.
-        other = _solve(moved_window, trial)
-        if other.mean_square > best.mean_square * (1.0 + 1e-9) and damping < 1e4:
-            damping = max(damping, 1e-4) * 10.0
-            continue
-        parameters, window, best = trial, moved_window, other
-        damping = max(damping * 0.2, 1e-9)
-        if np.max(np.abs(delta[:2])) < 1e-4 and np.max(np.abs(delta)) < 1e-3:
+        gain = 1.0 - other.mean_square / max(best.mean_square, 1e-12)
+        parameters, best, damping = trial, other, max(damping * 0.2, 1e-9)
+        if gain < 1e-5 or np.max(np.abs(delta)) < 1e-4:
             break
-    return _result(parameters, best, sign, window_for(parameters[2], parameters[3], room_px))
+    return parameters, best
 
 
 @dataclass(slots=True)
@@ -244,6 +251,7 @@ class _Window:
 @dataclass(slots=True)
 class _Solved:
     residual_vector: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
     mean_square: float
     light: float
     step: float
@@ -262,23 +270,36 @@ def _window(luma: NDArray[np.uint8], parameters: NDArray[np.float64], radius_px:
     return _Window(x[inside].astype(np.float64), y[inside].astype(np.float64), patch[inside].astype(np.float64))
 
 
-def _solve(window: _Window, parameters: NDArray[np.float64]) -> _Solved:
-    """Solve the linear part (light, its slope, contrast) for a given shape and position."""
+def _solve(window: _Window, parameters: NDArray[np.float64], free: int) -> _Solved:
+    """Solve the linear part (light, contrast, slope) for a given shape, and return the slopes of the rest.
+
+    The slopes are freed of what the linear part can make up for (variable projection).
+    """
     dx, dy = window.x - parameters[0], window.y - parameters[1]
-    inside = disc(dx, dy, radius_px=parameters[2], edge_px=parameters[3], stretch=(parameters[4], parameters[5]))
+    radius, edge = float(parameters[2]), float(parameters[3])
+    stretch = (float(parameters[4]), float(parameters[5]))
+    inside, along_x, along_y = disc_and_slopes(dx, dy, radius_px=radius, edge_px=edge, stretch=stretch)
     basis = np.stack([np.ones_like(dx), inside, dx * (1.0 - inside), dy * (1.0 - inside)], axis=1)
-    normal = basis.T @ basis + 1e-9 * np.eye(4)
-    linear = np.linalg.solve(normal, basis.T @ window.value)
+    inverse = np.linalg.inv(basis.T @ basis + 1e-9 * np.eye(4)) @ basis.T
+    linear = inverse @ window.value
     residual = window.value - basis @ linear
+    softer = (disc(dx, dy, radius_px=radius, edge_px=edge + _NUDGE_PX, stretch=stretch) - inside) / _NUDGE_PX
+    radial = -(dx * along_x + dy * along_y) / radius
+    across, diagonal = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
+    slopes = np.stack([-along_x, -along_y, radial, softer, across, diagonal][:free], axis=1) * linear[1]
     mean_square = float(residual @ residual) / len(residual)
     spread = float(np.var(window.value))
-    return _Solved(residual, mean_square, float(linear[0]), float(linear[1]), 1.0 - mean_square / max(spread, 1e-12))
+    return _Solved(
+        residual_vector=residual,
+        jacobian=slopes - basis @ (inverse @ slopes),
+        mean_square=mean_square,
+        light=float(linear[0]),
+        step=float(linear[1]),
+        explained=1.0 - mean_square / max(spread, 1e-12),
+    )
 
 
-def _nudged(parameters: NDArray[np.float64], index: int, amount: float) -> NDArray[np.float64]:
-    moved = parameters.copy()
-    moved[index] += amount
-    return moved
+_NUDGE_PX: Final = 0.02
 
 
 def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: tuple[float, float], radius_px: float) -> bool:
@@ -286,7 +307,7 @@ def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: tuple[flo
         np.all(np.isfinite(trial))
         and np.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
-        and _SHARPEST_PX < trial[3] < 0.6 * max(now[2], 3.0)
+        and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
         and np.hypot(trial[4], trial[5]) < 0.45
     )
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.template import STILL, Template, View
+from tracker.linear import STILL, View
+from tracker.template import Template
 
 _REACH_PX: Final = 8
 """How far a marker may lie from its predicted position to be found by the flow alone."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tracker.base import BaseStick
 from tracker.flow import TileFlow
+from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.moving import MovingStick
 from tracker.pair import Pair
@@ -23,7 +24,6 @@ from tracker.sight import Sight, between, direction, make_row
 from tracker.smear import Shutter
 from tracker.source import Frame
 from tracker.sticks import crossing_point
-from tracker.template import Reading
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
@@ -32,7 +32,7 @@ _SHAKEN_PX: Final = 0.7
 _DARK: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off."""
 _SPARSE: Final = 16
-_SMEAR_PX: Final = 3.0
+_SMEAR_PX: Final = 1.5
 """Speed per frame from which the smear during the exposure is looked at."""
 
 
@@ -94,6 +94,10 @@ class Follower:
             if self.markers[lost].lost and not self.markers[seen].lost:
                 place = self.moving.place_from(seen, predicted[seen], shift)
                 predicted[lost] = place or predicted[lost]
+        if self.markers[i].lost and self.markers[j].lost:
+            carried = self.moving.ahead(time_s, shift)
+            if carried is not None:
+                predicted[i], predicted[j] = carried
         return predicted
 
     def _read(self, sight: Sight, which: Sequence[int]) -> None:
@@ -113,7 +117,7 @@ class Follower:
             if not math.hypot(x - px, y - py) <= 1.5 * self.flow.reach_px:
                 continue
             reading = marker.read(sight.luma, x, y)
-            reason = marker.gauge.judge(reading, speed_px=math.hypot(*self._step_of(index, sight)))
+            reason = marker.gauge.judge(reading, slack=self.shutter.slack(self._step_of(index, sight)))
             if reading is not None and math.hypot(reading.x_px - x, reading.y_px - y) > marker.radius_px:
                 reason = reason or "hidden"
             sight.readings[index], sight.reasons[index] = reading, reason
@@ -122,12 +126,13 @@ class Follower:
         """Return how far a marker of the moving stick is expected to have moved since the last frame."""
         if self.moving is None or self.base is None or index not in self.moving.indices:
             return 0.0, 0.0
-        marker = self.markers[index]
-        if marker.lost or not marker.history:
+        marker, (px, py) = self.markers[index], sight.predicted[index]
+        if marker.lost:
+            return (px - marker.x_px, py - marker.y_px) if marker.history else (0.0, 0.0)
+        if not marker.history:
             return 0.0, 0.0
         _, x, y = marker.history[-1]
-        dx, dy = self.base.shift
-        return sight.predicted[index][0] - dx - x, sight.predicted[index][1] - dy - y
+        return px - self.base.shift[0] - x, py - self.base.shift[1] - y
 
     # --- judgement ------------------------------------------------------------------------------------------------
 
@@ -166,13 +171,14 @@ class Follower:
     # --- bookkeeping ----------------------------------------------------------------------------------------------
 
     def _note(self, sight: Sight, shift: Point) -> None:
+        steps = [self._step_of(index, sight) for index in range(4)]
         if self.base is not None and self.moving is not None:
-            self._look_at_smear(sight)
+            self._look_at_smear(sight, steps)
             self.base.shift = shift
         for index, marker in enumerate(self.markers):
             reading: Reading | None = sight.good(index)
             if reading is not None:
-                marker.take(sight.time_s, reading, shift)
+                marker.take(sight.time_s, reading, shift, still=math.hypot(*steps[index]) < _SMEAR_PX)
             elif self.base is not None and index in self.base.indices:
                 marker.miss(*self.base.assumed(index))
             else:
@@ -184,11 +190,8 @@ class Follower:
         else:
             self._look_for_motion(sight)
 
-    def _look_at_smear(self, sight: Sight) -> None:
-        if self.moving is None:
-            return
-        for index in self.moving.indices:
-            step = self._step_of(index, sight)
+    def _look_at_smear(self, sight: Sight, steps: Sequence[Point]) -> None:
+        for index, step in enumerate(steps):
             if math.hypot(*step) > _SMEAR_PX and sight.good(index) is not None:
                 self.shutter.learn(self.markers[index], sight, index, step)
 

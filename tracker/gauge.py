@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-from tracker.template import Reading
+from tracker.linear import Reading
 
 _RATE: Final = 0.03
 _START_SPREAD: Final = 0.15
@@ -47,8 +47,11 @@ class Gauge:
             kind=kind,
         )
 
-    def judge(self, reading: Reading | None, *, speed_px: float) -> str:
-        """Return ``""`` where the reading is good, else why it is not: hidden, or outside the picture."""
+    def judge(self, reading: Reading | None, *, slack: float = 0.0) -> str:
+        """Return ``""`` where the reading is good, else why it is not: hidden, or outside the picture.
+
+        ``slack`` is a share of the step by which the residual may be larger than usual, for smear that is not yet known.
+        """
         if reading is None:
             return "outside"
         step = abs(reading.step)
@@ -60,19 +63,21 @@ class Gauge:
         share, patch = reading.residual / step, reading.patch / step
         if share > _NEVER[self.kind]:
             return "hidden"
-        # Fast markers smear: what the template lacks then is not something that lies over the dot.
-        smear = 0.06 * min(speed_px, 20.0)
-        limit = math.exp(self.residual + max(5.0 * self.residual_spread, 0.35) + smear)
-        patch_limit = math.exp(self.patch + max(5.0 * self.patch_spread, 0.7) + smear)
+        limit = math.exp(self.residual + max(5.0 * self.residual_spread, 0.35)) + slack
+        patch_limit = math.exp(self.patch + max(5.0 * self.patch_spread, 0.7)) + slack
         if share > max(limit, always) or patch > max(patch_limit, always):
             return "hidden"
         return ""
 
+    def learn_light(self, reading: Reading) -> None:
+        """Take in how bright a good reading is."""
+        self.light += 0.1 * (reading.light - self.light)
+        self.step += 0.1 * (abs(reading.step) - self.step)
+
     def learn(self, reading: Reading) -> None:
         """Take in a good reading."""
+        self.learn_light(reading)
         step = abs(reading.step)
-        self.light += 0.1 * (reading.light - self.light)
-        self.step += 0.1 * (step - self.step)
         off = _share(reading.residual, step) - self.residual
         self.residual += _RATE * off
         self.residual_spread += _RATE * (abs(off) - self.residual_spread)

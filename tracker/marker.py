@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.gauge import Gauge
-from tracker.template import SAME, STILL, Change, Reading, Template, View
+from tracker.linear import SAME, STILL, Change, Reading, View
+from tracker.template import Template
 
 Point = tuple[float, float]
 
 _KEPT: Final = 4
 _RATE: Final = 0.1
-_STALE: Final = 12
+_STALE: Final = 15
 """Frames for which a lost marker is still carried on along its last motion."""
 
 
@@ -69,10 +70,13 @@ class Marker:
             return _ways(self.history, time_s)[1]
         return _ways(self.history, time_s)[self.misses.index(min(self.misses))]
 
-    def take(self, time_s: float, reading: Reading, shift: Point) -> None:
-        """Note a good reading."""
-        self.gauge.learn(reading)
-        self._look(reading)
+    def take(self, time_s: float, reading: Reading, shift: Point, *, still: bool) -> None:
+        """Note a good reading; of one that moves fast, and may be smeared, neither shape nor fit is learned."""
+        if still:
+            self.gauge.learn(reading)
+            self._look(reading)
+        else:
+            self.gauge.learn_light(reading)
         x, y = reading.x_px - shift[0], reading.y_px - shift[1]
         if self.lost:
             # Only readings close to each other tell a velocity.

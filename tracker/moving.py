@@ -8,12 +8,14 @@ from typing import Any, Final
 
 from tracker.axis import Axis
 from tracker.base import BaseStick
+from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Region
 from tracker.sight import Sight, distance_to_strip
-from tracker.template import Reading
 
+_CARRIED: Final = 15
+"""Frames for which its last turning is carried on while it is not seen."""
 _SHORT: Final = 5
 """Frames after which one dot alone is no longer taken for a marker."""
 _CLOSE: Final = 0.6
@@ -37,6 +39,28 @@ class MovingStick(Pair):
         angle = self.axis.direction_from((at[0] - shift[0], at[1] - shift[1]), outer=not inner_seen)
         place = None if angle is None else self.axis.place(angle, outer=inner_seen)
         return None if place is None else (place[0] + shift[0], place[1] + shift[1])
+
+    def ahead(self, time_s: float, shift: Point) -> tuple[Point, Point] | None:
+        """Return where its last turning carries both markers on their circles; None where that is not known."""
+        a, b = self.inner.history, self.outer.history
+        known = [entry for entry in (a, b) if len(entry) >= 2]
+        if self.axis.solution is None or not known or self.inner.lost + self.outer.lost > 2 * _CARRIED:
+            return None
+        angles: list[float] = []
+        for history in known:
+            outer = history is b
+            (t1, x1, y1), (t2, x2, y2) = history[-1], history[-2]
+            now = self.axis.direction_from((x1, y1), outer=outer)
+            before = self.axis.direction_from((x2, y2), outer=outer)
+            if now is None or before is None:
+                return None
+            rate = math.remainder(now - before, math.tau) / (t1 - t2)
+            angles.append(now + rate * (time_s - t1))
+        angle = angles[0] + 0.5 * math.remainder(angles[-1] - angles[0], math.tau)
+        inner, outer_ = self.axis.place(angle, outer=False), self.axis.place(angle, outer=True)
+        if inner is None or outer_ is None:
+            return None
+        return (inner[0] + shift[0], inner[1] + shift[1]), (outer_[0] + shift[0], outer_[1] + shift[1])
 
     def vote(self, evidence: int) -> None:
         """Take in evidence of which stick is above."""

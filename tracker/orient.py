@@ -93,7 +93,8 @@ def from_plane(
         frame=tracks.frame,
         time_s=tracks.time_s,
         angle_rad=np.where(valid, angle_rad, np.nan),
-        sigma_rad=np.where(valid, np.sqrt(variance), np.nan),
+        # Where the whole turn is not certain the angle may be off by one: the sigma says so.
+        sigma_rad=np.where(valid, np.sqrt(variance) + np.where(certain, 0.0, 2.0 * np.pi), np.nan),
         valid=valid,
         branch_certain=certain,
     )

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.detect import disc_picture
+from tracker.linear import Reading
 from tracker.marker import Marker
-from tracker.template import Reading
 
 Point = tuple[float, float]
 
 _LIKELY: Final = 0.45
 _MOST: Final = 14
-_SMEARED_PX: Final = 6.0
-"""Speed for which allowance is made: a marker that is found again may be moving."""
+_SLACK: Final = 0.05
+"""Share of the step allowed for smear: a marker that is found again may be moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def pairs_at_distance(
         if key not in readings:
             marker = outer if which else inner
             reading = marker.read(luma, *places[index])
-            bad = marker.gauge.judge(reading, speed_px=_SMEARED_PX)
+            bad = marker.gauge.judge(reading, slack=_SLACK)
             readings[key] = None if bad else reading
         return readings[key]
 

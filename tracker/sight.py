@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.linear import Reading
 from tracker.rows import CODE, ROW
-from tracker.template import Reading
 
 Point = tuple[float, float]
 

@@ -9,10 +9,15 @@ import numpy as np
 
 from tracker.marker import Marker, Point
 from tracker.sight import Sight
+from tracker.template import DotTemplate
 
 _SHARES: Final = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05)
 """Shares of the frame interval that are tried."""
 _RATE: Final = 0.15
+_UNKNOWN: Final = 0.1
+_KNOWN: Final = 0.015
+_LEARNED: Final = 12
+"""Fast readings after which the shutter counts as known."""
 _EVERY: Final = 3
 """Only every so many fast readings are looked at: each costs as much as several readings."""
 
@@ -29,23 +34,36 @@ class Shutter:
         """Return the smear of a marker that moves by ``step`` per frame."""
         return self.share * step[0], self.share * step[1]
 
+    def slack(self, step: Point) -> float:
+        """Return by which share of the brightness step a fit may be worse than at rest.
+
+        While the shutter is not known yet, a sharp template meets smears of up to the whole step: measured over radii of
+        3 to 15 px their residual stays below a tenth of the brightness step times the root of the length.
+        """
+        length = math.hypot(*step)
+        if length < 0.5:
+            return 0.0
+        return (_UNKNOWN if self._count < _LEARNED else _KNOWN) * math.sqrt(length)
+
     def learn(self, marker: Marker, sight: Sight, index: int, step: Point) -> None:
         """Compare how well smears of several lengths fit a fast marker's picture."""
         self._count += 1
         reading = sight.good(index)
-        if reading is None or self._count % _EVERY:
+        if (
+            reading is None
+            or not isinstance(marker.template, DotTemplate)
+            or (self._count > _LEARNED and self._count % _EVERY)
+        ):
             return
-        lengths = [math.hypot(*step) * share for share in _SHARES]
         costs: list[float] = []
         for share in _SHARES:
-            view = marker.view._replace(smear_x_px=share * step[0], smear_y_px=share * step[1])
-            other = marker.template.read(sight.luma, reading.x_px, reading.y_px, view=view)
-            if other is None or abs(other.step) < 1.0:
+            misfit = marker.template.misfit(sight.luma, reading.x_px, reading.y_px, path=step, share=share)
+            if misfit is None:
                 return
-            costs.append(math.log(other.residual / abs(other.step) + 1e-3))
-        # A smear of less than two pixels looks like none: such lengths say nothing of each other.
+            costs.append(math.log(misfit + 1e-3))
+        # Short smears hardly differ: they say less.
         base = min(costs)
-        weight = _RATE if max(lengths) > 4.0 else 0.5 * _RATE
+        weight = _RATE if math.hypot(*step) > 4.0 else 0.5 * _RATE
         self._cost = [was + weight * (min(cost - base, 2.0) - was) for was, cost in zip(self._cost, costs, strict=True)]
         self.share = self._best()
 

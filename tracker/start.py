@@ -17,7 +17,7 @@ from tracker.gauge import Gauge
 from tracker.hints import MarkerHints
 from tracker.marker import Marker
 from tracker.source import Frame, FrameSource
-from tracker.sticks import Stick, choose_sticks
+from tracker.sticks import Stick, choose_sticks, half_width
 from tracker.template import DotTemplate
 from tracker.texture import TextureTemplate
 
@@ -93,7 +93,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
             do="give their positions with --markers MARKERS.toml, or light the sticks better",
         )
     _, index, luma, sticks = best
-    markers = [_marker(luma, dot) for stick in sticks for dot in (stick.inner, stick.outer)]
+    markers = [marker for stick in sticks for marker in _on_stick(luma, stick)]
     return Start(markers, index, None, "dot")
 
 
@@ -102,6 +102,7 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
     if frame is None or frame.luma is None:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
     markers: list[Marker] = []
+    dots: list[Dot] = []
     for name, (x, y) in zip(MARKERS, hints.position_px.tolist(), strict=True):
         if hints.kind == "texture":
             markers.append(_texture_marker(frame.luma, x, y, name=name, hints=hints))
@@ -115,15 +116,17 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
                 limit=f"a dot of 3 to 20 px radius within {_SNAP_PX:g} px, in frame {frame.index}",
                 do='mend the position, or set kind = "texture" for a point without a dot',
             )
-        for other, marker in zip(MARKERS, markers, strict=False):
-            if math.hypot(marker.x_px - dot.x_px, marker.y_px - dot.y_px) < 0.5 * dot.radius_px:
+        for other, before in zip(MARKERS, dots, strict=False):
+            if math.hypot(before.x_px - dot.x_px, before.y_px - dot.y_px) < 0.5 * dot.radius_px:
                 raise NoResultError(
                     f"is next to the same dot as {other}",
                     where=f"{hints.where}, {name.replace('_', ', ')} marker",
                     value=f"[{x:g}, {y:g}]",
                     do="give one position on each dot",
                 )
-        markers.append(_marker(frame.luma, dot))
+        dots.append(dot)
+    for first in range(0, len(dots), 2):
+        markers += _on_stick(frame.luma, Stick(dots[first], dots[first + 1], 0.0))
     return Start(markers, frame.index, 1, hints.kind)
 
 
@@ -131,8 +134,13 @@ def _decoded(source: FrameSource) -> Iterator[Frame]:
     return (frame for frame in source if frame.luma is not None and not frame.damaged)
 
 
-def _marker(luma: NDArray[np.uint8], dot: Dot) -> Marker:
-    template = DotTemplate(dot.fit.shape)
+def _on_stick(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
+    strip_px = half_width(luma, stick)
+    return [_marker(luma, dot, strip_px) for dot in (stick.inner, stick.outer)]
+
+
+def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
+    template = DotTemplate(dot.fit.shape, strip_px=strip_px)
     reading = template.read(luma, dot.x_px, dot.y_px)
     if reading is None:
         raise NoResultError(

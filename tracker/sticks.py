@@ -102,6 +102,34 @@ def crossing_point(
     return a[0] + along * ux, a[1] + along * uy
 
 
+def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
+    """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii.
+
+    Brightness is taken across the stick at places along it that hold no dot; the edge is where it has gone half way.
+    """
+    ax, ay, bx, by = stick.inner.x_px, stick.inner.y_px, stick.outer.x_px, stick.outer.y_px
+    ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
+    radius = max(stick.inner.radius_px, stick.outer.radius_px)
+    along = np.linspace(radius + 3.0, stick.length_px - radius - 3.0, 24)
+    reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
+    found: list[float] = []
+    for side in (1.0, -1.0):
+        x = np.rint(ax + along[:, None] * ux - side * reach * uy).astype(np.int64)
+        y = np.rint(ay + along[:, None] * uy + side * reach * ux).astype(np.int64)
+        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+            continue
+        profile = np.median(luma[y, x], axis=0)
+        middle = float(np.median(profile[reach < radius]))
+        # Half way to the level two pixels on: the far background may have any brightness.
+        steps = np.abs(profile[4:] - profile[:-4])
+        first = np.flatnonzero((steps > 0.25 * _step(stick.inner)) & (reach[2:-2] > radius))
+        if len(first):
+            top = first[0] + int(np.argmax(steps[first[0] : first[0] + 5]))
+            if abs(profile[top] - middle) < 0.5 * steps[top]:
+                found.append(float(reach[top + 2]))
+    return float(np.mean(found)) if found else math.inf
+
+
 def _turned(stick: Stick) -> Stick:
     return Stick(stick.outer, stick.inner, stick.score)
 

@@ -1,99 +1,27 @@
-"""What a marker looks like, and one linear least-squares step that reads its position out of a picture.
+"""What a marker looks like: a round dot, rendered from its fitted shape.
 
-A template is rendered, never taken from the last frame, so it cannot drift. For a position known to a fraction of a pixel
-the model is linear in all that is unknown: light, contrast, the remaining offset, and a little growth; the pseudo-inverse is
-made once for every eighth of a pixel and kept. A second step follows where the offset was large.
-
-Uneven light shifts a dot (a slope of 0.1 grey levels per pixel by 0.005 px), but a free slope in every frame costs a
-third of the precision, since it looks like an offset. So slopes are measured and averaged over frames, and taken as known.
+A template is rendered, never taken from the last frame, so it cannot drift. Linear models are made once for every eighth of
+a pixel and kept; a second step follows where the offset was large.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, Protocol
+from dataclasses import replace
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracker.dot import DotShape, disc_and_slopes
+from tracker.linear import STILL, Change, LinearModel, Reading, View, Window, linear_model, solve
 
 _PHASES: Final = 8
 """Steps per pixel at which linear models are kept; half a step off, the cubic term is below 1e-4 px."""
-_SECTORS: Final = 8
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew."""
 _KEPT: Final = 1024
 """Linear models kept per marker, some 20 kB each."""
-
-
-class View(NamedTuple):
-    """How a marker is expected to look just now.
-
-    Attributes
-    ----------
-    turn_rad : float
-        Turn of its stick since the first frame, in the picture (y down).
-    smear_x_px, smear_y_px : float
-        Its path during the exposure.
-    slope_x, slope_y : float
-        Relative change of the light per pixel.
-    """
-
-    turn_rad: float = 0.0
-    smear_x_px: float = 0.0
-    smear_y_px: float = 0.0
-    slope_x: float = 0.0
-    slope_y: float = 0.0
-
-
-STILL: Final = View()
-Change = tuple[float, float, float]
-SAME: Final[Change] = (0.0, 0.0, 0.0)
-
-
-@dataclass(slots=True)
-class Reading:
-    """A marker as read in one picture.
-
-    Attributes
-    ----------
-    x_px, y_px : float
-        Position.
-    xx_px2, xy_px2, yy_px2 : float
-        Covariance for white noise of the size of ``residual``.
-    light : float
-        Brightness around the dot (mean brightness for texture), grey levels.
-    contrast : float
-        Brightness step of the dot relative to the template's (gain for texture); 1 is as expected.
-    step : float
-        Size of the brightness step, grey levels.
-    residual : float
-        Root mean square of what the model leaves, grey levels.
-    patch : float
-        Largest mean over a sector of the window of what the model leaves, grey levels: something lies over it.
-    change : (float, float, float)
-        How the shape differs from the template's: radius, px, and both terms of stretch; zeros for texture.
-    slope : (float, float)
-        Slope of the light as seen in this frame alone.
-    converged : bool
-        Whether the last step was small.
-    """
-
-    x_px: float
-    y_px: float
-    xx_px2: float
-    xy_px2: float
-    yy_px2: float
-    light: float
-    contrast: float
-    step: float
-    residual: float
-    patch: float
-    change: Change
-    slope: tuple[float, float]
-    converged: bool
 
 
 class Template(Protocol):
@@ -118,77 +46,12 @@ class Template(Protocol):
         """Go back to a noted state."""
 
 
-@dataclass(slots=True)
-class LinearModel:
-    """Linear least squares in one window, for one sub-pixel position.
-
-    Columns: one, the dot, its offsets in x and y, changes of its shape; then the slopes of the light. Changes of shape are
-    even where offsets are odd, so they cost no precision.
-    """
-
-    inverse: NDArray[np.float64]
-    basis: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    slope_inverse: NDArray[np.float64]
-    slope_effect: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    sectors: NDArray[np.float64]
-    freedom: int
-
-
-def linear_model(basis: NDArray[np.float64], slopes: NDArray[np.float64], sectors: NDArray[np.float64]) -> LinearModel:
-    """Return the least-squares inverses of a basis (n, k) with the slopes (n, 2) given and free."""
-    covariance = _inverse(basis.T @ basis)
-    inverse = covariance @ basis.T
-    both = np.concatenate([basis, slopes], axis=1)
-    return LinearModel(
-        inverse=inverse,
-        basis=basis,
-        slopes=slopes,
-        slope_inverse=(_inverse(both.T @ both) @ both.T)[-2:],
-        slope_effect=inverse @ slopes,
-        covariance=covariance[2:4, 2:4],
-        sectors=sectors,
-        freedom=max(1, basis.shape[0] - basis.shape[1]),
-    )
-
-
-def _inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    scale = np.sqrt(np.diag(normal)) + 1e-12
-    square = np.outer(scale, scale)
-    return np.asarray(np.linalg.inv(normal / square + 1e-9 * np.eye(len(scale))) / square)
-
-
-class Window:
-    """Pixels in a disc around the middle of a square patch."""
-
-    def __init__(self, radius_px: float) -> None:
-        self.half = math.ceil(radius_px)
-        y, x = np.mgrid[-self.half : self.half + 1, -self.half : self.half + 1].astype(np.float64)
-        chosen = np.hypot(x, y) <= radius_px
-        self.index = np.flatnonzero(chosen)
-        self.x = x[chosen]
-        self.y = y[chosen]
-        sector = ((np.arctan2(self.y, self.x) / (2.0 * np.pi) % 1.0) * _SECTORS).astype(np.int64)
-        means = np.zeros((_SECTORS, len(self.x)))
-        means[sector, np.arange(len(self.x))] = 1.0
-        self.sectors = means / means.sum(axis=1, keepdims=True)
-
-    def values(self, luma: NDArray[np.uint8], cx: int, cy: int) -> NDArray[np.float64] | None:
-        """Return the pixels around (cx, cy), or None where the patch leaves the picture."""
-        half = self.half
-        height, width = luma.shape
-        if cx < half or cy < half or cx + half >= width or cy + half >= height:
-            return None
-        patch = luma[cy - half : cy + half + 1, cx - half : cx + half + 1]
-        return patch.ravel()[self.index].astype(np.float64)
-
-
 class DotTemplate:
     """A round dot, rendered from its fitted shape."""
 
-    def __init__(self, shape: DotShape) -> None:
+    def __init__(self, shape: DotShape, *, strip_px: float = math.inf) -> None:
         self.shape = self.first = shape
+        self.strip_px = strip_px
         self.window_px = shape.window_px
         self.turns = False
         self._windows: dict[int, Window] = {}
@@ -270,69 +133,76 @@ class DotTemplate:
         inside, along_x, along_y = (np.mean([part[i] for part in parts], axis=0) for i in range(3))
         return inside, along_x, along_y
 
+    def _beside(self, across: NDArray[np.float64], length: float) -> list[NDArray[np.float64]]:
+        """Return what lies beside the stick, left and right: with a smear across the stick it gets into the window."""
+        columns: list[NDArray[np.float64]] = []
+        for side in (1.0, -1.0):
+            # A step that is smeared is a ramp as long as the smear.
+            ramp = np.clip((side * across - self.strip_px) / length + 0.5, 0.0, 1.0)
+            if ramp.max() > 0.05:
+                columns.append(ramp)
+        return columns
+
+    def misfit(
+        self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, path: tuple[float, float], share: float
+    ) -> float | None:
+        """Return the residual over the step for a smear along a share of a path.
+
+        Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
+        short smear.
+        """
+        length = math.hypot(*path)
+        window = self._window(math.ceil(0.5 * length))
+        phase_x, phase_y = round(x_px * _PHASES), round(y_px * _PHASES)
+        cx, cy = (phase_x + _PHASES // 2) // _PHASES, (phase_y + _PHASES // 2) // _PHASES
+        values = window.values(luma, cx, cy)
+        if values is None:
+            return None
+        x, y = window.x - x_px + cx, window.y - y_px + cy
+        inside, along_x, along_y = self._disc(self.shape, x, y, share * path[0], share * path[1])
+        columns = [np.ones_like(x), inside, -along_x, -along_y]
+        columns += self._beside((x * path[0] + y * path[1]) / length, max(1.0, share * length))
+        slopes = np.stack([window.x, window.y], axis=1)
+        model = linear_model(np.stack(columns, axis=1), slopes, window, shaped=False)
+        reading = solve(model, values, x0=x_px, y0=y_px, contrast=self.shape.contrast, slope=(0.0, 0.0))
+        return reading.residual / abs(reading.step) if abs(reading.step) > 1.0 else None
+
+    def _window(self, longest: int) -> Window:
+        window = self._windows.get(longest)
+        if window is None:
+            window = self._windows[longest] = Window(self.window_px + longest)
+        return window
+
     def _model(self, phase_x: int, phase_y: int, view: View) -> tuple[Window, LinearModel]:
         # Smear in whole pixels: half a pixel more or less changes the ends of a smear of several pixels, evenly.
         smear_x, smear_y = round(view.smear_x_px), round(view.smear_y_px)
         if smear_x * smear_x + smear_y * smear_y < 4:
             smear_x = smear_y = 0
-        longest = math.ceil(0.5 * math.hypot(smear_x, smear_y))
-        window = self._windows.get(longest)
-        if window is None:
-            window = self._windows[longest] = Window(self.window_px + longest)
+        window = self._window(math.ceil(0.5 * math.hypot(smear_x, smear_y)))
         key = (phase_x, phase_y, smear_x, smear_y)
         model = self._models.get(key)
         if model is None:
             if len(self._models) >= _KEPT:
                 self._models.clear()
-            model = self._models[key] = self._make(window, key)
+            x, y = window.x - phase_x / _PHASES, window.y - phase_y / _PHASES
+            model = self._models[key] = self._fit_for(window, x, y, (smear_x, smear_y))
         return window, model
 
-    def _make(self, window: Window, key: tuple[int, int, int, int]) -> LinearModel:
-        phase_x, phase_y, smear_x, smear_y = key
-        x, y = window.x - phase_x / _PHASES, window.y - phase_y / _PHASES
+    def _fit_for(
+        self, window: Window, x: NDArray[np.float64], y: NDArray[np.float64], smear: tuple[float, float]
+    ) -> LinearModel:
+        """Return the linear model for offsets from the dot's centre."""
+        smear_x, smear_y = smear
         inside, along_x, along_y = self._disc(self.shape, x, y, smear_x, smear_y)
         # To first order a change of radius or stretch moves the rim outwards by c · (u · grad): no further rendering.
         radial = -(x * along_x + y * along_y) / self.shape.radius_px
         across = -(x * along_x - y * along_y)
         diagonal = -(y * along_x + x * along_y)
         lit = 1.0 + self.shape.contrast * inside
-        basis = np.stack([np.ones_like(x), inside, -along_x, -along_y, radial, across, diagonal], axis=1)
-        return linear_model(basis, np.stack([window.x * lit, window.y * lit], axis=1), window.sectors)
-
-
-def solve(
-    model: LinearModel,
-    values: NDArray[np.float64],
-    *,
-    x0: float,
-    y0: float,
-    contrast: float,
-    slope: tuple[float, float],
-) -> Reading:
-    """Return the reading of one window by one linear step."""
-    found = model.inverse @ values
-    scale = max(float(found[0]), 1.0)
-    tilted = np.array(slope) * scale
-    found -= model.slope_effect @ tilted
-    left = values - model.basis @ found - model.slopes @ tilted
-    seen = model.slope_inverse @ values
-    light, step = float(found[0]), float(found[1])
-    size = step if abs(step) > 1e-3 else math.copysign(1e-3, step)
-    dx, dy = float(found[2]) / size, float(found[3]) / size
-    variance = float(left @ left) / model.freedom
-    spread = variance / (size * size)
-    return Reading(
-        x_px=x0 + dx,
-        y_px=y0 + dy,
-        xx_px2=spread * float(model.covariance[0, 0]),
-        xy_px2=spread * float(model.covariance[0, 1]),
-        yy_px2=spread * float(model.covariance[1, 1]),
-        light=light,
-        contrast=step / (light * contrast) if light > 1.0 else 0.0,
-        step=step,
-        residual=math.sqrt(variance),
-        patch=float(np.abs(model.sectors @ left).max()),
-        change=(float(found[4]) / size, float(found[5]) / size, float(found[6]) / size) if len(found) > 5 else SAME,
-        slope=(float(seen[0]) / scale, float(seen[1]) / scale),
-        converged=abs(dx) < 0.2 and abs(dy) < 0.2,
-    )
+        columns = [np.ones_like(x), inside, -along_x, -along_y, radial, across, diagonal]
+        length = math.hypot(smear_x, smear_y)
+        if length > 1.0:
+            columns += self._beside((x * smear_x + y * smear_y) / length, length)
+        basis = np.stack(columns, axis=1)
+        slopes = np.stack([window.x * lit, window.y * lit], axis=1)
+        return linear_model(basis, slopes, window, shaped=True)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.template import SAME, STILL, Change, LinearModel, Reading, View, Window, linear_model, solve
+from tracker.linear import SAME, STILL, Change, LinearModel, Reading, View, Window, linear_model, solve
 
 _ROUNDS: Final = 6
 _TURN_STEP_RAD: Final = 1e-3
@@ -106,4 +106,4 @@ class TextureTemplate:
         one = np.ones_like(x)
         basis = np.stack([one, middle - self.light, along_x / (2.0 * h), along_y / (2.0 * h), turned], axis=1)
         slopes = np.stack([self._window.x, self._window.y], axis=1)
-        return linear_model(basis, slopes, self._window.sectors)
+        return linear_model(basis, slopes, self._window, shaped=False)

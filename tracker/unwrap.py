@@ -1,7 +1,13 @@
-"""From angles within one turn to the whole angle, across gaps by the motion on both sides."""
+"""From angles within one turn to the whole angle, across gaps by the motion on both sides.
+
+Between two instants with known speeds v0 and v1, T apart, a motion whose acceleration never exceeds A covers
+(v0 + v1)/2 · T, give or take A · T²/4. A is what the film itself shows. Where only one whole number of turns lies in that
+range the turn is certain.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -9,6 +15,13 @@ from numpy.typing import NDArray
 
 _SIDE: Final = 8
 """Frames on each side of a gap from which the speed is taken."""
+_SIDE_S: Final = 0.4
+_BASE_S: Final = 0.15
+"""Time over which accelerations are looked at: shorter, and noise would be taken for motion."""
+_SAFETY: Final = 2.0
+_LEAST_RAD_S2: Final = math.radians(2.0)
+"""Acceleration that is always allowed for."""
+_SLACK_RAD: Final = 0.3
 
 
 def unwrap(
@@ -16,77 +29,115 @@ def unwrap(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the unwrapped angle (NaN stays NaN) and where its whole turn is certain.
 
-    The first known angle is taken within (−π, π]. From frame to frame the step is the one closest to what the speed
-    so far makes likely; over a gap it is the one closest to what the speeds before and after it make likely, and the turn
-    is certain only where the next likely one is beyond what the acceleration seen around the gap allows.
+    The first known angle is taken within (−π, π]. Once a turn is uncertain, so are all later angles.
     """
     whole = np.full_like(angle_rad, np.nan)
     certain = np.ones(len(angle_rad), bool)
     known = np.flatnonzero(np.isfinite(angle_rad))
     if len(known) == 0:
         return whole, certain
-    runs = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
     typical_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
-    before: NDArray[np.int64] | None = None
+    breaks = np.flatnonzero((np.diff(known) > 1) | (np.diff(time_s[known]) > 1.5 * typical_s)) + 1
+    runs = np.split(known, breaks)
+    locals_ = [np.unwrap(angle_rad[run]) for run in runs]
+    limit = _acceleration(time_s, runs, locals_, typical_s)
     sure = True
-    for run in runs:
-        local = _within_run(time_s[run], angle_rad[run], typical_s)
-        if before is None:
-            local += np.remainder(local[0] + np.pi, 2.0 * np.pi) - np.pi - local[0]
-            if local[0] <= -np.pi:
-                local += 2.0 * np.pi
+    for number, run in enumerate(runs):
+        local = locals_[number]
+        if number == 0:
+            local = local + _into_first_turn(local[0]) - local[0]
         else:
-            turns, clear = _across(time_s, whole, before, run, local)
-            local += 2.0 * np.pi * turns
+            before = runs[number - 1][-1]
+            ahead = _speed_ahead(time_s, runs, locals_, number)
+            behind = _speed_behind(time_s, whole, int(before))
+            turns, clear = _turns(
+                gap_s=float(time_s[run[0]] - time_s[before]),
+                step_rad=float(local[0] - whole[before]),
+                behind=behind,
+                ahead=ahead,
+                limit=limit,
+            )
+            local = local + 2.0 * np.pi * turns
             sure = sure and clear
+            certain[before + 1 : run[0]] = sure
         whole[run] = local
-        first = run[0] if before is None else before[-1] + 1
-        certain[first : run[-1] + 1] = sure
-        before = run
+        certain[run] = sure
     certain[known[-1] + 1 :] = sure
     return whole, certain
 
 
-def _within_run(time_s: NDArray[np.float64], angle_rad: NDArray[np.float64], typical_s: float) -> NDArray[np.float64]:
-    """Unwrap frames that follow each other, expecting the speed to go on where some were dropped."""
-    whole = np.unwrap(angle_rad)
-    if len(whole) < 3 or np.max(np.diff(time_s)) < 1.5 * typical_s:
-        return whole
-    whole = angle_rad.copy()
-    speed = 0.0
-    for i in range(1, len(whole)):
-        step_s = time_s[i] - time_s[i - 1]
-        expected = whole[i - 1] + (speed * step_s if step_s > 1.5 * typical_s else 0.0)
-        whole[i] += 2.0 * np.pi * np.round((expected - whole[i]) / (2.0 * np.pi))
-        speed = (whole[i] - whole[i - 1]) / step_s
-    return whole
+def _into_first_turn(angle_rad: float) -> float:
+    """Return the same direction within (−π, π]."""
+    return math.pi - (math.pi - angle_rad) % math.tau
 
 
-def _across(
-    time_s: NDArray[np.float64],
-    whole: NDArray[np.float64],
-    before: NDArray[np.int64],
-    after: NDArray[np.int64],
-    local: NDArray[np.float64],
+def _turns(
+    *, gap_s: float, step_rad: float, behind: float | None, ahead: float | None, limit: float
 ) -> tuple[float, bool]:
-    """Return how many turns to add after a gap, and whether that is certain."""
-    left, right = before[-_SIDE:], after[:_SIDE]
-    speeds = [_speed(time_s[left], whole[left]), _speed(time_s[right], local[: len(right)])]
-    gap_s = float(time_s[after[0]] - time_s[before[-1]])
-    known = [speed for speed in speeds if np.isfinite(speed)]
-    mean = float(np.mean(known)) if known else 0.0
-    expected = whole[before[-1]] + mean * gap_s
-    off = float(expected - local[0])
-    turns = float(np.round(off / (2.0 * np.pi)))
-    missed = abs(off - 2.0 * np.pi * turns)
-    # Between two known speeds the mean speed over the gap can lie anywhere; half the difference bounds it for
-    # motion that changes once, and a stop and go of the same size is allowed for on top.
-    spread = 0.5 * abs(speeds[0] - speeds[1]) if len(known) == 2 else abs(mean)
-    allowed = (spread + 0.5 * max(abs(s) for s in known)) * gap_s if known else np.inf
-    return turns, bool(2.0 * np.pi - missed > allowed + missed) or gap_s <= 0.0
+    """Return how many turns to add after a gap, and whether no other number is possible."""
+    speeds = [speed for speed in (behind, ahead) if speed is not None]
+    expected = gap_s * sum(speeds) / len(speeds) if speeds else 0.0
+    turns = float(np.round((expected - step_rad) / (2.0 * np.pi)))
+    if len(speeds) == 2:
+        spread = limit * gap_s**2 / 4.0
+    elif speeds:
+        spread = limit * gap_s**2 / 2.0
+    else:
+        return turns, False
+    miss = abs(step_rad + 2.0 * np.pi * turns - expected)
+    spread += _SLACK_RAD
+    return turns, miss <= spread < 2.0 * np.pi - miss
 
 
-def _speed(time_s: NDArray[np.float64], angle_rad: NDArray[np.float64]) -> float:
+def _acceleration(
+    time_s: NDArray[np.float64],
+    runs: list[NDArray[np.int64]],
+    angles: list[NDArray[np.float64]],
+    typical_s: float,
+) -> float:
+    """Return the largest acceleration that the film shows, with a margin; infinite where it shows none."""
+    found: list[float] = []
+    for lag in {max(1, round(_BASE_S / typical_s)), max(1, round(2.0 * _BASE_S / typical_s))}:
+        for run, angle in zip(runs, angles, strict=True):
+            if len(run) <= 2 * lag:
+                continue
+            t = time_s[run]
+            first = (angle[lag:-lag] - angle[: -2 * lag]) / (t[lag:-lag] - t[: -2 * lag])
+            second = (angle[2 * lag :] - angle[lag:-lag]) / (t[2 * lag :] - t[lag:-lag])
+            found.append(float(np.max(np.abs(second - first) / (0.5 * (t[2 * lag :] - t[: -2 * lag])))))
+    return max(_SAFETY * max(found), _LEAST_RAD_S2) if found else math.inf
+
+
+def _speed_behind(time_s: NDArray[np.float64], whole: NDArray[np.float64], last: int) -> float | None:
+    """Return the speed before a gap, from what is known up to frame ``last``."""
+    first = max(0, last - 4 * _SIDE)
+    index = first + np.flatnonzero(np.isfinite(whole[first : last + 1]))
+    index = index[time_s[index] >= time_s[last] - _SIDE_S][-_SIDE:]
+    return _slope(time_s[index], whole[index])
+
+
+def _speed_ahead(
+    time_s: NDArray[np.float64], runs: list[NDArray[np.int64]], angles: list[NDArray[np.float64]], number: int
+) -> float | None:
+    """Return the speed after a gap; runs that follow each other closely count together."""
+    times, values = list(time_s[runs[number]][:_SIDE]), list(angles[number][:_SIDE])
+    step_s = float(np.median(np.diff(time_s)))
+    while len(times) < _SIDE and number + 1 < len(runs):
+        number += 1
+        t, a = float(time_s[runs[number][0]]), angles[number]
+        if t - times[-1] > 4.0 * step_s:
+            break
+        speed = 0.0 if len(values) < 2 else (values[-1] - values[-2]) / (times[-1] - times[-2])
+        expected = values[-1] + speed * (t - times[-1])
+        shift = 2.0 * np.pi * np.round((expected - a[0]) / (2.0 * np.pi))
+        times += list(time_s[runs[number]][:_SIDE])
+        values += list(a[:_SIDE] + shift)
+    near = [i for i, t in enumerate(times[:_SIDE]) if t <= times[0] + _SIDE_S]
+    return _slope(np.array(times)[near], np.array(values)[near])
+
+
+def _slope(time_s: NDArray[np.float64], angle_rad: NDArray[np.float64]) -> float | None:
     if len(time_s) < 2:
-        return float("nan")
-    return float((angle_rad[-1] - angle_rad[0]) / (time_s[-1] - time_s[0]))
+        return None
+    t = time_s - time_s.mean()
+    return float(t @ (angle_rad - angle_rad.mean()) / (t @ t))
