@@ -23,9 +23,9 @@ class Belief:
 
     Attributes
     ----------
-    mean : (2,) float64
-        Offset in s at film time ``middle_s``, drift as a plain ratio.
-    covariance : (2, 2) float64
+    mean : (2 + k,) float64
+        Offset in s at some film time, drift as a plain ratio, and the missing time of each of k jumps of the log, s.
+    covariance : (2 + k, 2 + k) float64
         Their covariance.
     log_weight : float
         Logarithm of its weight, up to a constant that all share.
@@ -36,7 +36,7 @@ class Belief:
     log_weight: float
 
     def updated(self, design: NDArray[np.float64], value: float, variance: float) -> Belief:
-        """Return the belief after a measurement ``design @ (offset, drift) = value`` with some variance."""
+        """Return the belief after a measurement ``design @ mean = value`` with some variance."""
         gain = self.covariance @ design
         total = float(design @ gain) + variance
         away = value - float(design @ self.mean)
@@ -45,6 +45,12 @@ class Belief:
             covariance=self.covariance - np.outer(gain, gain) / total,
             log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
         )
+
+    def moved(self, by_s: float) -> Belief:
+        """Return the same belief with its offset told ``by_s`` later on the film."""
+        change = np.eye(len(self.mean))
+        change[0, 1] = by_s
+        return Belief(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,8 @@ def conclude(beliefs: Sequence[Belief], *, middle_s: float) -> ClockEstimate:
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     # The offset at film time 0 is the one at the middle less what the drift adds up to there.
-    row = np.array([1.0, -middle_s])
+    row = np.zeros(len(beliefs[0].mean))
+    row[:2] = 1.0, -middle_s
     offset = np.array([float(row @ belief.mean) for belief in beliefs])
     offset_sigma = np.array([float(np.sqrt(row @ belief.covariance @ row)) for belief in beliefs])
     drift = np.array([belief.mean[1] / PPM for belief in beliefs])

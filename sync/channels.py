@@ -1,11 +1,12 @@
 """Readings that no spring can have had: spikes, and numbers that stand still while the spring does not.
 
-A clean log passes unchanged: a reading goes only when it stands out from both neighbours by more than noise, steps and a
-corner of the temperature can make, or when a constant run ends in a jump. What goes becomes NaN, not a guess.
+A clean log passes unchanged: a reading goes only when it stands out from both neighbours by more than noise, steps and
+a corner of the temperature can make, or when a constant run ends in a jump. What goes becomes NaN, not a guess.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
 import numpy as np
@@ -110,7 +111,7 @@ def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
     step = np.abs(np.diff(known))
     jump_c = max(0.5, 10.0 * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
     edges = np.concatenate([[0], np.flatnonzero(step > 0) + 1, [len(known)]])
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges.tolist()):
         if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < _STUCK_S or end == len(known):
             continue
         if abs(known[end] - known[begin]) > jump_c:

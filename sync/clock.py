@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from sync.belief import DRIFT_SIGMA_PPM, Belief, ClockEstimate, conclude
-from sync.evidence import MotionEvidence, motion_evidence
+from sync.evidence import MotionEvidence
+from sync.light import LightEvents, light_evidence
+from sync.repairs import LogReading
+from sync.settle import Settled, jumps_of, settle
 from torsight.core.errors import NoResultError
 from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -21,12 +25,20 @@ from torsight.core.units import PPM
 
 _GIVEN_SIGMA_S: Final = 1e-6
 _GIVEN_SIGMA_PPM: Final = 1e-3
-_FEW_RATES: Final = 0.08
 _WIDE_S: Final = 1.0
+_VERY_WIDE_S: Final = 5.0
 _ADVICE: Final = (
-    "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat at "
-    "two clearly different rates with one heating cut short"
+    "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
+    "at two clearly different rates with one heating cut short"
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """The clock, and the log with its restarts where the evidence puts them."""
+
+    clock: ClockMap
+    reading: LogReading
 
 
 def estimate_clock(
@@ -35,8 +47,9 @@ def estimate_clock(
     *,
     given_offset_s: float | None = None,
     given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
 ) -> ClockMap:
-    """Return the clock map with 95 % intervals.
+    """Return the clock map with 95 % intervals, for a log whose clock did not restart.
 
     Parameters
     ----------
@@ -46,32 +59,91 @@ def estimate_clock(
         Temperatures on the logging clock.
     given_offset_s, given_drift_ppm : float, optional
         Values that are known; taken as exact.
+    light : LightEvents, optional
+        Film times at which a light showed the heating switch.
 
     Raises
     ------
+    InputError
+        When there are light events but no heating switch in the log.
     NoResultError
         When the offset is not given and nothing in the files tells it.
     """
+    reading = LogReading(log)
+    return find_clock(
+        angles, reading, given_offset_s=given_offset_s, given_drift_ppm=given_drift_ppm, light=light
+    ).clock
+
+
+def find_clock(
+    angles: StickAngles,
+    reading: LogReading,
+    *,
+    given_offset_s: float | None = None,
+    given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
+) -> Found:
+    """Return the clock map and the log with its restarts settled; see :func:`estimate_clock`."""
+    if light is not None and given_offset_s is None:
+        return _from_light(angles, reading, light, given_drift_ppm)
+    prior = None if given_offset_s is None else _given(given_offset_s, given_drift_ppm)
+    settled = settle(angles, reading, prior=prior)
     if given_offset_s is not None and given_drift_ppm is not None:
         exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
-        return ClockMap(given_offset_s, given_drift_ppm, *exact, method="given offset and drift")
-    prior = _given(given_offset_s, given_drift_ppm)
-    evidence = motion_evidence(angles, log, prior=prior if given_offset_s is not None else None)
+        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(settled))
+        return Found(clock, settled.reading)
+    evidence = settled.evidence
     if evidence is None:
         if given_offset_s is None:
-            raise _unknown(angles, log)
+            raise _unknown(angles, reading.log)
         interval = (-1.96 * DRIFT_SIGMA_PPM, 1.96 * DRIFT_SIGMA_PPM)
-        return ClockMap(
-            given_offset_s, 0.0, (given_offset_s, given_offset_s), interval, "given offset", ("drift is not known",)
-        )
+        notes = ("drift is not known and taken as none", *_restart_notes(settled))
+        exact_offset = (given_offset_s, given_offset_s)
+        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), settled.reading)
     beliefs = evidence.beliefs
     if given_drift_ppm is not None:
-        row = np.array([0.0, 1.0])
+        row = np.zeros(len(beliefs[0].mean))
+        row[1] = 1.0
         beliefs = tuple(b.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2) for b in beliefs)
     estimate = conclude(beliefs, middle_s=evidence.middle_s)
-    if given_offset_s is not None:
-        return _as_map(estimate, "given offset; drift from motion and temperature", _notes(evidence, estimate))
-    return _as_map(estimate, _method(evidence), _notes(evidence, estimate))
+    notes = (*_notes(evidence, estimate), *_restart_notes(settled))
+    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(evidence)
+    return Found(_as_map(estimate, method, notes), settled.reading)
+
+
+def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
+    """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
+    evidence = light_evidence(light, angles.time_s, reading.log)
+    settled = Settled(None, reading)
+    if evidence.rivals or jumps_of(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
+        settled = settle(angles, reading, prior=None)
+        near = None
+        if settled.evidence is not None:
+            estimate = conclude(settled.evidence.beliefs, middle_s=settled.evidence.middle_s)
+            low, high = estimate.offset_ci95_s
+            margin = 0.5 * (high - low) + 5.0
+            near = (low - margin, high + margin)
+        evidence = light_evidence(light, angles.time_s, settled.reading.log, near=near)
+    belief = evidence.belief
+    if given_drift_ppm is not None:
+        belief = belief.updated(np.array([0.0, 1.0]), given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+    notes = list(_restart_notes(settled))
+    if evidence.rivals:
+        notes.append(f"{evidence.rivals} other shifts pair as many changes of the light: check the offset")
+    method = (
+        f"shared event: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
+        f"{evidence.switchings}"
+    )
+    return Found(_as_map(conclude([belief], middle_s=evidence.middle_s), method, notes), settled.reading)
+
+
+def _restart_notes(settled: Settled) -> tuple[str, ...]:
+    return tuple(
+        f"the log's clock restarted at {float(settled.reading.log.time_s[restart.index]):.6g} s and its rows from there "
+        f"on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
+        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {1.96 * restart.gap_sigma_s:.2g} s")
+        for restart in settled.reading.restarts
+    )
 
 
 def _given(offset_s: float | None, drift_ppm: float | None) -> Belief:
@@ -111,16 +183,14 @@ def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
         )
     elif evidence.lag.value_s > 0.3 and not evidence.stops:
         notes.append(
-            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its lag. If "
-            f"something else rounds them, the offset is larger by up to that much: the interval covers both"
+            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its lag. "
+            f"If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
-    if evidence.rate_spread < _FEW_RATES and not evidence.stops:
-        notes.append(
-            "all heatings have about the same rate and none was cut short: an offset, a lag and a threshold cannot be told "
-            f"apart here; to narrow it, {_ADVICE}"
+    if high - low > _WIDE_S:
+        why = (
+            "the strokes that can be compared have about the same rates" if high - low > _VERY_WIDE_S else "few strokes"
         )
-    elif high - low > _WIDE_S:
-        notes.append(f"the interval is {high - low:.3g} s wide; to narrow it, {_ADVICE}")
+        notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
     weights = np.array([belief.log_weight for belief in evidence.beliefs])
     offsets = np.array([belief.mean[0] for belief in evidence.beliefs])
     likely = offsets[weights > weights.max() - 6.0]

@@ -1,7 +1,7 @@
 """Where on the log's clock the film can lie at all: motion against heating and cooling over the whole range.
 
 Every stroke must lie inside a heating or cooling that drives the angle its way. The share of the strokes' time for
-which that holds, as a function of the offset, has plateaus: on each, every stroke can be given the flank that caused it.
+which that holds, as a function of the offset, has plateaus: on each, every stroke can be given the flank that drove it.
 """
 
 from __future__ import annotations
@@ -81,6 +81,13 @@ def explained_share(
                 inside += np.maximum(0.0, np.minimum(end, flank.end_s) - np.maximum(begin, flank.begin_s))
         share += weight * np.minimum(1.0, inside / max(stroke.end_s - stroke.begin_s, 1e-9))
     return share
+
+
+def best_share(strokes: Sequence[Stroke], flanks: Sequence[Flank], *, step_s: float) -> float:
+    """Return the largest explained share over all offsets at which strokes and flanks meet."""
+    low = min(flank.begin_s for flank in flanks) - strokes[-1].end_s
+    high = max(flank.end_s for flank in flanks) - strokes[0].begin_s
+    return float(explained_share(strokes, flanks, np.arange(low, high + step_s, step_s)).max())
 
 
 def _idle_share(

@@ -1,10 +1,10 @@
 """Corners: instants that a lag of the sensor rounds but does not move, in the log, and abrupt stops on the film.
 
-When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the corner at the same
-instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at which the wire
-stops getting warmer. So a corner in the log and a stop on the film are one event, whatever the lag; and the roundness of
-the log's corners is an upper limit of the lag (a larger one would have rounded them more), and its size where the power is
-cut at once.
+When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the corner at the
+same instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at which the
+wire stops getting warmer. So a corner in the log and a stop on the film are one event, whatever the lag; and the
+roundness of the log's corners is an upper limit of the lag (a larger one would have rounded them more), and its size
+where the power is cut at once.
 """
 
 from __future__ import annotations
@@ -200,8 +200,8 @@ def cooling_corner(
 ) -> Corner | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 
-    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s`` holds the
-    lag fixed.
+    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
+    holds the lag fixed.
     """
     temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
     length_s = flank.end_s - flank.begin_s

@@ -15,6 +15,7 @@ from sync.coarse import Plateau, assign, explained_share, find_plateaus
 from sync.corners import MAX_LAG_S, Corner, cooling_corner, find_stop, heating_end
 from sync.crossings import Crossings, collect_crossings
 from sync.flanks import Flank, LogPicture, lag_window_s, picture_log
+from sync.jumps import Jump
 from sync.lag import LagBelief, lag_belief
 from sync.merge import longest_gap_s
 from sync.motion import Stroke, find_strokes
@@ -29,7 +30,7 @@ _STARTS: Final = 4
 _LEFT_OUT: Final = 8.0
 """Logarithm of how much less likely it is that a stroke has no flank at all."""
 _TEMPER: Final = 0.2
-"""Passings of one stroke are far from independent: their likelihoods count for less when separate answers are weighed."""
+"""Passings of one stroke are far from independent: their likelihoods count for less where answers are weighed."""
 _STOP_SIGMA_S: Final = 0.05
 _CORNER_PER_LAG: Final = 0.6
 _STOP_ASTRAY_S: Final = 3.0
@@ -52,8 +53,6 @@ class MotionEvidence:
         How many strokes the film has, how many have a flank, how many abrupt stops were paired with a corner.
     plateaus : tuple of Plateau
         Ranges that the coarse search left.
-    rate_spread : float
-        Spread of the heating rates over their mean: what tells an offset from a threshold.
     swapped : bool
         Whether the motion fits better with the springs the other way round.
     """
@@ -65,7 +64,6 @@ class MotionEvidence:
     matched: int
     stops: int
     plateaus: tuple[Plateau, ...]
-    rate_spread: float
     swapped: bool
 
 
@@ -77,12 +75,16 @@ class _Scene:
     picture: LogPicture
     corners: tuple[tuple[Flank, Corner], ...]
     lag: LagBelief
+    jumps: tuple[Jump, ...]
 
 
-def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief | None = None) -> MotionEvidence | None:
+def motion_evidence(
+    angles: StickAngles, log: TemperatureLog, *, prior: Belief | None = None, jumps: Sequence[Jump] = ()
+) -> MotionEvidence | None:
     """Weigh motion against temperature over the whole range of offsets.
 
-    ``prior`` narrows the range (a hint about the offset, a given drift). ``None`` where nothing moves, nothing is
+    ``prior`` (offset at film time 0 and drift) narrows the range; ``jumps`` are joints of the log whose gap is not
+    sure: they become further unknowns. ``None`` where nothing moves, nothing is
     heated, or no offset explains the motion.
     """
     strokes = find_strokes(angles)
@@ -109,13 +111,13 @@ def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief |
         )
     if not plateaus:
         return None
-    scene = _Scene(angles, log, strokes, picture, corners, lag)
+    scene = _Scene(angles, log, strokes, picture, corners, lag, tuple(jumps))
     found = [part for plateau in plateaus[:_PLATEAUS] if (part := _weigh(scene, plateau, prior)) is not None]
     if not found:
         return None
     best = max(found, key=lambda part: part.weight)
     # Offsets of all parts are told at one instant of the film.
-    beliefs = [_moved(belief, part.middle_s, best.middle_s) for part in found for belief in part.beliefs]
+    beliefs = [belief.moved(best.middle_s - part.middle_s) for part in found for belief in part.beliefs]
     mirrored = [replace(flank, spring="b" if flank.spring == "a" else "a") for flank in picture.flanks]
     offsets = np.arange(plateaus[0].low_s - 2000.0, plateaus[0].high_s + 2000.0, 5.0)
     swapped = float(explained_share(strokes, mirrored, offsets).max()) > plateaus[0].score + 0.3
@@ -127,7 +129,6 @@ def motion_evidence(angles: StickAngles, log: TemperatureLog, *, prior: Belief |
         matched=best.matched,
         stops=best.stops,
         plateaus=plateaus,
-        rate_spread=_rate_spread(picture.flanks),
         swapped=swapped,
     )
 
@@ -153,30 +154,26 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
     crossings = collect_crossings(scene.strokes, flanks)
     if crossings is None:
         return None
-    wide = prior or Belief(
-        np.array([center_s, 0.0]),
-        np.diag([(0.5 * (plateau.high_s - plateau.low_s) + 1.0) ** 2, (DRIFT_SIGMA_PPM * PPM) ** 2]),
-        0.0,
-    )
-    if prior is not None:
-        wide = _moved(prior, 0.0, crossings.middle_s)
+    wide = _before(scene, plateau, prior, crossings.middle_s)
     # The thresholds see offset and lag as one delay; the stops see the offset alone.
     assumed_s = scene.lag.value_s or 0.0
-    delays = _delays(crossings, scene.picture, plateau, wide, lag_s=assumed_s)
+    delays = _delays(scene, crossings, plateau, wide, lag_s=assumed_s)
     if not delays:
         return None
     lost = _LEFT_OUT * (len(scene.strokes) - matched)
     beliefs: list[Belief] = []
     paired = _paired_stops(scene, flanks)
+    later = np.zeros(len(wide.mean))
+    later[0] = 1.0
     for delay in delays:
         for lag_s, log_weight in zip(scene.lag.grid_s, scene.lag.log_weight, strict=True):
             belief = Belief(
-                delay.mean - np.array([lag_s - assumed_s, 0.0]),
+                delay.mean - (lag_s - assumed_s) * later,
                 delay.covariance,
                 _TEMPER * delay.log_weight + float(log_weight) - lost,
             )
             for stop in paired:
-                belief = _with_stop(belief, stop, crossings.middle_s)
+                belief = _with_stop(belief, stop, scene.jumps, crossings.middle_s)
             beliefs.append(belief)
     return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
 
@@ -193,9 +190,10 @@ def _possible(
     return replace(plateau, low_s=max(low, plateau.low_s), high_s=max(min(high, plateau.high_s), low + 0.5))
 
 
-def _with_stop(belief: Belief, stop: _PairedStop, middle_s: float) -> Belief:
+def _with_stop(belief: Belief, stop: _PairedStop, jumps: Sequence[Jump], middle_s: float) -> Belief:
     """Take a stop into account; one that contradicts the rest may have another cause."""
-    design = np.array([1.0, stop.film_s - middle_s])
+    # Rows behind a jump stand earlier than they belong by what is missing there.
+    design = np.array([1.0, stop.film_s - middle_s, *(-1.0 if stop.log_s > jump.after_s else 0.0 for jump in jumps)])
     offset_s = stop.log_s - stop.film_s
     sharp = belief.updated(design, offset_s, stop.variance)
     blunt = belief.updated(design, offset_s, stop.variance + _STOP_ASTRAY_S**2)
@@ -205,11 +203,24 @@ def _with_stop(belief: Belief, stop: _PairedStop, middle_s: float) -> Belief:
     return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
 
 
-def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: Belief, *, lag_s: float) -> list[Belief]:
+def _before(scene: _Scene, plateau: Plateau, prior: Belief | None, middle_s: float) -> Belief:
+    """Return the belief about offset (at ``middle_s``), drift and jumps before the strokes speak."""
+    sigmas = [0.5 * (plateau.high_s - plateau.low_s) + 1.0, DRIFT_SIGMA_PPM * PPM, *(j.sigma_s for j in scene.jumps)]
+    mean = np.zeros(len(sigmas))
+    mean[0] = 0.5 * (plateau.low_s + plateau.high_s)
+    covariance = np.diag(np.square(sigmas))
+    if prior is not None:
+        moved = prior.moved(middle_s)
+        mean[:2] = moved.mean
+        covariance[:2, :2] = moved.covariance
+    return Belief(mean, covariance, 0.0)
+
+
+def _delays(scene: _Scene, crossings: Crossings, plateau: Plateau, wide: Belief, *, lag_s: float) -> list[Belief]:
     """Return the distinct local answers of the thresholds on a plateau, from a scan over it."""
     step_s = max(0.5, (plateau.high_s - plateau.low_s) / 100.0)
     offset_s = np.arange(plateau.low_s, plateau.high_s + step_s, step_s)
-    evidence = scan(crossings, picture, offset_s=offset_s, lag_s=lag_s)
+    evidence = scan(crossings, scene.picture, offset_s=offset_s, prior=wide, lag_s=lag_s, jumps=scene.jumps)
     if not np.isfinite(evidence).any():
         return []
     order = np.argsort(evidence)[::-1]
@@ -219,7 +230,7 @@ def _delays(crossings: Crossings, picture: LogPicture, plateau: Plateau, wide: B
             starts.append(float(offset_s[index]))
     found: list[Belief] = []
     for start_s in starts:
-        delay = refine(crossings, picture, start_s=start_s, prior=wide, lag_s=lag_s)
+        delay = refine(crossings, scene.picture, start_s=start_s, prior=wide, lag_s=lag_s, jumps=scene.jumps)
         if delay is None:
             continue
         sigma = float(np.sqrt(delay.covariance[0, 0]))
@@ -292,14 +303,3 @@ def _off_times(time_s: NDArray[np.float64], switch: NDArray[np.bool_] | None) ->
         return None
     off = np.flatnonzero(switch[:-1] & ~switch[1:])
     return np.asarray(0.5 * (time_s[off] + time_s[off + 1]))
-
-
-def _rate_spread(flanks: Sequence[Flank]) -> float:
-    rates = np.array([(f.high_c - f.low_c) / max(f.end_s - f.begin_s, 1e-9) for f in flanks if f.heating])
-    return float(np.std(rates) / np.mean(rates)) if len(rates) > 1 else 0.0
-
-
-def _moved(belief: Belief, from_s: float, to_s: float) -> Belief:
-    """Return the same belief with its offset told at another film time."""
-    change = np.array([[1.0, to_s - from_s], [0.0, 1.0]])
-    return Belief(change @ belief.mean, change @ belief.covariance @ change.T, belief.log_weight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -80,7 +81,7 @@ def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flan
     value, time_s = signal.value, signal.time_s
     turns = _turning_points(value, threshold_c)
     found: list[Flank] = []
-    for first, last in zip(turns[:-1], turns[1:], strict=True):
+    for first, last in itertools.pairwise(turns):
         low, high = sorted((float(value[first]), float(value[last])))
         if high - low < threshold_c:
             continue

@@ -1,8 +1,8 @@
 """How late the sensor is: belief from the roundness of the corners in the log.
 
 A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
-the power was cut at once, which is how these springs are driven; that gets most of the belief, the rest is spread evenly
-below, because something else may have rounded the corner.
+the power was cut at once, which is how these springs are driven; that gets most of the belief, the rest is spread
+evenly below, because something else may have rounded the corner.
 """
 
 from __future__ import annotations

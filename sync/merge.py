@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import InputError
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import StickAngles
 
@@ -58,6 +59,28 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
     )
 
 
+def require_overlap(
+    table: SyncedTable, angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, where: str
+) -> None:
+    """Refuse a table without any row that has both temperatures.
+
+    Raises
+    ------
+    InputError
+        When film and log do not overlap, or the log has nothing but gaps there.
+    """
+    if np.any(np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)):
+        return
+    begin, end = clock.to_temperature_time(angles.time_s[[0, -1]])
+    raise InputError(
+        "film and log do not overlap",
+        where=where,
+        value=f"the film lies at {begin:.6g} to {end:.6g} s of the log's clock",
+        limit=f"the log's {log.time_s[0]:.6g} to {log.time_s[-1]:.6g} s",
+        do="check the offset and that both files belong to one experiment",
+    )
+
+
 def longest_gap_s(log: TemperatureLog) -> float:
     """Return the longest gap that is bridged by default for this log, s."""
     return max(DEFAULT_MAX_GAP_S, 5.0 * float(np.median(np.diff(log.time_s))))
@@ -91,4 +114,7 @@ def _held(values: NDArray[np.generic], row: NDArray[np.int64], covered: NDArray[
     taken = values[row]
     if np.issubdtype(taken.dtype, np.floating):
         return np.where(covered, taken, np.nan)
-    return taken if covered.all() else np.where(covered, taken.astype(object), None)
+    if covered.all():
+        return taken
+    blank: NDArray[np.object_] = np.full(len(taken), None, dtype=object)
+    return np.where(covered, taken.astype(object), blank)

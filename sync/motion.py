@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Final
 
@@ -102,7 +103,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
 def _runs(moving: NDArray[np.float64]) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(moving) != 0) + 1
     bounds = np.concatenate([[0], edges, [len(moving)]])
-    return [(int(b), int(e)) for b, e in zip(bounds[:-1], bounds[1:], strict=True) if moving[b] != 0]
+    return [(int(b), int(e)) for b, e in itertools.pairwise(bounds) if moving[b] != 0]
 
 
 def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: float) -> list[tuple[int, int]]:

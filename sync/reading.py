@@ -58,7 +58,7 @@ def read_temperature_log(path: Path) -> LogReading:
             do="record it again",
         )
     columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
-    stamps, merged = _distinct(ordered, columns, path=path, first_line=first_line, repairs=repairs)
+    stamps, merged = _distinct(ordered, columns, first_line=first_line, repairs=repairs)
     joined = join_blocks(stamps.time_s, stamps.block, [merged.numbers[name] for name in REQUIRED[1:]])
     temperatures: dict[str, NDArray[np.float64]] = {}
     for name in REQUIRED[1:]:
@@ -141,7 +141,6 @@ def _distinct(
     ordered: OrderedStamps,
     columns: dict[str, pd.Series[Any]],
     *,
-    path: Path,
     first_line: int,
     repairs: list[Repair],
 ) -> tuple[OrderedStamps, _Columns]:
@@ -232,6 +231,7 @@ def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:
         Repair(
             "gap",
             int(np.count_nonzero(long)),
-            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, the first at {time_s[first]:g} s",
+            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, "
+            f"the first at {time_s[first]:g} s",
         )
     ]

@@ -45,7 +45,7 @@ class EvenSignal:
     @property
     def time_s(self) -> NDArray[np.float64]:
         """Times of the points."""
-        return self.start_s + self.step_s * np.arange(len(self.value))
+        return self.start_s + self.step_s * np.arange(len(self.value), dtype=np.float64)
 
     def at(self, time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
         """Return value, slope and whether they are known at some times."""
@@ -67,9 +67,10 @@ def even_signal(
     max_gap_s: float,
     slope_window_s: float | None = None,
 ) -> EvenSignal | None:
-    """Average onto an even grid and smooth with a local parabola, the slope over a window of its own where one is given.
+    """Average onto an even grid and smooth with a local parabola.
 
-    Both steps are symmetric in time: they move nothing. ``None`` where fewer than a dozen samples are known.
+    The slope has a window of its own where one is given. Both steps are symmetric in time: they move
+    nothing. ``None`` where fewer than a dozen samples are known.
     """
     known = np.isfinite(value) & np.isfinite(time_s)
     at_s, there = time_s[known], value[known]
@@ -137,7 +138,7 @@ def _noise(value: NDArray[np.float64]) -> float:
     second = value[2:] - 2.0 * value[1:-1] + value[:-2]
     spread = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
     if spread > 0:
-        return spread
+        return float(spread)
     step = np.abs(np.diff(value))
     # Coarsely rounded numbers: the error of rounding.
     return float(np.median(step[step > 0]) / np.sqrt(12.0)) if (step > 0).any() else 0.0

@@ -103,7 +103,7 @@ def usual_step_s(time_s: NDArray[np.float64]) -> float:
 
 
 def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number the stretches between restarts of the clock."""
+    """Give every row the number of restarts before it."""
     block = np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
     begin = 0

@@ -51,7 +51,7 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
     lines = text.splitlines()
     header, delimiter = _find_header(lines, required, path=path)
     names = [name.strip().strip('"').strip() for name in lines[header].split(delimiter)]
-    names = [name if name else f"column_{index + 1}" for index, name in enumerate(names)]
+    names = [name or f"column_{index + 1}" for index, name in enumerate(names)]
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("two columns have one name", where=f"{path}, line {header + 1}", value=repr(twice))
@@ -145,26 +145,22 @@ def _whole_rows(
     lines: Sequence[str], columns: int, delimiter: str, *, path: Path, first_line: int, repairs: list[Repair]
 ) -> list[str]:
     """Blank the rows with too many fields or none; rows with too few keep what they have."""
-    wrong: list[int] = []
-    short: list[int] = []
-    blank: list[int] = []
     body = list(lines)
     while body and not body[-1].strip():
         body.pop()
+    blank_row = delimiter * (columns - 1)
+    found: dict[str, list[int]] = {"malformed_row": [], "short_row": [], "blank_row": []}
     for index, line in enumerate(body):
-        if not line.strip():
-            blank.append(index)
+        kind = _fault(line, columns, delimiter)
+        if kind == "":
             continue
-        fields = line.count(delimiter) + 1
-        if '"' in line:
-            fields = len(next(csv.reader([line], delimiter=delimiter)))
-        if fields == columns + 1 and line.rstrip().endswith(delimiter):
+        if kind == "trailing":
             body[index] = line.rstrip()[:-1]
-        elif fields > columns:
-            wrong.append(index)
-            body[index] = delimiter * (columns - 1)
-        elif fields < columns:
-            short.append(index)
+            continue
+        found[kind].append(index)
+        if kind != "short_row":
+            body[index] = blank_row
+    wrong = found["malformed_row"]
     if len(wrong) > len(body) // 2:
         raise InputError(
             "most rows have more fields than the header",
@@ -173,16 +169,27 @@ def _whole_rows(
             limit=f"{columns} fields parted by {delimiter!r}",
             do="decimal commas need ';' between the fields, or quotes",
         )
-    for kind, rows, told in (
-        ("malformed_row", wrong, "rows with too many fields were dropped"),
-        ("short_row", short, "rows with too few fields were read as far as they go"),
-        ("blank_row", blank, "blank rows were passed over"),
+    for kind, told in (
+        ("malformed_row", "rows with too many fields were dropped"),
+        ("short_row", "rows with too few fields were read as far as they go"),
+        ("blank_row", "blank rows were passed over"),
     ):
+        rows = found[kind]
         if rows:
             repairs.append(Repair(kind, len(rows), f"{len(rows)} {told}, the first on line {rows[0] + first_line}"))
-    for index in blank:
-        body[index] = delimiter * (columns - 1)
     return body
+
+
+def _fault(line: str, columns: int, delimiter: str) -> str:
+    """Return what is wrong with a row; empty where nothing is."""
+    if not line.strip():
+        return "blank_row"
+    fields = len(next(csv.reader([line], delimiter=delimiter))) if '"' in line else line.count(delimiter) + 1
+    if fields == columns:
+        return ""
+    if fields == columns + 1 and line.rstrip().endswith(delimiter):
+        return "trailing"
+    return "malformed_row" if fields > columns else "short_row"
 
 
 def _decimal(body: str, delimiter: str, *, path: Path, repairs: list[Repair]) -> str:

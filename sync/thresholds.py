@@ -4,14 +4,14 @@ Let stroke k pass the way L at film time t. With the right clock and sensor lag 
 
     T_k(L) = T_log(t') + lag dT_log/dt,   t' = t (1 + drift) + offset,
 
-is a property of the kind of stroke (which spring, heating or cooling) and of L, up to a slope in the angle at which the
-stroke began (stress) and to a scatter from stroke to stroke, whose size is learnt. Strokes at different rates of
-temperature pin the offset: an error of δ moves T_k by δ times the rate. Where all rates are alike nothing is pinned, and
-the interval comes out as wide as the range that the coarse search left.
+is a property of the kind of stroke (which spring, heating or cooling) and of L, up to a slope in the angle at which
+the stroke began (stress) and to a scatter from stroke to stroke, whose size is learnt. Strokes at different rates of
+temperature pin the offset: an error of δ moves T_k by δ times the rate. Where all rates are alike nothing is pinned,
+and the interval comes out as wide as the range that the coarse search left.
 
-The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out, which
-leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; what tells them apart is
-elsewhere (:mod:`sync.corners`). The crossing times are the data: the factor |dT/dt| turns densities of temperature into
+The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out,
+which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; what tells them apart
+is elsewhere (:mod:`sync.corners`). The crossing times are the data: the factor |dT/dt| turns densities of temperature into
 densities of time and keeps the fit from hiding on a plateau of the temperature.
 """
 
@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from sync.belief import DRIFT_SIGMA_PPM, Belief
+from sync.belief import Belief
 from sync.crossings import Crossings
 from sync.flanks import LogPicture, Spring
+from sync.jumps import Jump, stamps_of
 from sync.signals import EvenSignal
-from torsight.core.units import PPM
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _TYPICAL_SCATTER_C: Final = 0.05
@@ -37,22 +37,25 @@ _FEWEST: Final = 6
 _RATE_POINTS: Final = 40
 _RATE_POWERS: Final = 3
 _NOISE_FACTOR: Final = 1.5
-"""Rates come from one polynomial per stroke: noise in a rate would look like an error of the clock that differs from level
-to level, and hide the one that does not."""
+"""Rates come from one polynomial per stroke: noise in a rate would look like an error of the clock that differs from
+level to level, and hide the one that does not."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Wire temperatures at the passings for one clock: value, rate and variance without scatter."""
+    """Wire temperatures at the passings for one clock: value, rate, variance without scatter, slopes of the stamps."""
 
     temp_c: NDArray[np.float64]
     rate_c_s: NDArray[np.float64]
     variance: NDArray[np.float64]
     known: NDArray[np.bool_]
+    columns: NDArray[np.float64]
 
 
-def _wire(crossings: Crossings, picture: LogPicture, offset_s: float, drift: float, lag_s: float) -> _Wire:
-    at_s = crossings.time_s + offset_s + drift * (crossings.time_s - crossings.middle_s)
+def _wire(
+    crossings: Crossings, picture: LogPicture, point: NDArray[np.float64], jumps: Sequence[Jump], lag_s: float
+) -> _Wire:
+    at_s, columns, covered = stamps_of(crossings.time_s, point, jumps, middle_s=crossings.middle_s)
     n = len(crossings)
     temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
     known = np.zeros(n, dtype=np.bool_)
@@ -69,7 +72,7 @@ def _wire(crossings: Crossings, picture: LogPicture, offset_s: float, drift: flo
         for number in np.unique(crossings.stroke[pick]):
             rows = np.flatnonzero(crossings.stroke == number)
             rate[rows], rate_sigma[rows] = _smooth_rate(signal, at_s[rows])
-    return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known)
+    return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
 def _shrunk(crossings: Crossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -89,7 +92,7 @@ def _shrunk(crossings: Crossings, rate: NDArray[np.float64], rate_sigma: NDArray
 
 
 def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the rate of a temperature at some instants of one stroke, and its sigma, from a polynomial over all of it."""
+    """Return the rate of a temperature at some instants of one stroke, and its sigma, from one polynomial."""
     first, last = float(at_s.min()), float(at_s.max())
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
     unit = np.linspace(-1.0, 1.0, _RATE_POINTS)
@@ -110,37 +113,57 @@ def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray
     return np.asarray(design @ coefficient), np.hypot(sigma, excess)
 
 
-def refine(crossings: Crossings, picture: LogPicture, *, start_s: float, prior: Belief, lag_s: float) -> Belief | None:
-    """Return the belief about offset and drift for a given lag, from a start near the answer.
+def refine(
+    crossings: Crossings,
+    picture: LogPicture,
+    *,
+    start_s: float,
+    prior: Belief,
+    lag_s: float,
+    jumps: Sequence[Jump] = (),
+) -> Belief | None:
+    """Return the belief about the clock for a given lag, from a start near the answer.
 
     ``None`` where fewer than a handful of passings fall on known temperatures.
     """
-    point = np.array([start_s, prior.mean[1]])
+    point = prior.mean.copy()
+    point[0] = start_s
+    limit = np.full(len(point), 5.0)
+    limit[1] = 3e-4
     best: Belief | None = None
     for _ in range(10):
-        wire = _wire(crossings, picture, float(point[0]), float(point[1]), lag_s)
+        wire = _wire(crossings, picture, point, jumps, lag_s)
         if np.count_nonzero(wire.known) < _FEWEST:
             return None
         best = _mixed(_linear(crossings, wire, point, prior))
         move = best.mean - point
-        point = point + np.clip(move, [-5.0, -3e-4], [5.0, 3e-4])
-        if abs(move[0]) < 2e-3 and abs(move[1]) < 1e-6:
+        point = point + np.clip(move, -limit, limit)
+        if np.all(np.abs(move) < 4e-4 * limit):
             break
     return best
 
 
 def scan(
-    crossings: Crossings, picture: LogPicture, *, offset_s: NDArray[np.float64], lag_s: float
+    crossings: Crossings,
+    picture: LogPicture,
+    *,
+    offset_s: NDArray[np.float64],
+    prior: Belief,
+    lag_s: float,
+    jumps: Sequence[Jump] = (),
 ) -> NDArray[np.float64]:
     """Return the logarithm of the evidence at some offsets, each held fixed; minus infinity where nothing is known."""
     evidence = np.full(len(offset_s), -np.inf)
+    covariance = prior.covariance.copy()
+    covariance[0, :] = covariance[:, 0] = 0.0
+    covariance[0, 0] = 1e-4
     for index, value in enumerate(offset_s):
-        wire = _wire(crossings, picture, float(value), 0.0, lag_s)
-        if np.count_nonzero(wire.known) < _FEWEST:
-            continue
-        point = np.array([float(value), 0.0])
-        held = Belief(point, np.diag([1e-4, (DRIFT_SIGMA_PPM * PPM) ** 2]), 0.0)
-        evidence[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
+        point = prior.mean.copy()
+        point[0] = float(value)
+        wire = _wire(crossings, picture, point, jumps, lag_s)
+        if np.count_nonzero(wire.known) >= _FEWEST:
+            held = Belief(point, covariance, 0.0)
+            evidence[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
     return evidence
 
 
@@ -150,7 +173,7 @@ def _linear(
     """Solve with the temperatures taken as straight lines around a point, once for each scatter."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
-    jacobian = np.stack([rate, rate * (crossings.time_s[keep] - crossings.middle_s)], axis=1)
+    jacobian = rate[:, None] * wire.columns[keep]
     # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J.
     data = wire.temp_c[keep] - jacobian @ point - 50.0
     precision = np.linalg.inv(prior.covariance)
@@ -161,8 +184,8 @@ def _linear(
     for scatter_c in SCATTERS_C[::every]:
         factor = cho_factor(common + scatter_c**2 * scatter, lower=True)
         solved = cho_solve(factor, np.column_stack([jacobian, data]))
-        information = jacobian.T @ solved[:, :2] + precision
-        mean = np.linalg.solve(information, precision @ prior.mean - jacobian.T @ solved[:, 2])
+        information = jacobian.T @ solved[:, :-1] + precision
+        mean = np.linalg.solve(information, precision @ prior.mean - jacobian.T @ solved[:, -1])
         residual = data + jacobian @ mean
         deviation = mean - prior.mean
         fit = float(residual @ cho_solve(factor, residual) + deviation @ precision @ deviation)
@@ -193,8 +216,11 @@ def _mixed(parts: Sequence[Belief]) -> Belief:
     weight = np.exp(evidence - evidence.max())
     total = float(weight.sum())
     weight /= total
-    mean = sum((w * part.mean for w, part in zip(weight, parts, strict=True)), np.zeros(2))
-    covariance = np.zeros((2, 2))
+    size = len(parts[0].mean)
+    mean = np.zeros(size)
+    for w, part in zip(weight, parts, strict=True):
+        mean += w * part.mean
+    covariance = np.zeros((size, size))
     for w, part in zip(weight, parts, strict=True):
         away = part.mean - mean
         covariance += w * (part.covariance + np.outer(away, away))

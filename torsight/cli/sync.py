@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from torsight.core.records import SyncedTable
 
 KEYS: Final = ("offset_s", "drift_ppm", "max_gap_s", "led_events")
-"""Keys of ``[sync]``: offset and drift that are known, the longest gap in the log that is bridged, film times of a light."""
+"""Keys of ``[sync]``: known offset and drift, the longest gap in the log that is bridged, film times of a light."""
 
 
 def sync(
@@ -76,8 +76,8 @@ def sync_to_folder(
     NoResultError
         When the offset is neither given nor to be found.
     """
-    from sync import estimate_clock, merge, read_temperature_log
-    from sync.merge import longest_gap_s
+    from sync import find_clock, merge, read_light_events, read_temperature_log
+    from sync.merge import longest_gap_s, require_overlap
     from sync.report import sync_content
     from torsight.core.storage import write_json
     from torsight.core.tables import read_angles, write_merged
@@ -88,10 +88,15 @@ def sync_to_folder(
     angles = read_angles(angle)
     reading = read_temperature_log(temperature)
     progress("find the clock", 1.0, steps)
-    clock = estimate_clock(angles, reading.log, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"])
+    light = read_light_events(Path(settings["led_events"])) if "led_events" in settings else None
+    found = find_clock(
+        angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
+    )
+    clock, reading = found.clock, found.reading
     progress("merge", 2.0, steps)
     max_gap_s = longest_gap_s(reading.log) if values["max_gap_s"] is None else values["max_gap_s"]
     table = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
+    require_overlap(table, angles, reading.log, clock, where=str(temperature))
     progress("write", 3.0, steps)
     write_merged(out / "merged.csv", table)
     write_json(out / "sync.json", sync_content(clock, reading, table, max_gap_s=max_gap_s))
@@ -102,11 +107,9 @@ def sync_to_folder(
 def told(content: Mapping[str, Any]) -> list[str]:
     """Return what the person at the terminal should know, from ``sync.json``."""
     offset, drift = content["offset_s"], content["drift_ppm"]
-    lines = [
-        f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f}), "
-        f"drift {drift['value']:.0f} ppm (95 %: {drift['ci95'][0]:.0f} to {drift['ci95'][1]:.0f})",
-        f"from {content['method']}",
-    ]
+    offset_text = f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f})"
+    drift_text = f"drift {drift['value']:.0f} ppm (95 %: {drift['ci95'][0]:.0f} to {drift['ci95'][1]:.0f})"
+    lines = [f"{offset_text}, {drift_text}", f"from {content['method']}"]
     lines += [f"note: {note}" for note in content["notes"]]
     lines += [f"log: {repair['text']}" for repair in content["log"]["repairs"]]
     empty = content["rows_without_temperature"]

@@ -1,0 +1,214 @@
+"""A light in the film that shows the heating switch: the same event on both clocks.
+
+A frame shows the light on when it went on at some time since the frame before, and a row of the log shows the switch on
+when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
+take half an interval: uniform errors that average out over the events.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.belief import DRIFT_SIGMA_PPM, Belief
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.records import TemperatureLog
+from torsight.core.storage import read_table
+from torsight.core.units import PPM
+
+_JITTER_S: Final = 1e-3
+_LARGEST_DRIFT: Final = 300.0 * PPM
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightEvents:
+    """Changes of the light on the film.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Time of the first frame that shows the change, film clock, increasing.
+    goes_on : (n,) bool
+        True where it goes on.
+    """
+
+    time_s: NDArray[np.float64]
+    goes_on: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class LightEvidence:
+    """What the light says about the clock.
+
+    Attributes
+    ----------
+    belief : Belief
+        Offset at ``middle_s`` and drift.
+    middle_s : float
+        Film time at which the offset holds.
+    matched, events, switchings : int
+        Pairs found; events on the film; changes of the switch in the log.
+    rivals : int
+        Other shifts that pair as many events.
+    """
+
+    belief: Belief
+    middle_s: float
+    matched: int
+    events: int
+    switchings: int
+    rivals: int
+
+
+def read_light_events(path: Path) -> LightEvents:
+    """Read film times of a light: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
+
+    Without ``on`` every time is one at which the light goes on.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read or holds no times.
+    """
+    table = read_table(path, required=("time_s",))
+    time_s = table["time_s"].to_numpy(np.float64)
+    if not np.isfinite(time_s).all():
+        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
+        raise InputError("has no time", where=f"{path}, row {row + 2}, column time_s", do="mend that row")
+    on = table["on"].to_numpy() > 0.5 if "on" in table.columns else np.ones(len(time_s), dtype=np.bool_)
+    order = np.argsort(time_s, kind="stable")
+    return LightEvents(time_s[order], np.asarray(on, dtype=np.bool_)[order])
+
+
+def light_evidence(
+    events: LightEvents,
+    frame_s: NDArray[np.float64],
+    log: TemperatureLog,
+    *,
+    near: tuple[float, float] | None = None,
+) -> LightEvidence:
+    """Pair the light's changes with the switch's and estimate the clock.
+
+    Parameters
+    ----------
+    events : LightEvents
+        From the film.
+    frame_s : (n,) float64
+        Times of all frames.
+    log : TemperatureLog
+        With at least one heating switch.
+    near : (float, float), optional
+        Range of offsets to choose from where several shifts pair as many events.
+
+    Raises
+    ------
+    InputError
+        When the log has no heating switch.
+    NoResultError
+        When no shift pairs at least half of the events.
+    """
+    if log.heat_a is None and log.heat_b is None:
+        raise InputError(
+            "has no column 'heat_a' or 'heat_b' to hold the light against",
+            where="temperature log",
+            do="log the heating switch, or leave led_events out",
+        )
+    film_s, film_step_s = _middles(events.time_s, frame_s)
+    middle_s = float(film_s.mean())
+    best: tuple[int, list[float], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]] | None = None
+    for switch in _switches(log):
+        log_s, log_step_s, goes_on = _switchings(log.time_s, switch)
+        if len(log_s) == 0:
+            continue
+        count, offsets = _best_shifts(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s)
+        if best is None or count > best[0]:
+            best = (count, offsets, log_s, log_step_s, goes_on)
+    if best is None or best[0] < max(1, (len(film_s) + 1) // 2):
+        raise NoResultError(
+            "the light's changes fit no changes of the heating switch",
+            where="led_events",
+            value=f"{0 if best is None else best[0]} of {len(film_s)} events paired",
+            limit="at least half of them",
+            do="check the times of the light, or leave led_events out",
+        )
+    count, offsets, log_s, log_step_s, goes_on = best
+    chosen = offsets[0]
+    if near is not None:
+        inside = [offset for offset in offsets if near[0] <= offset <= near[1]]
+        chosen, offsets = (inside[0], inside) if inside else (chosen, offsets)
+    belief = Belief(
+        np.array([chosen, 0.0]), np.diag([max(10.0 * film_step_s.max(), 10.0) ** 2, (DRIFT_SIGMA_PPM * PPM) ** 2]), 0.0
+    )
+    for index, partner in _pairs(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s, chosen):
+        variance = (film_step_s[index] ** 2 + log_step_s[partner] ** 2) / 12.0 + _JITTER_S**2
+        design = np.array([1.0, film_s[index] - middle_s])
+        belief = belief.updated(design, float(log_s[partner] - film_s[index]), float(variance))
+    return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1)
+
+
+def _middles(
+    time_s: NDArray[np.float64], frame_s: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the middle and the length of the interval between the frame that shows the change and the one before."""
+    at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
+    step_s = frame_s[at] - frame_s[at - 1]
+    return time_s - 0.5 * step_s, step_s
+
+
+def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
+    """Return what the light may show: any heating, or that of one spring."""
+    single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
+    return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
+
+
+def _switchings(
+    time_s: NDArray[np.float64], switch: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
+    return 0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at]
+
+
+def _best_shifts(
+    film_s: NDArray[np.float64],
+    film_on: NDArray[np.bool_],
+    log_s: NDArray[np.float64],
+    log_on: NDArray[np.bool_],
+    film_step_s: NDArray[np.float64],
+    log_step_s: NDArray[np.float64],
+) -> tuple[int, list[float]]:
+    """Return the largest number of pairs and the distinct offsets that reach it."""
+    trial = (log_s[None, :] - film_s[:, None])[film_on[:, None] == log_on[None, :]]
+    counts = [len(_pairs(film_s, film_on, log_s, log_on, film_step_s, log_step_s, float(offset))) for offset in trial]
+    if not counts:
+        return 0, []
+    most = max(counts)
+    apart_s = 2.0 * float(film_step_s.max() + log_step_s.max()) + _LARGEST_DRIFT * float(np.ptp(film_s))
+    distinct: list[float] = []
+    for offset, count in zip(trial, counts, strict=True):
+        if count == most and all(abs(offset - other) > apart_s for other in distinct):
+            distinct.append(float(offset))
+    return most, distinct
+
+
+def _pairs(
+    film_s: NDArray[np.float64],
+    film_on: NDArray[np.bool_],
+    log_s: NDArray[np.float64],
+    log_on: NDArray[np.bool_],
+    film_step_s: NDArray[np.float64],
+    log_step_s: NDArray[np.float64],
+    offset_s: float,
+) -> list[tuple[int, int]]:
+    """Pair every event with the nearest switching of its direction, where that is as near as the clocks allow."""
+    found: list[tuple[int, int]] = []
+    for index, at_s in enumerate(film_s):
+        away = np.where(log_on == film_on[index], np.abs(log_s - at_s - offset_s), np.inf)
+        partner = int(np.argmin(away))
+        slack_s = film_step_s[index] + log_step_s[partner] + _LARGEST_DRIFT * float(np.ptp(film_s))
+        if away[partner] <= slack_s + 2.0 * _JITTER_S:
+            found.append((index, partner))
+    return found
