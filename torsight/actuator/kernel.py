@@ -72,7 +72,7 @@ STRAY: Final = 3
 # Places in c, q and g.
 _TEMP, _HEATING, _X0, _PER_S, _WOUND, _CROSS, _SCALE, _SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 _TEMP_PASSIVE, _TURN_NOW = 8, 9
-_X_REF, _TAU_REF, _XI_REF, _THETA_L, _SLIDING = 0, 1, 2, 3, 4
+_X_REF, _TAU_REF, _XI_REF, _THETA_L, _SLIDING, _FLOOR = 0, 1, 2, 3, 4, 5
 _X, _TAU, _XI, _MOVE, _REST_S, _XI_P, _XI_0_P, _TURN_P, _CHANGED, _WHO = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 _LN100: Final = 4.605170185988092
 _TORQUE_TOLERANCE: Final = 1e-15
@@ -208,12 +208,15 @@ def _load(x: float, sense: float, scale: float, c: Array, p: Array, tables: Arra
 
 @inlined
 def _made(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> float:
-    """Return the torque that the active spring makes (12), (20); cooling, never less than its loading curve."""
+    """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
+
+    That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
+    """
     stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
     torque = q[_TAU_REF] + stiffness * (x - q[_X_REF] - q[_THETA_L] * (xi - q[_XI_REF]))
     if c[_HEATING] > 0.0:
         return torque
-    return max(torque, _loading(x, p, tables))
+    return max(torque, _cold(x, q[_FLOOR], p, tables))
 
 
 @inlined
@@ -383,7 +386,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left."""
     before = int(g[_WHO])
     if before >= 0:
-        wound[before] = g[_X]
+        wound[before] = _wound_for(g[_X], g[_TAU], p, tables)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
     sign = 1.0 if who == 0 else -1.0
     limit = _cold(p[THETA_P] - x, wound[1 - who], p, tables) + scale * _friction(theta_a, who == 1, p, tables)
@@ -399,7 +402,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
 
 @compiled
 def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Array) -> None:  # fmt: skip
+          wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -407,11 +410,12 @@ def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, sav
     if g[_CHANGED] > 0.0:
         saved_q[:], saved_w[:] = q, w
         q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = g[_X], g[_TAU], g[_XI], 0.0
+        q[_FLOOR] = _wound_for(g[_X], g[_TAU], p, tables)
         w[1], w[2] = w[0], 0.0
         if heating and g[_XI] > 1.0 - 1e-9:
             who = int(g[_WHO])
-            wound[who] = g[_X]
-            q[_THETA_L] = _recoverable(g[_X], theta_l_scale, p)
+            wound[who] = q[_FLOOR]
+            q[_THETA_L] = _recoverable(q[_FLOOR], theta_l_scale, p)
     else:
         for i in range(q.size):
             q[i], saved_q[i] = saved_q[i], q[i]
@@ -515,7 +519,7 @@ def run(
     """
     n = active.size
     out = np.empty((5, n))
-    c, q, saved_q, g = np.zeros(10), np.zeros(5), np.zeros(5), np.zeros(10)
+    c, q, saved_q, g = np.zeros(10), np.zeros(6), np.zeros(6), np.zeros(10)
     w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
     g[_WHO], g[_MOVE] = -1.0, 1e-3
     theta_a, theta_p = theta_start, p[THETA_P]
@@ -526,7 +530,7 @@ def run(
             scale = theta_l_scale[half[k]]
             _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
-            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
+            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p, tables)
         else:
             fresh = p[SIMPLE] == 0.0
         who = int(g[_WHO])

@@ -1,0 +1,166 @@
+"""The kernel against the closed forms (21) to (29), the figures of model.md, and a second implementation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from actuator_oracle import Oracle, Values
+from actuator_programmes import programme
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from torsight.actuator.closed_form import half_cycle, stable_cycle
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
+from torsight.actuator.springs import Rig
+from torsight.core.units import DEG
+
+FULL = [(80.0, 0.1)]
+
+
+def simulated(log, start_deg: float, **changes: float):
+    model = ActuatorModel(reference_spec())
+    drive = model.prepare_log(log, start_angle_rad=start_deg * DEG)
+    return model.simulate(drive, changes)
+
+
+def by_oracle(halves, temps, start_deg: float, values: Values) -> np.ndarray:
+    oracle = Oracle(values, start_deg * DEG + 0.5 * values.theta_p)
+    parts = [oracle.run(spring, own.tolist()) for (spring, _), own in zip(halves, temps, strict=True)]
+    return np.concatenate(parts)
+
+
+def test_reference_rig_gives_the_figures_of_the_model_page():
+    halves = [(k % 2, FULL) for k in range(8)]
+    log, temps = programme(halves)
+    phi = simulated(log, 177.6).phi_rad / DEG
+    last = slice(len(log) - len(temps[-1]) - len(temps[-2]), len(log) - len(temps[-1]))
+    cycle, temp = phi[last], temps[-2]
+    angles = [cycle[0], cycle.min(), cycle[-1]]
+    assert np.round(angles, 1).tolist() == [177.6, -232.9, -177.6]
+    assert round(phi.max() - phi.min(), 0) == 466.0
+    moving = np.flatnonzero(np.abs(np.diff(cycle)) > 1e-9)
+    top = int(np.argmax(temp))
+    heating, cooling = moving[moving < top], moving[moving >= top]
+    # A sample is 0.05 °C of heating and up to 0.6 °C of cooling.
+    assert temp[heating[0]] == pytest.approx(47.6, abs=0.06)
+    assert temp[heating[-1] + 1] == pytest.approx(70.0, abs=0.06)
+    assert temp[cooling[0]] == pytest.approx(51.5, abs=0.4)
+    assert temp[cooling[-1] + 1] == pytest.approx(47.0, abs=0.4)
+
+
+def test_closed_forms_of_the_reference_rig():
+    cycle = stable_cycle(Rig.from_values(REFERENCE_VALUES))
+    angles = np.array([cycle.theta_1_rad, cycle.theta_2_rad, cycle.theta_3_rad]) / DEG
+    assert np.round(angles, 1).tolist() == [717.6, 307.1, 362.4]
+    assert cycle.case == "a"
+    assert cycle.xi_12 == 1.0
+
+
+@pytest.mark.parametrize(
+    ("tau_c_mnm", "start_deg", "case"), [(0.3, 150.0, "a"), (0.79, 177.6, "a"), (1.4, 215.0, "a"), (2.6, 60.0, "b")]
+)
+def test_kernel_agrees_with_the_closed_forms(tau_c_mnm, start_deg, case):
+    rig = Rig.from_values({**REFERENCE_VALUES, "tau_c_mnm": tau_c_mnm})
+    expected = half_cycle(rig, start_deg * DEG + 0.5 * rig.theta_p_rad)
+    log, _ = programme([(0, [(95.0, 0.2)])])
+    phi = simulated(log, start_deg, tau_c_mnm=tau_c_mnm).phi_rad
+    assert expected.case == case
+    assert phi.min() + 0.5 * rig.theta_p_rad == pytest.approx(expected.theta_2_rad, abs=1e-9)
+    assert phi[-1] + 0.5 * rig.theta_p_rad == pytest.approx(expected.theta_3_rad, abs=1e-9)
+
+
+def test_case_b_sticks_until_the_fraction_of_equation_21():
+    rig = Rig.from_values({**REFERENCE_VALUES, "tau_c_mnm": 2.6})
+    start = 60.0
+    expected = half_cycle(rig, start * DEG + 0.5 * rig.theta_p_rad)
+    log, _ = programme([(0, [(95.0, 0.01)])])
+    simulation = simulated(log, start, tau_c_mnm=2.6)
+    first = int(np.flatnonzero(np.abs(np.diff(simulation.phi_rad)) > 1e-12)[0])
+    assert 0.0 < expected.xi_12 < 1.0
+    assert simulation.xi_a[first + 1] <= expected.xi_12 <= simulation.xi_a[first]
+
+
+def test_friction_that_is_too_large_keeps_everything_still():
+    rig = Rig.from_values({**REFERENCE_VALUES, "tau_c_mnm": 60.0})
+    assert math.isnan(half_cycle(rig, 0.5 * rig.theta_p_rad).xi_12)
+    log, _ = programme([(0, FULL), (1, FULL)])
+    assert np.ptp(simulated(log, 0.0, tau_c_mnm=60.0).phi_rad) == 0.0
+
+
+@pytest.mark.parametrize(("tau_c_mnm", "room_c"), [(0.2, 23.0), (0.79, 16.0), (0.79, 30.0), (1.8, 23.0)])
+def test_kernel_agrees_with_the_second_implementation(tau_c_mnm, room_c):
+    halves = [(0, [(74.0, 0.8)]), (1, [(60.0, 0.9)]), (0, [(57.5, 0.7)]), (1, [(82.0, 1.0)])]
+    log, temps = programme(halves, room_c=room_c)
+    expected = by_oracle(halves, temps, 170.0, Values(tau_c=tau_c_mnm * 1e-3))
+    phi = simulated(log, 170.0, tau_c_mnm=tau_c_mnm).phi_rad
+    assert np.abs(phi - expected).max() < 1e-6
+
+
+@given(
+    peaks=st.lists(st.floats(50.0, 85.0), min_size=2, max_size=3),
+    reheat=st.tuples(st.floats(52.0, 66.0), st.floats(30.0, 48.0), st.floats(60.0, 80.0)),
+    tau_c_mnm=st.floats(0.1, 2.0),
+    start_deg=st.floats(-60.0, 200.0),
+)
+@settings(max_examples=5, deadline=None, derandomize=True, phases=[Phase.generate])
+def test_any_history_agrees_with_the_second_implementation(peaks, reheat, tau_c_mnm, start_deg):
+    halves = [(k % 2, [(peak, 0.7)]) for k, peak in enumerate(peaks)]
+    # Heated, let cool in part, and heated again: two turns within one half-cycle.
+    halves.append((len(peaks) % 2, [(reheat[0], 0.7), (reheat[1], 1.0), (reheat[2], 0.7)]))
+    log, temps = programme(halves)
+    expected = by_oracle(halves, temps, start_deg, Values(tau_c=tau_c_mnm * 1e-3))
+    assert np.abs(simulated(log, start_deg, tau_c_mnm=tau_c_mnm).phi_rad - expected).max() < 1e-6
+
+
+def test_mirror_image():
+    log, _ = programme([(0, [(66.0, 0.3)]), (1, FULL)])
+    swapped = type(log)(log.time_s, log.temp_b_c, log.temp_a_c, heat_a=log.heat_b, heat_b=log.heat_a)
+    assert simulated(swapped, -150.0).phi_rad == pytest.approx(-simulated(log, 150.0).phi_rad, abs=1e-10)
+
+
+def test_scaling_moduli_friction_and_stress_influence_together_changes_no_angle():
+    log, _ = programme([(0, [(64.0, 0.3)]), (1, FULL)])
+    names = ("E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k", "tau_c_mnm")
+    halved = ActuatorSpec({**REFERENCE_VALUES, **{name: 0.5 * REFERENCE_VALUES[name] for name in names}})
+    model = ActuatorModel(halved)
+    phi = model.simulate(model.prepare_log(log, start_angle_rad=2.9)).phi_rad
+    assert phi == pytest.approx(simulated(log, 2.9 / DEG).phi_rad, abs=1e-9)
+
+
+def test_finer_sampling_changes_nothing_at_common_instants():
+    log, _ = programme([(0, [(63.0, 0.4)]), (1, [(75.0, 0.4)])])
+    fine_time = np.arange(4 * (len(log) - 1) + 1) * (log.time_s[1] / 4)
+    fine = type(log)(
+        fine_time,
+        np.interp(fine_time, log.time_s, log.temp_a_c),
+        np.interp(fine_time, log.time_s, log.temp_b_c),
+        heat_a=np.repeat(log.heat_a, 4)[3:],
+        heat_b=np.repeat(log.heat_b, 4)[3:],
+    )
+    assert simulated(fine, 160.0).phi_rad[::4] == pytest.approx(simulated(log, 160.0).phi_rad, abs=1e-8)
+
+
+def test_small_dips_of_the_temperature_do_not_undo_a_transformation():
+    log, _ = programme([(0, [(60.0, 0.2), (59.4, 0.2), (70.0, 0.2)])])
+    straight, _ = programme([(0, [(60.0, 0.2), (60.0, 0.2), (70.0, 0.2)])])
+    assert simulated(log, 170.0).phi_rad.min() == pytest.approx(simulated(straight, 170.0).phi_rad.min(), abs=1e-9)
+
+
+def test_tanaka_reaches_one_percent_where_liang_rogers_is_complete():
+    log, _ = programme([(0, FULL)])
+    model = ActuatorModel(reference_spec(), phase_law="tanaka")
+    xi = model.simulate(model.prepare_log(log, start_angle_rad=3.0)).xi_a
+    assert 0.0 < xi.min() < 0.01
+
+
+def test_constant_recoverable_angle_is_an_option():
+    log, _ = programme([(0, [(95.0, 0.2)])])
+    model = ActuatorModel(reference_spec(), theta_l_deg=300.0)
+    rig = Rig.from_values(REFERENCE_VALUES)
+    phi = model.simulate(model.prepare_log(log, start_angle_rad=177.5666423514391 * DEG)).phi_rad / DEG
+    # Equation (23) with ξ from 1 to 0.
+    stroke = rig.k_austenite / (rig.k_austenite + rig.k_stress_induced) * 300.0
+    assert phi[0] - phi.min() == pytest.approx(stroke, abs=1e-6)
