@@ -139,8 +139,8 @@ def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, gi
 
 def _restart_notes(settled: Settled) -> tuple[str, ...]:
     return tuple(
-        f"the log's clock restarted at {float(settled.reading.log.time_s[restart.index]):.6g} s and its rows from there "
-        f"on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
+        f"the log's clock restarted at {float(settled.reading.log.time_s[restart.index]):.6g} s and its rows from "
+        f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
         + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {1.96 * restart.gap_sigma_s:.2g} s")
         for restart in settled.reading.restarts
     )
@@ -183,8 +183,8 @@ def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
         )
     elif evidence.lag.value_s > 0.3 and not evidence.stops:
         notes.append(
-            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its lag. "
-            f"If something else rounds them, the offset is larger by up to that much: the interval covers both"
+            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its "
+            f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
     if high - low > _WIDE_S:
         why = (

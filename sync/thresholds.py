@@ -11,8 +11,8 @@ and the interval comes out as wide as the range that the coarse search left.
 
 The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out,
 which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; what tells them apart
-is elsewhere (:mod:`sync.corners`). The crossing times are the data: the factor |dT/dt| turns densities of temperature into
-densities of time and keeps the fit from hiding on a plateau of the temperature.
+is elsewhere (:mod:`sync.corners`). The crossing times are the data: the factor |dT/dt| turns densities of temperature
+into densities of time and keeps the fit from hiding on a plateau of the temperature.
 """
 
 from __future__ import annotations
@@ -192,7 +192,8 @@ def _linear(
         log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
         log_det += float(np.linalg.slogdet(information)[1] - np.linalg.slogdet(precision)[1])
         belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
-        parts.append(Belief(mean, np.linalg.inv(information), density + belief_in_scatter - 0.5 * (fit + log_det)))
+        spread = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        parts.append(Belief(mean, spread, density + belief_in_scatter - 0.5 * (fit + log_det)))
     return parts
 
 
@@ -217,7 +218,7 @@ def _mixed(parts: Sequence[Belief]) -> Belief:
     total = float(weight.sum())
     weight /= total
     size = len(parts[0].mean)
-    mean = np.zeros(size)
+    mean: NDArray[np.float64] = np.zeros(size)
     for w, part in zip(weight, parts, strict=True):
         mean += w * part.mean
     covariance = np.zeros((size, size))
