@@ -118,6 +118,11 @@ def test_an_unknown_key_names_the_nearest() -> None:
         check_keys({"tempratur": {}}, ("video", "temperature"), where="experiment.toml")
 
 
+def test_the_nearest_key_is_found_whatever_the_case() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'E_A_gpa'"):
+        check_keys({"e_a_gpa": 60.0}, ("E_S_gpa", "E_A_gpa"), where="actuator.toml")
+
+
 def test_toml_errors_carry_the_line(tmp_path: Path) -> None:
     path = tmp_path / "actuator.toml"
     path.write_text("[geometry]\nwire = = 3\n")

@@ -179,7 +179,8 @@ def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) 
     """
     for key in table:
         if key not in allowed:
-            near = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
+            spelled = {name.lower(): name for name in allowed}
+            near = [spelled[name] for name in difflib.get_close_matches(key.lower(), spelled, n=1, cutoff=0.5)]
             raise ConfigError(
                 f"unknown key '{key}'",
                 where=where,
