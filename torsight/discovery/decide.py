@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torsight.discovery.closure import predictable
 from torsight.discovery.fitting import EffectSet, space_of
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.search import Contender, Field, Settings
 from torsight.discovery.solver import Array
+from torsight.discovery.stand_in import predictable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +77,17 @@ def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = 
     )
 
 
+def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool:
+    """Return whether a fit leaves more than anything but a missing effect could, by a floor measured at rests."""
+    problem, valid = field.fitter.problem, field.fitter.problem.valid
+    lasts = np.gradient(problem.time_s)[valid]
+    residual = (problem.observed - contender.fit.solution.prediction)[valid]
+    left = float(np.sqrt(np.average(residual**2, weights=lasts)))
+    floor = float(np.sqrt(np.average(field.floor[valid] ** 2, weights=lasts)))
+    least = max(settings.least_unknown * problem.resolution, settings.over_floor_unknown * floor)
+    return bool(field.stretches.rest.any()) and left > least
+
+
 class _Judge:
     def __init__(self, field: Field, settings: Settings, threshold: float, *, seed: int, can_hold_out: bool) -> None:
         self._seed = seed
@@ -124,13 +135,13 @@ class _Judge:
     def share(self, contender: Contender) -> float:
         """Return the share that a set explains of what can be explained.
 
-        What it leaves counts as far as it lies beyond the floor and a learned stand-in could predict it on blocks that
-        it has not seen.
+        What it leaves beyond the floor counts. A floor that was not measured at rests is only a guess: then what is
+        left counts as far as a learned stand-in could predict it on blocks that it has not seen.
         """
         if contender not in self._shares:
             explained = self._field.base.cost - contender.cost
             left = max(0.0, contender.cost - self._floor)
-            if self._can_hold_out and left > 0.0:
+            if self._can_hold_out and left > 0.0 and not self._field.stretches.rest.any():
                 left = min(left, predictable(self._field, contender, seed=self._seed))
             self._shares[contender] = explained / (explained + left) if explained > 0.0 else 0.0
         return self._shares[contender]

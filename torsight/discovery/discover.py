@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,9 +18,11 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.curves import curve_columns
+from torsight.discovery.closure import actuator_closure
+from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.decide import covariance
 from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.interface import Closure
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.search import Contender
@@ -70,6 +73,12 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int) -> Disco
     plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(plain_spread)))
     fixed = _fixed(problem)
     before, after = _errors(problem, base, findings.before), _errors(problem, chosen, findings.after)
+    model = _model(problem, chosen)
+    if findings.closure is not None:
+        values, learned = actuator_closure(problem, chosen.fit, findings.closure, field.fitter.weight)
+        model = replace(model, values=values, closure=learned)
+        after = _learned_errors(problem, model, findings.closure)
+    model = replace(model, account={"found_by": "discovery", **after.to_json()})
     pulls, plain_pulls = _pulls(problem, chosen), _pulls(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     return DiscoveryReport(
@@ -88,21 +97,32 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int) -> Disco
         next_experiment=None,
         notes=_notes(findings, pulls, plain_pulls),
         evidence=_evidence(findings),
-        curves=curve_columns(problem, base.fit, chosen.fit, blocks),
-        model=_model(problem, chosen, after),
+        curves=curve_columns(problem, base.fit, model, blocks),
+        model=model,
         covariance=spread,
     )
 
 
-def _model(problem: ActuatorProblem, chosen: Contender, errors: Errors) -> FittedModel:
+def _model(problem: ActuatorProblem, chosen: Contender) -> FittedModel:
     """Return the extended model; what holds the home position belongs to the rig and goes on."""
     springs = problem.drive.cycles.springs
     return FittedModel(
         model=problem.model(chosen.effects),
         values=chosen.fit.values,
         cycles=(springs.count(0), springs.count(1)),
-        account={"found_by": "discovery", **errors.to_json()},
     )
+
+
+def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closure) -> Errors:
+    """Return the errors with a learned stand-in; each block's from the others, over the time that rows stand for."""
+    drive = problem.drive
+    good = np.isfinite(drive.angle_rad) & drive.known
+    fitted, _ = extended_angle(model, drive)
+    train = float(np.sqrt(np.mean((drive.angle_rad - fitted)[good] ** 2))) / DEG
+    valid, lasts = problem.valid, np.gradient(problem.time_s)
+    square = float(np.average(closure.residual[valid] ** 2, weights=lasts[valid]))
+    total = float(np.var(drive.angle_rad[good] / DEG))
+    return Errors(train, float(np.sqrt(square)), 1.0 - square / total)
 
 
 def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:

@@ -3,7 +3,7 @@
 The order of work: fit the base model; measure the noise floor and what a residual is worth (:mod:`.noise`); fit every
 candidate together with the base, then sets of the best (:mod:`.search`); believe what beats chance and predicts blocks
 that the fit has not seen, name what is adequate, tell rivals (:mod:`.decide`); and where something real is left without
-a name, learn a stand-in and say what it depends on (:mod:`.closure`).
+a name, learn a stand-in and say what it depends on (:mod:`.stand_in`).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
-from torsight.discovery.closure import learn_closure
-from torsight.discovery.decide import Decision, decide
+from torsight.discovery.decide import Decision, decide, much_left
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.search import Field, Search, Settings
+from torsight.discovery.stand_in import LEAST_GAIN, learn_closure
 from torsight.discovery.validate import HeldOut, block_labels
 
 Verdict = Literal["none", "identified", "ambiguous", "unknown"]
@@ -87,11 +87,13 @@ def find_missing(
         after = decision.chosen.held_out
         progress("held-out blocks", 2, 2)
         if not decision.chosen.effects:
-            closure = learn_closure(field, field.base, seed=seed)
-    return Findings(_verdict(decision, closure), field, decision, before, after, closure)
+            much = much_left(field, field.base, settings=chosen_settings)
+            closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)
+    unnamed = closure is not None or much_left(field, field.base, settings=chosen_settings)
+    return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure)
 
 
-def _verdict(decision: Decision, closure: Closure | None) -> Verdict:
+def _verdict(decision: Decision, *, unnamed: bool) -> Verdict:
     if decision.chosen.effects:
         return "ambiguous" if decision.rivals else "identified"
-    return "unknown" if closure is not None else "none"
+    return "unknown" if unnamed else "none"

@@ -13,13 +13,14 @@ actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is line
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
+from torsight.discovery.features import Basis
 
 Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
 
@@ -144,26 +145,32 @@ class Problem(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """What a learned stand-in for a missing effect without a name is made of; see :mod:`torsight.discovery.closure`.
+    """A learned stand-in for a missing effect without a name; see :mod:`torsight.discovery.stand_in`.
 
     Attributes
     ----------
-    features : tuple of str
-        Names of the features.
+    shift : mapping of str to float
+        What the model's parameters move by when the stand-in takes over what they had imitated.
+    bases : tuple of Basis
+        How the drivers become features.
     weights : tuple of float
         One per feature; the correction is the sum of weight · feature.
     drivers : tuple of (str, float)
         Variable and its share of what is explained, strongest first.
     held_out_gain : float
-        Share of the residual's mean square that it removes on blocks it has not seen (0 to 1).
-    settings : mapping
-        Numbers that are needed to make the features again from other data.
+        Share of the residual's information that it removes on blocks it has not seen (0 to 1).
+    ridge : float
+        Precision of the weights' prior.
+    residual : (n,) float64
+        Residual of every block, predicted from the others.
     """
 
-    features: tuple[str, ...]
+    shift: Mapping[str, float]
+    bases: tuple[Basis, ...]
     weights: tuple[float, ...]
     drivers: tuple[tuple[str, float], ...]
     held_out_gain: float
-    settings: Mapping[str, object] = field(default_factory=dict)
+    ridge: float
+    residual: NDArray[np.float64]

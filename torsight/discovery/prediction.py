@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
 from torsight.core.records import TemperatureLog
+from torsight.discovery.closure import correction_rad
 
 
 def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> NDArray[np.float64]:
@@ -14,6 +15,4 @@ def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: f
     prediction = model.predict(log, start_angle_rad=start_angle_rad)
     if model.closure is None:
         return prediction.angle_rad
-    from torsight.discovery.closure import correction_rad
-
     return np.asarray(prediction.angle_rad + correction_rad(model.closure, prediction.drive, prediction.simulation))

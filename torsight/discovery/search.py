@@ -54,6 +54,9 @@ class Settings:
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
+    least_unknown, over_floor_unknown : float
+        Something is missing, named or not, where the residual exceeds so many resolutions and so many times a floor
+        that was measured at rests.
     """
 
     most_effects: int = 3
@@ -65,6 +68,8 @@ class Settings:
     near_floor: float = 2.0
     share_of_rest: float = 0.6
     least_size: float = 2.0
+    least_unknown: float = 4.5
+    over_floor_unknown: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -207,7 +207,7 @@ def _step(normal: Array, gradient: Array, x: Array, *, damping: float, space: Sp
     # 1/scale² keeps a direction that the record says nothing about from running away.
     ridge = damping * (np.diag(normal) + 1e-6 / space.scale**2) + 1e-9 / space.scale**2
     matrix = normal + np.diag(ridge)
-    step: Array = np.linalg.solve(matrix, gradient)
+    step: Array = np.asarray(np.linalg.solve(matrix, gradient), np.float64)
     if np.any(x + step < space.lower) or np.any(x + step > space.upper):
         # The quadratic within a box, in units of the scales, as a bounded linear least-squares problem.
         root = np.linalg.cholesky(matrix * np.outer(space.scale, space.scale))
