@@ -1,7 +1,7 @@
 """A slow second implementation of model.md, in plain Python, by another procedure than the kernel's.
 
-Both springs are kept by name, the unknown is ξ (not the angle), the angle for a trial ξ is found by bisection inside it,
-and nothing is shared with the package but the numbers of the rig.
+Both springs are kept by name, the unknown is ξ (not the angle), the angle for a trial ξ is found by bisection inside
+it, and nothing is shared with the package but the numbers of the rig.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ class Values:
         return self.k(self.e_m) * self.theta_cr + self.k(self.e_s) * (theta - self.theta_cr)
 
     def martensite(self, theta: float, wound: float) -> float:
-        return min(self.loading(theta), self.loading(max(wound, theta)) - self.k(self.e_m) * (max(wound, theta) - theta))
+        return min(
+            self.loading(theta), self.loading(max(wound, theta)) - self.k(self.e_m) * (max(wound, theta) - theta)
+        )
 
 
 def bisect(function, low: float, high: float, steps: int = 46) -> float:
@@ -151,7 +153,7 @@ class Oracle:
         share = max(0.0, (temp - finish) / (start - finish))
         return max(xi, (1.0 - xi_0) / 2.0 * math.cos(math.pi * share) + (1.0 + xi_0) / 2.0)
 
-    def _sample(self, temp, direction, theta, xi, xi_0, ref, theta_l, wound):
+    def _sample(self, temp, direction, theta, xi, xi_0, ref, theta_l, wound):  # noqa: C901 - the rule in one piece
         v = self.v
         way = -1.0 if direction > 0 else 1.0
 

@@ -283,7 +283,8 @@ def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
     if every < 2:
         return np.arange(n)
     every += 1 - every % 2
-    return np.arange(every // 2, n, every)
+    # Whole blocks only: a row stands for as many samples on either side.
+    return np.arange(every // 2, n - every // 2, every)
 
 
 def _block_means(time_s: Array, angle: Array, sigma: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:

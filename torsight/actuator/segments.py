@@ -23,6 +23,7 @@ TURN_C: Final = 1.0
 """A turn of the temperature counts when it goes this far back, °C (more where noise is large)."""
 _RISE_C: Final = 4.0
 _COOLED: Final = 0.65
+_LIFT_C: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,9 @@ def half_cycles(
         When neither spring is ever heated.
     """
     temps = (temp_a_c, temp_b_c)
+    switched = False
     if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
-        heatings = _switched(temps, (heat_a, heat_b))
+        heatings, switched = _switched(temps, (heat_a, heat_b)), True
     else:
         heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(TURN_C, 8.0 * noise_c))
     if not heatings:
@@ -94,7 +96,10 @@ def half_cycles(
             limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
             do="record at least one heating and cooling",
         )
-    return _chain(_merged(heatings, temps), len(temp_a_c))
+    chained = _merged(heatings, temps)
+    if not switched:
+        chained = _placed(chained, temps, margin_c=max(_LIFT_C, 6.0 * noise_c))
+    return _chain(chained, len(temp_a_c))
 
 
 def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> list[Heating]:
@@ -143,6 +148,19 @@ def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating
                 continue
         kept.append(item)
     return kept
+
+
+def _placed(heatings: list[Heating], temps: tuple[Array, Array], *, margin_c: float) -> list[Heating]:
+    """Move every start to where the temperature leaves its lowest for good, after the last half-cycle's top.
+
+    Before that the spring rests (or is warmed by its neighbour), and the neighbour still cools.
+    """
+    placed = heatings[:1]
+    for before, item in pairwise(heatings):
+        own = temps[item.spring][before.top : item.top + 1]
+        low = np.flatnonzero(own <= own.min() + margin_c)
+        placed.append(Heating(item.spring, before.top + int(low[-1]), item.top, item.base_c, item.top_c))
+    return placed
 
 
 def _chain(heatings: list[Heating], n: int) -> HalfCycles:

@@ -1,0 +1,100 @@
+"""Conditioning: a clean log unchanged, corners kept, noise removed, the wire behind a slow sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from torsight.actuator.conditioning import condition, measure_noise
+
+RATE_C_S = 0.12
+
+
+def wire(time_s, *, decay_s=45.0):
+    """Rest, ramp, hold, natural cooling."""
+    ramp = 24.0 + RATE_C_S * np.clip(time_s - 50.0, 0.0, 400.0)
+    top = 24.0 + RATE_C_S * 400.0
+    return np.where(time_s < 475.0, ramp, 24.0 + (top - 24.0) * np.exp(-np.maximum(time_s - 475.0, 0.0) / decay_s))
+
+
+def logged(interval_s, noise_c, *, lag_s=0.0, seed=1):
+    """Time, wire temperature and reading, the lag integrated with fine steps."""
+    fine = np.arange(0.0, 900.0, 0.005)
+    true = wire(fine)
+    if lag_s:
+        read = np.empty_like(true)
+        read[0], keep = true[0], np.exp(-0.005 / lag_s)
+        for k in range(1, len(true)):
+            read[k] = true[k] + (read[k - 1] - true[k]) * keep
+    else:
+        read = true
+    every = round(interval_s / 0.005)
+    noise = noise_c * np.random.default_rng(seed).standard_normal(len(fine[::every]))
+    return fine[::every], true[::every], np.round(read[::every] + noise, 2)
+
+
+@pytest.mark.parametrize("interval_s", [0.015, 0.25, 1.0])
+def test_a_clean_log_passes_unchanged(interval_s):
+    time_s, _, read = logged(interval_s, 0.0)
+    assert condition(time_s, read).temp_c is read
+
+
+@pytest.mark.parametrize("noise_c", [0.02, 0.1, 0.25])
+@pytest.mark.parametrize("interval_s", [0.1, 0.25])
+def test_noise_is_measured(interval_s, noise_c):
+    time_s, _, read = logged(interval_s, noise_c)
+    # The median of a few thousand absolute differences is good to a few per cent; cooling adds a little.
+    assert measure_noise(time_s, read)[0] == pytest.approx(noise_c, rel=0.1)
+
+
+def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():
+    time_s, _, read = logged(0.25, 0.05)
+    fast = np.arange(0.0, 899.0, 0.04)
+    noise, correlation = measure_noise(fast, np.interp(fast, time_s, read))
+    # Between two stamps the interpolated noise is smaller: two thirds of the variance on average.
+    assert 0.6 * 0.05 < noise < 1.1 * 0.05
+    assert correlation > 1
+
+
+@pytest.mark.parametrize(("interval_s", "noise_c"), [(0.25, 0.02), (0.25, 0.1), (0.015, 0.1)])
+def test_noise_goes_and_corners_stay(interval_s, noise_c):
+    time_s, true, read = logged(interval_s, noise_c)
+    made = condition(time_s, read)
+    error = made.temp_c - true
+    # What is left is a small share of the noise that went in, and known to be.
+    assert np.std(error) < 0.2 * noise_c
+    assert 0.5 < np.std(error / made.sigma_c) < 2.0
+    for corner_s in (50.0, 450.0, 475.0):
+        near = np.abs(time_s - corner_s) < 2.0
+        # A fit over some twenty samples of one side ends with half a sigma; four of those is chance's limit.
+        assert np.abs(error[near]).max() < 2.0 * noise_c
+
+
+def test_the_top_is_not_overshot():
+    """An upward error at a corner stays in a one-way transformation: over many seeds it must be small and rare."""
+    over = []
+    for seed in range(12):
+        time_s, true, read = logged(0.25, 0.02, seed=seed)
+        over.append(condition(time_s, read).temp_c.max() - true.max())
+    # 0.02 °C of noise over a hold of 100 samples: a few thousandths, twice that for the largest of many.
+    assert np.mean(over) < 0.012
+    assert np.max(over) < 0.04
+
+
+@pytest.mark.parametrize("lag_s", [2.0, 6.0, 12.0])
+def test_the_wire_behind_a_slow_sensor(lag_s):
+    time_s, true, read = logged(0.25, 0.02, lag_s=lag_s)
+    error = condition(time_s, read, lag_s=lag_s).temp_c - true
+    inside = (time_s > 5.0) & (time_s < 890.0)
+    # Differentiating the noise over one sample would give 0.02 · √2 · lag / 0.25 °C.
+    naive = 0.02 * np.sqrt(2.0) * lag_s / 0.25
+    assert np.std(error[inside]) < 0.06 * naive
+    assert error[inside].max() < 0.2
+
+
+def test_irregular_times_and_few_rows():
+    rng = np.random.default_rng(3)
+    time_s = np.cumsum(rng.uniform(0.15, 0.35, 3000))
+    read = wire(time_s) + 0.05 * rng.standard_normal(3000)
+    assert np.std(condition(time_s, read).temp_c - wire(time_s)) < 0.015
+    assert condition(time_s[:5], read[:5]).temp_c is not None

@@ -1,0 +1,99 @@
+"""Half-cycles from switches and from temperatures alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from torsight.actuator.drive import prepare_log, prepare_table, start_angle
+from torsight.actuator.segments import half_cycles
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.records import SyncedTable
+
+HALVES = [(0, [(75.0, 0.2)]), (1, [(60.0, 0.3)]), (0, [(58.0, 0.1)]), (1, [(80.0, 0.5)])]
+
+
+@pytest.mark.parametrize("switches", [True, False])
+@pytest.mark.parametrize("noise_c", [0.0, 0.2])
+def test_alternating_halves(switches, noise_c):
+    log, temps = programme(HALVES)
+    rng = np.random.default_rng(0)
+    a, b = (temp + noise_c * rng.standard_normal(len(log)) for temp in (log.temp_a_c, log.temp_b_c))
+    heat = {"heat_a": log.heat_a, "heat_b": log.heat_b} if switches else {}
+    found = half_cycles(a, b, noise_c=noise_c, **heat)
+    assert found.springs == (0, 1, 0, 1)
+    assert found.counts().tolist() == [0, 0, 1, 1]
+    starts = np.flatnonzero(np.diff(found.half)) + 1
+    expected = np.cumsum([len(own) for own in temps])[:-1]
+    assert len(starts) == len(expected)
+    # In the rest before a heating the place of its start does not matter: the other spring has cooled by then.
+    place = 0
+    for start, end, own in zip(starts, expected, temps[:-1], strict=True):
+        assert own[start - place] < 25.0 if start < end else start - end < 60
+        place = end
+
+
+def test_warming_by_the_neighbour_is_no_drive():
+    log, _ = programme(HALVES)
+    warm = 0.45
+    a = log.temp_a_c + warm * (log.temp_b_c - 23.0)
+    b = log.temp_b_c + warm * (log.temp_a_c - 23.0)
+    assert half_cycles(a, b).springs == (0, 1, 0, 1)
+
+
+def test_holds_dips_and_pauses_stay_in_one_half_cycle():
+    log, _ = programme([(0, [(50.0, 0.2), (46.0, 0.2), (60.0, 0.2), (60.1, 0.002), (75.0, 0.2)]), (1, [(70.0, 0.2)])])
+    assert half_cycles(log.temp_a_c, log.temp_b_c).springs == (0, 1)
+
+
+def test_the_same_spring_twice():
+    log, _ = programme([(0, [(75.0, 0.2)]), (0, [(65.0, 0.2)]), (1, [(70.0, 0.2)])])
+    assert half_cycles(log.temp_a_c, log.temp_b_c).springs == (0, 0, 1)
+    assert half_cycles(log.temp_a_c, log.temp_b_c, heat_a=log.heat_a, heat_b=log.heat_b).springs == (0, 0, 1)
+
+
+def test_no_heating_is_refused_with_what_is_missing():
+    flat = 23.0 + 0.3 * np.sin(np.arange(500) / 40)
+    with pytest.raises(NoResultError, match="neither spring is heated"):
+        half_cycles(flat, flat)
+
+
+def test_the_start_is_the_mean_of_the_rest():
+    rng = np.random.default_rng(5)
+    angle = np.concatenate([np.full(300, 3.0), np.linspace(3.0, -3.0, 400)]) + 1e-3 * rng.standard_normal(700)
+    angle[10] = np.nan
+    value, sigma = start_angle(angle, np.full(700, 1e-3))
+    assert sigma < 1.5e-4
+    assert value == pytest.approx(3.0, abs=5 * sigma)
+
+
+def test_gaps_are_bridged_and_long_ones_do_not_count():
+    log, _ = programme(HALVES[:2])
+    a = log.temp_a_c.copy()
+    a[100:106], a[300:360] = np.nan, np.nan
+    drive = prepare_log(type(log)(log.time_s, a, log.temp_b_c, log.heat_a, log.heat_b), start_angle_rad=3.0)
+    assert drive.known[100:106].all()
+    assert not drive.known[300:360].any()
+    assert np.isfinite(drive.temp_a_c).all()
+
+
+def test_a_fast_record_is_thinned():
+    log, _ = programme(HALVES[:2])
+    count = len(log)
+    fine = np.arange(8 * (count - 1)) * (log.time_s[1] / 8)
+    table = SyncedTable(
+        fine, np.sin(fine / 50), np.full(len(fine), 0.01), np.interp(fine, log.time_s, log.temp_a_c),
+        np.interp(fine, log.time_s, log.temp_b_c),
+    )  # fmt: skip
+    drive = prepare_table(table)
+    assert len(drive) == pytest.approx(len(fine) / 3, abs=2)
+    assert drive.angle_rad == pytest.approx(np.sin(drive.time_s / 50), abs=1e-4)
+    assert drive.angle_sigma_rad[5] == pytest.approx(0.01 / np.sqrt(3))
+
+
+@pytest.mark.parametrize("rows", [0, 5])
+def test_too_few_rows(rows):
+    nothing = np.zeros(rows)
+    with pytest.raises(InputError, match="too short"):
+        prepare_table(SyncedTable(np.arange(rows, dtype=float), nothing, nothing, nothing, nothing))
