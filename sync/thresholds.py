@@ -185,15 +185,15 @@ def _linear(
         factor = cho_factor(common + scatter_c**2 * scatter, lower=True)
         solved = cho_solve(factor, np.column_stack([jacobian, data]))
         information = jacobian.T @ solved[:, :-1] + precision
-        mean = np.linalg.solve(information, precision @ prior.mean - jacobian.T @ solved[:, -1])
+        right = precision @ prior.mean - jacobian.T @ solved[:, -1]
+        mean = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
         residual = data + jacobian @ mean
         deviation = mean - prior.mean
         fit = float(residual @ cho_solve(factor, residual) + deviation @ precision @ deviation)
         log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
         log_det += float(np.linalg.slogdet(information)[1] - np.linalg.slogdet(precision)[1])
         belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
-        spread = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        parts.append(Belief(mean, spread, density + belief_in_scatter - 0.5 * (fit + log_det)))
+        parts.append(Belief(mean, np.linalg.inv(information), density + belief_in_scatter - 0.5 * (fit + log_det)))
     return parts
 
 

@@ -1,0 +1,229 @@
+"""Messy logs: what is mended, what is told, what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sync import read_temperature_log
+from torsight.core.errors import InputError
+
+
+def ramp(rows=400, step_s=0.25, rate=0.2):
+    time_s = np.arange(rows) * step_s
+    return time_s, 25.0 + rate * time_s, 24.0 + 0.1 * rate * time_s
+
+
+def written(folder: Path, time_s, temp_a, temp_b, *, sep=",", decimal=".", newline="\n", bom=False, extra=None) -> Path:
+    columns = {"time_s": time_s, "temp_a_c": temp_a, "temp_b_c": temp_b} | (extra or {})
+    text = pd.DataFrame(columns).to_csv(index=False, sep=sep, decimal=decimal, lineterminator="\n")
+    path = folder / "temps.csv"
+    path.write_bytes((b"\xef\xbb\xbf" if bom else b"") + text.replace("\n", newline).encode())
+    return path
+
+
+def kinds(reading):
+    return {repair.kind: repair.count for repair in reading.repairs}
+
+
+def test_clean_log_passes_unchanged(tmp_path):
+    time_s, temp_a, temp_b = ramp()
+    rng = np.random.default_rng(1)
+    temp_a = temp_a + 0.03 * rng.standard_normal(len(temp_a))
+    reading = read_temperature_log(written(tmp_path, time_s, temp_a, temp_b))
+    assert reading.repairs == ()
+    np.testing.assert_array_equal(reading.log.time_s, time_s)
+    np.testing.assert_allclose(reading.log.temp_a_c, temp_a, rtol=0, atol=1e-12)
+
+
+def test_corners_of_the_temperature_are_not_taken_for_spikes(tmp_path):
+    time_s = np.arange(0.0, 200.0, 0.5)
+    temp = np.where(time_s < 100.0, 25.0 + 0.5 * time_s, 25.0 + 50.0 * np.exp(-(time_s - 100.0) / 5.0))
+    reading = read_temperature_log(written(tmp_path, time_s, temp, temp))
+    assert reading.repairs == ()
+    np.testing.assert_allclose(reading.log.temp_a_c, temp)
+
+
+@pytest.mark.parametrize("sep", [",", ";", "\t"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize("bom", [False, True])
+def test_delimiter_line_ends_and_byte_order_mark(tmp_path, sep, newline, bom):
+    time_s, temp_a, temp_b = ramp(60)
+    reading = read_temperature_log(written(tmp_path, time_s, temp_a, temp_b, sep=sep, newline=newline, bom=bom))
+    np.testing.assert_allclose(reading.log.time_s, time_s)
+    np.testing.assert_allclose(reading.log.temp_b_c, temp_b)
+
+
+def test_decimal_commas_where_they_are_unambiguous(tmp_path):
+    time_s, temp_a, temp_b = ramp(60)
+    reading = read_temperature_log(written(tmp_path, time_s, temp_a, temp_b, sep=";", decimal=","))
+    assert "decimal_comma" in kinds(reading)
+    np.testing.assert_allclose(reading.log.temp_a_c, temp_a)
+
+
+def test_comma_that_may_be_a_thousands_sign_is_refused(tmp_path):
+    path = tmp_path / "temps.csv"
+    rows = "\n".join(f"{i};2{i % 10},125;23,500" for i in range(20))
+    path.write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    with pytest.raises(InputError, match="thousands"):
+        read_temperature_log(path)
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    path = tmp_path / "temps.csv"
+    path.write_text("time_s,temp_a_c,temp_b_c\n" + "\n".join(f"{i},5,25,1,24,2" for i in range(20)))
+    with pytest.raises(InputError, match="more fields"):
+        read_temperature_log(path)
+
+
+@pytest.mark.parametrize("missing", ["time_s", "temp_a_c", "temp_b_c"])
+def test_missing_column_is_named(tmp_path, missing):
+    time_s, temp_a, temp_b = ramp(30)
+    columns = {"time_s": time_s, "temp_a_c": temp_a, "temp_b_c": temp_b}
+    del columns[missing]
+    path = tmp_path / "temps.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(InputError, match=missing) as caught:
+        read_temperature_log(path)
+    assert caught.value.exit_code == 3
+
+
+@pytest.mark.parametrize("content", ["", "time_s,temp_a_c,temp_b_c\n", "time_s,temp_a_c,temp_b_c\n1,2,3\n"])
+def test_too_little_to_use(tmp_path, content):
+    path = tmp_path / "temps.csv"
+    path.write_text(content)
+    with pytest.raises(InputError):
+        read_temperature_log(path)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_temperature_log(tmp_path / "nothing.csv")
+
+
+def test_spikes_and_blanks_become_unknown(tmp_path):
+    time_s, temp_a, temp_b = ramp()
+    spoiled = temp_a.copy()
+    spoiled[[50, 51, 200]] = [300.0, 300.0, -40.0]
+    spoiled[300] = np.nan
+    reading = read_temperature_log(written(tmp_path, time_s, spoiled, temp_b))
+    assert kinds(reading) == {"spike": 3, "not_a_number": 1}
+    lost = np.flatnonzero(np.isnan(reading.log.temp_a_c))
+    np.testing.assert_array_equal(lost, [50, 51, 200, 300])
+    good = np.isfinite(reading.log.temp_a_c)
+    np.testing.assert_allclose(reading.log.temp_a_c[good], temp_a[good])
+
+
+def test_numbers_that_stand_still_become_unknown(tmp_path):
+    time_s, temp_a, temp_b = ramp()
+    stuck = temp_a.copy()
+    stuck[100:160] = stuck[100]
+    reading = read_temperature_log(written(tmp_path, time_s, stuck, temp_b))
+    assert kinds(reading) == {"stuck": 59}
+    assert np.isnan(reading.log.temp_a_c[101:160]).all()
+
+
+def test_a_rest_is_not_stuck(tmp_path):
+    time_s = np.arange(400) * 0.25
+    rest = np.round(25.0 + np.maximum(0.0, time_s - 50.0) * 0.1, 1)
+    assert read_temperature_log(written(tmp_path, time_s, rest, rest)).repairs == ()
+
+
+def test_repeated_rows_are_averaged(tmp_path):
+    time_s, temp_a, temp_b = ramp(100)
+    order = np.sort(np.concatenate([np.arange(100), [10, 40, 41]]))
+    reading = read_temperature_log(written(tmp_path, time_s[order], temp_a[order], temp_b[order]))
+    assert kinds(reading) == {"repeated_stamp": 3}
+    np.testing.assert_allclose(reading.log.time_s, time_s)
+    np.testing.assert_allclose(reading.log.temp_a_c, temp_a)
+
+
+def test_stamps_coarser_than_the_rows_are_spread(tmp_path):
+    time_s, temp_a, temp_b = ramp(200)
+    reading = read_temperature_log(written(tmp_path, np.floor(time_s), temp_a, temp_b))
+    assert "coarse_stamp" in kinds(reading)
+    np.testing.assert_allclose(reading.log.time_s, time_s, atol=1e-9)
+
+
+def test_reversed_rows_go_back_to_their_place(tmp_path):
+    time_s, temp_a, temp_b = ramp(200)
+    order = np.arange(200)
+    order[[20, 21]] = [21, 20]
+    order[100:106] = order[100:106][::-1]
+    reading = read_temperature_log(written(tmp_path, time_s[order], temp_a[order], temp_b[order]))
+    assert set(kinds(reading)) == {"reordered"}
+    np.testing.assert_allclose(reading.log.time_s, time_s)
+    np.testing.assert_allclose(reading.log.temp_a_c, temp_a)
+
+
+@pytest.mark.parametrize("wild", [99999.0, -5.0])
+def test_a_wrong_stamp_is_interpolated(tmp_path, wild):
+    time_s, temp_a, temp_b = ramp(200)
+    stamps = time_s.copy()
+    stamps[77] = wild
+    reading = read_temperature_log(written(tmp_path, stamps, temp_a, temp_b))
+    assert kinds(reading) == {"wrong_stamp": 1}
+    np.testing.assert_allclose(reading.log.time_s, time_s)
+
+
+def test_iso_dates_become_seconds(tmp_path):
+    time_s, temp_a, temp_b = ramp(100)
+    stamps = pd.Timestamp("2024-05-01T23:59:50Z") + pd.to_timedelta(time_s, unit="s")
+    text = [stamp.isoformat() for stamp in stamps]
+    reading = read_temperature_log(written(tmp_path, text, temp_a, temp_b))
+    np.testing.assert_allclose(reading.log.time_s, time_s, atol=1e-9)
+    assert reading.zero is not None
+    assert reading.zero.startswith("2024-05-01T23:59:50")
+
+
+def test_stamps_that_are_neither_numbers_nor_dates(tmp_path):
+    path = written(tmp_path, [f"x{i}" for i in range(30)], *ramp(30)[1:])
+    with pytest.raises(InputError, match="time_s"):
+        read_temperature_log(path)
+
+
+def test_switches_and_further_columns_are_kept(tmp_path):
+    time_s, temp_a, temp_b = ramp(100)
+    heat = (time_s > 10).astype(int)
+    note = np.array(["run"] * 100, dtype=object)
+    path = written(
+        tmp_path, time_s, temp_a, temp_b, extra={"heat_a": heat, "heat_b": 1 - heat, "n": heat, "note": note}
+    )
+    log = read_temperature_log(path).log
+    np.testing.assert_array_equal(log.heat_a, heat == 1)
+    np.testing.assert_array_equal(log.heat_b, heat == 0)
+    assert set(log.extra) == {"n", "note"}
+
+
+def test_parquet_is_read_too(tmp_path):
+    time_s, temp_a, temp_b = ramp(100)
+    path = tmp_path / "temps.parquet"
+    pd.DataFrame({"time_s": time_s, "temp_a_c": temp_a, "temp_b_c": temp_b}).to_parquet(path)
+    np.testing.assert_allclose(read_temperature_log(path).log.temp_a_c, temp_a)
+
+
+def test_restart_on_a_ramp_is_bridged_by_the_rate(tmp_path):
+    time_s, temp_a, temp_b = ramp(800)
+    away_s = 12.0
+    keep = (time_s < 90.0) | (time_s >= 90.0 + away_s)
+    stamps, rng = time_s[keep].copy(), np.random.default_rng(4)
+    behind = stamps >= 90.0
+    stamps[behind] -= stamps[behind][0]
+    noisy = temp_a[keep] + 0.02 * rng.standard_normal(keep.sum())
+    reading = read_temperature_log(written(tmp_path, stamps, noisy, temp_b[keep]))
+    (restart,) = reading.restarts
+    # Two lines of 40 readings each: value at the end known to 2 σ/√40, rate 0.2 °C/s.
+    sigma_s = np.sqrt(2.0) * 2.0 * 0.02 / np.sqrt(40) / 0.2
+    assert abs(restart.gap_s - away_s - 0.25) < 4.0 * sigma_s
+    assert np.all(np.diff(reading.log.time_s) > 0)
+
+
+def test_restart_at_rest_is_not_known(tmp_path):
+    time_s = np.arange(400) * 0.25
+    stamps = np.where(time_s < 50.0, time_s, time_s - 50.0)
+    rng = np.random.default_rng(2)
+    temp = 24.0 + 0.03 * rng.standard_normal((2, 400))
+    (restart,) = read_temperature_log(written(tmp_path, stamps, *temp)).restarts
+    assert restart.index == 200
+    assert not np.isfinite(restart.gap_sigma_s)
