@@ -11,6 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
+
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
 
 ROOM_C = 24.0
 STEP_S = 0.02
@@ -75,12 +79,10 @@ def programme(seed, *, half_cycles=8, rates=(0.08, 0.2), incomplete=True, hold=(
 
 
 def wire_temperatures(cycles, rig):
-    """Time and true wire temperatures of both springs, with the switches, on a fine grid."""
+    """Return time and true wire temperatures of both springs on a fine grid, and when each was switched on and off."""
     total = sum((c.peak_c - ROOM_C) / c.rate_c_s + c.hold_s + c.rest_s for c in cycles)
     time_s = np.arange(0.0, total, STEP_S)
     temps = {"a": np.full(len(time_s), ROOM_C), "b": np.full(len(time_s), ROOM_C)}
-    heats = {"a": np.zeros(len(time_s), bool), "b": np.zeros(len(time_s), bool)}
-    owner = np.empty(len(time_s), dtype="U1")
     number = np.zeros(len(time_s), dtype=int)
     begin, off_times = 0.0, []
     for index, c in enumerate(cycles):
@@ -97,16 +99,14 @@ def wire_temperatures(cycles, rig):
         temps[c.spring] += shape
         other = "b" if c.spring == "a" else "a"
         temps[other] += rig.passive_share * shape
-        heats[c.spring][(x >= begin) & (x < off)] = True
-        owner[(x >= begin) & (x < end)] = c.spring
         number[(x >= begin) & (x < end)] = index
         off_times.append((begin, off))
         begin = end
-    return time_s, temps, heats, owner, number, np.array(off_times)
+    return time_s, temps, number, np.array(off_times)
 
 
-def motion(cycles, rig, time_s, temps, owner, number, seed=0):
-    """True angle in degrees."""
+def motion(cycles, rig, time_s, temps, number, seed=0):
+    """Return the true angle in degrees."""
     rng = np.random.default_rng([seed, 99])
     angle = np.empty(len(time_s))
     at = rig.home_deg
@@ -143,8 +143,6 @@ def lagged(wire_c, lag_s):
     """First-order lag, exact for a straight line between the grid's points."""
     if lag_s == 0.0:
         return wire_c.copy()
-    from scipy.signal import lfilter
-
     decay = np.exp(-STEP_S / lag_s)
     held = 1.0 - (1.0 - decay) * lag_s / STEP_S
     b = np.array([held, 1.0 - decay - held])
@@ -174,8 +172,8 @@ def make_pair(
     rig = rig or Rig()
     rng = np.random.default_rng([seed, 7])
     cycles = cycles or programme(seed)
-    time_s, temps, heats, owner, number, switches = wire_temperatures(cycles, rig)
-    angle = motion(cycles, rig, time_s, temps, owner, number, seed)
+    time_s, temps, number, switches = wire_temperatures(cycles, rig)
+    angle = motion(cycles, rig, time_s, temps, number, seed)
     begin, end = film_span_s or (0.0, time_s[-1])
     film_s = np.arange(begin, end, 1.0 / film_fps)
     seen = np.interp(film_s, time_s, angle) + rig.angle_noise_deg * rng.standard_normal(len(film_s))
@@ -186,8 +184,10 @@ def make_pair(
     for name in "ab":
         clean = np.interp(true_s, time_s, lagged(temps[name], rig.lag_s))
         read[name] = np.round(clean + rig.temp_noise_c * rng.standard_normal(len(true_s)), 2)
-    held = np.clip(np.searchsorted(time_s, true_s, side="right") - 1, 0, len(time_s) - 1)
-    outside = (true_s < 0) | (true_s > time_s[-1])
+    # The switch exactly as it is at each stamp: rounded to the fine grid it would come late by half a step of that.
+    heats = {name: np.zeros(len(true_s), bool) for name in "ab"}
+    for cycle, (on_s, off_s) in zip(cycles, switches, strict=True):
+        heats[cycle.spring] |= (true_s >= on_s) & (true_s < off_s)
     film_zero = film_s - begin
     return Pair(
         film_s=film_zero,
@@ -195,9 +195,18 @@ def make_pair(
         log_s=(true_s - begin) * (1.0 + drift_ppm * 1e-6) + offset_s,
         temp_a_c=read["a"],
         temp_b_c=read["b"],
-        heat_a=heats["a"][held] & ~outside,
-        heat_b=heats["b"][held] & ~outside,
+        heat_a=heats["a"],
+        heat_b=heats["b"],
         offset_s=offset_s,
         drift_ppm=drift_ppm,
         switch_true_s=switches - begin,
     )
+
+
+def records(pair):
+    """Return the pair as the records that the code under test takes."""
+    count = len(pair.film_s)
+    sigma = np.full(count, np.deg2rad(0.06))
+    everywhere = np.ones(count, dtype=bool)
+    angles = StickAngles(np.arange(count), pair.film_s, np.deg2rad(pair.angle_deg), sigma, everywhere, everywhere)
+    return angles, TemperatureLog(pair.log_s, pair.temp_a_c, pair.temp_b_c, pair.heat_a, pair.heat_b)
