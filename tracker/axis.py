@@ -72,7 +72,9 @@ class Axis:
 
     def _solve(self) -> None:
         values = np.linalg.eigvalsh(self.normal)
-        self.solution = np.linalg.solve(self.normal, self.right) if values[0] > 1e-4 * _PRIOR else None
+        self.solution = None
+        if values[0] > 1e-4 * _PRIOR:
+            self.solution = np.asarray(np.linalg.solve(self.normal, self.right), dtype=np.float64)
 
     @property
     def centre(self) -> Point | None:

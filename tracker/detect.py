@@ -1,8 +1,8 @@
 """Finding dots in one picture, whatever their size and whatever lies around them.
 
 Normalised correlation with discs of many radii gives places that look like a dot; the least-squares fit decides. Light
-that falls unevenly and backgrounds with texture leave both unmoved: correlation is blind to brightness and contrast, and the
-fit asks how much of what is seen in the window a dot explains.
+that falls unevenly and backgrounds with texture leave both unmoved: correlation is blind to brightness and contrast,
+and the fit asks how much of what is seen in the window a dot explains.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def _places(luma: NDArray[np.uint8]) -> list[Place]:
     level, scale = luma, 1.0
     while radius < LARGEST_PX:
         while radius * scale > 7.5:
-            level = cv2.pyrDown(level)
+            level = np.asarray(cv2.pyrDown(level), dtype=np.uint8)
             scale *= 0.5
         found += _places_at(level, radius * scale, scale)
         radius *= _RATIO
@@ -188,14 +188,14 @@ def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
     picture = level.astype(np.float32)
     side = (2 * half + 1, 2 * half + 1)
     mean = cv2.blur(picture, side)
-    return np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0))
+    return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
 
 
 def disc_picture(radius_px: float) -> NDArray[np.float32]:
     """Return a blurred light disc in a square that just holds its rim."""
     half = math.ceil(1.35 * radius_px + 0.5)
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
-    return np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
 
 
 def _places_at(level: NDArray[np.uint8], radius_px: float, scale: float) -> list[Place]:

@@ -1,9 +1,9 @@
 """The picture of a round dot on a stick, and its least-squares fit.
 
 Model, in a window around the dot: light · (1 + k · D), where D falls from 1 inside the dot to 0 outside over an edge of
-width ``edge_px``, and the light is a plane: it is uneven. A dark dot has k < 0, a light one k > 0. Circles look like ellipses
-from aside, so the shape carries two terms of anisotropy. Only a disc-shaped window that ends short of the stick's own
-edges is fitted.
+width ``edge_px``, and the light is a plane: it is uneven. A dark dot has k < 0, a light one k > 0. Circles look like
+ellipses from aside, so the shape carries two terms of anisotropy. Only a disc-shaped window that ends short of the
+stick's own edges is fitted.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _ROUNDS: Final = 15
 _LOOK: Final = 3
 _DOUBTFUL: Final = 0.3
 _HOPELESS: Final = 0.55
-"""A start that explains less than the first share is not looked at; a fit that explains less than the second after a few rounds is not of a dot."""
+"""A start that explains less than the first share is not looked at; a fit that explains less than the second after a
+few rounds is not of a dot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +89,8 @@ def disc(
     """Return D at offsets from the dot's centre: 1 inside, 0 outside, one half on the rim.
 
     A pixel sums up the light over its square, which is not the same as a wider blur: taken at its middle alone, a sharp
-    rim would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the square
-    is taken at Gauss–Legendre points.
+    rim would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the
+    square is taken at Gauss–Legendre points.
     """
     return _disc(x_px, y_px, radius_px, edge_px, stretch, slopes=False)[0]
 
@@ -302,7 +303,7 @@ def _solve(window: _Window, parameters: NDArray[np.float64], free: int) -> _Solv
 _NUDGE_PX: Final = 0.02
 
 
-def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: tuple[float, float], radius_px: float) -> bool:
+def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: NDArray[np.float64], radius_px: float) -> bool:
     return bool(
         np.all(np.isfinite(trial))
         and np.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from tracker.source import Damage, Frame, time_from_table
+from tracker.source import DEFAULT_FPS, Damage, Frame, time_from_table
 
 # Formats whose first plane is the luma, one byte per pixel.
 _PLANAR: Final = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24")
@@ -49,13 +49,14 @@ class FilmSource:
             self._count = int(stream.frames) or None
             aspect = stream.sample_aspect_ratio
             self._aspect = float(aspect) if aspect else 1.0
-            self._about = {
+            self._rate = _number(stream.average_rate)
+            self._about: dict[str, Any] = {
                 "kind": "film",
                 "format": str(container.format.name),
                 "codec": str(stream.codec_context.name),
                 "pixel_format": str(stream.codec_context.pix_fmt),
                 "bit_rate_kbps": _kilo(stream.bit_rate or container.bit_rate),
-                "fps": _number(stream.average_rate),
+                "fps": self._rate,
             }
             self._look_at_first(container, stream)
 
@@ -84,6 +85,10 @@ class FilmSource:
             value=f"codec {self._about['codec']}",
             do="convert it with ffmpeg, or copy it from the camera again",
         )
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+        return [self.path]
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -143,7 +148,7 @@ class FilmSource:
             return time_from_table(self._times_s, index, name=self.name)
         if self._fps is not None:
             return index / self._fps
-        step = 1.0 / (self._about["fps"] or 30.0)
+        step = 1.0 / (self._rate or DEFAULT_FPS)
         if pts is None or start is None:
             return last_s + step if np.isfinite(last_s) else 0.0
         time_s = float((pts - start) * base)

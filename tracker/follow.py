@@ -1,8 +1,8 @@
 """From frame to frame: predict, find by Lucas–Kanade, read by least squares, judge, find again.
 
-The base stick does not move but for the camera's own shaking; the moving stick turns around an axis that is learned. While
-the moving stick passes over the base stick's markers these are not read at all but held: two markers of one look in one
-place cannot be told apart by how they look.
+The base stick does not move but for the camera's own shaking; the moving stick turns around an axis that is learned.
+While the moving stick passes over the base stick's markers these are not read at all but held: two markers of one
+look in one place cannot be told apart by how they look.
 """
 
 from __future__ import annotations

@@ -50,7 +50,8 @@ class Gauge:
     def judge(self, reading: Reading | None, *, slack: float = 0.0) -> str:
         """Return ``""`` where the reading is good, else why it is not: hidden, or outside the picture.
 
-        ``slack`` is a share of the step by which the residual may be larger than usual, for smear that is not yet known.
+        ``slack`` is a share of the step by which the residual may be larger than usual, for smear that is not yet
+        known.
         """
         if reading is None:
             return "outside"
@@ -95,7 +96,8 @@ class Gauge:
     @classmethod
     def from_state(cls, state: list[Any]) -> Gauge:
         """Restore a gauge."""
-        return cls(*(float(value) for value in state[:6]), kind=str(state[6]))
+        light, step, residual, residual_spread, patch, patch_spread = (float(value) for value in state[:6])
+        return cls(light, step, residual, residual_spread, patch, patch_spread, kind=str(state[6]))
 
 
 def _share(value: float, step: float) -> float:

@@ -4,7 +4,8 @@ For a position known to a fraction of a pixel the model is linear in all that is
 remaining offset, and small changes of shape.
 
 Uneven light shifts a dot (a slope of 0.1 grey levels per pixel by 0.005 px), but a free slope in every frame costs a
-third of the precision, since it looks like an offset. So slopes are measured and averaged over frames, and taken as known.
+third of the precision, since it looks like an offset. So slopes are measured and averaged over frames, and taken as
+known.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ class Reading:
 class LinearModel:
     """Linear least squares in one window, for one sub-pixel position.
 
-    Columns: one, the dot, its offsets in x and y, changes of its shape; then the slopes of the light. Changes of shape are
-    even where offsets are odd, so they cost no precision.
+    Columns: one, the dot, its offsets in x and y, changes of its shape; then the slopes of the light. Changes of
+    shape are even where offsets are odd, so they cost no precision.
     """
 
     inverse: NDArray[np.float64]

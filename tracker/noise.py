@@ -1,8 +1,8 @@
 """How wrong positions really are: the stick's own length as the witness.
 
-The fit of a dot tells its error for noise that is independent from pixel to pixel. Compression makes errors that hang together
-over the whole dot, which the fit cannot see. The distance between the two markers of a stick is constant, so its
-scatter over the film is the true error along the stick, whatever its cause.
+The fit of a dot tells its error for noise that is independent from pixel to pixel. Compression makes errors that hang
+together over the whole dot, which the fit cannot see. The distance between the two markers of a stick is constant, so
+its scatter over the film is the true error along the stick, whatever its cause.
 """
 
 from __future__ import annotations

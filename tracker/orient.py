@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from torsight.core.camera import Camera
 from torsight.core.errors import ConfigError
 from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.units import DEG
 from tracker.noise import LengthWitness, witness
 from tracker.rays import carry, meet_plane, undistort
 from tracker.steady import steady_direction
 from tracker.unwrap import unwrap
 
 _PLANES: Final = (0, 0, 1, 1)
+_FLOOR_PX: Final = 0.003
+"""What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,11 +34,19 @@ class Orientation:
         Markers in space, where a camera file tells scale.
     report : dict
         For ``track.json``: method, noise, tilt.
+    error_scale : (float, float)
+        Errors of base and moving markers over those that their covariances from the fits say.
     """
 
     angles: StickAngles
     position_mm: NDArray[np.float64] | None
     report: dict[str, Any] = field(default_factory=dict)
+    error_scale: tuple[float, float] = (1.0, 1.0)
+
+    def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
+        """Return tracks whose covariances are those of the errors that the sticks' lengths show."""
+        scale = np.repeat(np.array(self.error_scale), 2)[:, None, None] ** 2
+        return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + _FLOOR_PX**2 * np.eye(2))
 
 
 def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float = 1.0) -> Orientation:
@@ -80,13 +91,14 @@ def from_plane(
     base = witness(plane[0][0], plane[1][0], plane[0][1], plane[1][1])
     moving = witness(plane[2][0], plane[3][0], plane[2][1], plane[3][1])
     scale = moving.scale
+    floor = _floor(tracks)
     base_rad, base_variance = _direction(plane[0], plane[1])
     moving_rad, moving_variance = _direction(plane[2], plane[3])
     base_rad[base.outlier] = np.nan
     moving_rad[moving.outlier] = np.nan
     base_rad = _continuous(base_rad)
     steady_rad, steady_variance = steady_direction(base_rad, base_variance * max(scale, base.scale) ** 2)
-    variance = moving_variance * scale**2 + steady_variance
+    variance = moving_variance * scale**2 + steady_variance + floor[0] + floor[1]
     angle_rad, certain = unwrap(tracks.time_s, moving_rad - steady_rad)
     valid = np.isfinite(angle_rad) & np.isfinite(variance)
     angles = StickAngles(
@@ -98,8 +110,21 @@ def from_plane(
         valid=valid,
         branch_certain=certain,
     )
-    report = {"method": method, "noise": _noise_report(base, moving)}
-    return Orientation(angles, position_mm, report)
+    noise = _noise_report(base, moving)
+    noise["angle_bound_deg"] = float(np.sqrt(np.nanmedian(moving_variance))) / DEG if valid.any() else None
+    report = {"method": method, "noise": noise}
+    return Orientation(angles, position_mm, report, (max(scale, base.scale), scale))
+
+
+def _floor(tracks: MarkerTracks) -> tuple[float, float]:
+    """Return the variance of both sticks' directions that no averaging takes away, rad²."""
+    found: list[float] = []
+    for first in (0, 2):
+        offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
+        length = np.hypot(offset[:, 0], offset[:, 1])
+        known = length[np.isfinite(length)]
+        found.append(2.0 * _FLOOR_PX**2 / float(np.median(known)) ** 2 if len(known) else 0.0)
+    return found[0], found[1]
 
 
 def _noise_report(base: LengthWitness, moving: LengthWitness) -> dict[str, Any]:
@@ -147,11 +172,11 @@ def _in_planes(tracks: MarkerTracks, camera: Camera) -> tuple[list[Points], NDAr
     position_mm = np.full((len(tracks), 4, 3), np.nan)
     for marker in range(4):
         z_mm = heights[_PLANES[marker]]
-        points = carry(
-            lambda pixels, z=z_mm: meet_plane(undistort(pixels, camera.intrinsics), pose, z_mm=z),
-            tracks.position_px[:, marker],
-            tracks.covariance_px2[:, marker],
-        )
+
+        def to_plane(pixels: NDArray[np.float64], z_mm: float = z_mm) -> NDArray[np.float64]:
+            return meet_plane(undistort(pixels, camera.intrinsics), pose, z_mm=z_mm)
+
+        points = carry(to_plane, tracks.position_px[:, marker], tracks.covariance_px2[:, marker])
         plane.append(points)
         position_mm[:, marker, :2] = points[0]
         position_mm[:, marker, 2] = np.where(np.isfinite(points[0][:, 0]), z_mm, np.nan)

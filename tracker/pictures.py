@@ -49,6 +49,10 @@ class PictureSource:
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
         self._size_px = (first.shape[1], first.shape[0])
 
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+        return list(self.paths)
+
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height."""

@@ -57,7 +57,7 @@ def places_like(luma: NDArray[np.uint8], *, radius_px: float, light_dot: bool, r
     part = luma[top:bottom, left:right]
     scale = 1.0
     while radius_px * scale > 7.5 and min(part.shape) > 4:
-        part, scale = cv2.pyrDown(np.ascontiguousarray(part)), 0.5 * scale
+        part, scale = np.asarray(cv2.pyrDown(np.ascontiguousarray(part)), dtype=np.uint8), 0.5 * scale
     pattern = disc_picture(radius_px * scale)
     half = pattern.shape[0] // 2
     if part.shape[0] <= 2 * half + 1 or part.shape[1] <= 2 * half + 1:

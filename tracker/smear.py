@@ -37,8 +37,8 @@ class Shutter:
     def slack(self, step: Point) -> float:
         """Return by which share of the brightness step a fit may be worse than at rest.
 
-        While the shutter is not known yet, a sharp template meets smears of up to the whole step: measured over radii of
-        3 to 15 px their residual stays below a tenth of the brightness step times the root of the length.
+        While the shutter is not known yet, a sharp template meets smears of up to the whole step: measured over radii
+        of 3 to 15 px their residual stays below a tenth of the brightness step times the root of the length.
         """
         length = math.hypot(*step)
         if length < 0.5:

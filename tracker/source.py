@@ -70,6 +70,10 @@ class FrameSource(Protocol):
     """What gives frames: a film or a row of pictures. Can be gone through more than once."""
 
     damage: Damage
+    name: str
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -123,7 +127,8 @@ def open_source(
         return PictureSource(found, name=str(source), fps=fps, times_s=times)
     if not path.exists():
         if any(character in str(source) for character in "*?["):
-            matches = [Path(name) for name in sorted(glob.glob(str(source)))]
+            # glob.glob, not Path.glob: the pattern may be absolute and hold wildcards in its folders.
+            matches = [Path(name) for name in sorted(glob.glob(str(source)))]  # noqa: PTH207
             return PictureSource(matches, name=str(source), fps=fps, times_s=times)
         raise missing_file(path)
     if path.stat().st_size == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
 import numpy as np
@@ -18,8 +19,8 @@ def steady_direction(
     """Return the base's direction in every frame and its variance.
 
     Where the direction scatters no more than its own noise it is averaged over as many frames as its drift allows; true
-    shaking is kept. Frames in which the base is not seen take the mean of both sides; where these differ by more than noise
-    (the camera was bumped meanwhile) the direction is not known there.
+    shaking is kept. Frames in which the base is not seen take the mean of both sides; where these differ by more than
+    noise (the camera was bumped meanwhile) the direction is not known there.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
     edges = [0 if cut == 0 else int(known[min(cut, len(known) - 1)]) for cut in cuts] + [len(angle_rad)]
     # A gap that holds the bump belongs to neither side.
     parts: list[tuple[int, int]] = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in itertools.pairwise(edges):
         stop = last
         if last < len(angle_rad):
             inside = known[known < last]

@@ -39,7 +39,8 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, 
     """Return the two sticks, inner marker first where the picture tells it, or None.
 
     Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all
-    along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner from outer.
+    along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner
+    from outer.
     """
     chosen = sorted(dots, key=_clearness, reverse=True)[:_MOST]
     pairs = [

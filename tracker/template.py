@@ -1,7 +1,7 @@
 """What a marker looks like: a round dot, rendered from its fitted shape.
 
-A template is rendered, never taken from the last frame, so it cannot drift. Linear models are made once for every eighth of
-a pixel and kept; a second step follows where the offset was large.
+A template is rendered, never taken from the last frame, so it cannot drift. Linear models are made once for every
+eighth of a pixel and kept; a second step follows where the offset was large.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ class DotTemplate:
     ) -> float | None:
         """Return the residual over the step for a smear along a share of a path.
 
-        Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
-        short smear.
+        Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much
+        like a short smear.
         """
         length = math.hypot(*path)
         window = self._window(math.ceil(0.5 * length))

@@ -54,7 +54,7 @@ class TextureTemplate:
         picture = self._sample(x.ravel(), y.ravel(), turn_rad=view.turn_rad).reshape(x.shape)
         weight = np.clip(self.window_px + 1.0 - np.hypot(x, y), 0.0, 1.0)
         picture = light + (picture * light / max(self.light, 1.0) - light) * weight
-        return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(np.rint(picture), 0, 255), dtype=np.uint8)
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, view: View = STILL) -> Reading | None:
         """Read the point near a position; None where the window leaves the picture."""

@@ -10,13 +10,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MarkerTracks
+from tracker.checkpoint import RowStore, source_key
 from tracker.follow import Follower
 from tracker.hints import MarkerHints
 from tracker.rows import CODE, ROW
 from tracker.source import FrameSource
 from tracker.start import Start, find_start
+
+_REPORT_EVERY = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,18 +30,18 @@ class TrackResult:
     Attributes
     ----------
     tracks : MarkerTracks
-        Positions, order of :data:`torsight.core.tracks.MARKERS`.
+        Positions, order of :data:`torsight.core.tracks.MARKERS`; covariances as the fits give them.
     rows : (n,) structured
         What was noted of every frame, same order of markers (see :mod:`tracker.rows`).
-    events : list of dict
-        What happened, in the order of time.
+    damage : list of dict
+        What was found damaged in the source.
     report : dict
-        For ``track.json``.
+        For ``track.json``: source and start.
     """
 
     tracks: MarkerTracks
     rows: NDArray[np.void]
-    events: list[dict[str, Any]] = field(default_factory=list)
+    damage: list[dict[str, Any]] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
 
 
@@ -60,30 +64,45 @@ def track_film(
     out : Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
-        Go on from the last checkpoint in ``out``.
+        Go on from the last checkpoint in ``out``, if it is of the same inputs; the result is the same, bit by bit, as
+        that of a track that was not interrupted.
     progress : Progress
         Where to report.
 
     Raises
     ------
     ConfigError, InputError, NoResultError
-        See :func:`tracker.start.find_start`.
+        See :func:`tracker.start.find_start`; also when no stick moves and none was named.
+    OutputError
+        When checkpoints cannot be written.
     """
+    # Threads would only wait for each other on these small pictures, and change nothing in the result.
     cv2.setNumThreads(1)
     start = find_start(source, markers)
     follower = Follower(start.markers, moving=start.moving)
-    rows = []
+    store = RowStore(out, key=_key(source, markers) if out else "")
+    state = store.resume() if resume else None
+    if state is None:
+        store.begin()
+    elif state:
+        follower.restore(state)
+    done = store.saved
     total = source.frame_count
     for frame in source:
-        if frame.index < start.frame:
-            rows.append(_unseen(frame.time_s))
-        else:
-            rows.append(follower.step(frame))
-        if frame.index % 100 == 0:
+        if frame.index >= done:
+            store.add(_unseen(frame.time_s) if frame.index < start.frame else follower.step(frame))
+            if store.due:
+                store.checkpoint(follower.to_state())
+        if frame.index % _REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
+    rows = store.rows()
     progress("tracking", len(rows), len(rows))
-    table = np.array(rows, dtype=ROW)
-    return _result(table, start, follower, source)
+    return _result(rows, start, follower, source)
+
+
+def _key(source: FrameSource, markers: MarkerHints | None) -> str:
+    given = None if markers is None else [markers.position_px.tolist(), markers.kind]
+    return source_key(source.files(), settings={"markers": given, "source": source.describe()})
 
 
 def _unseen(time_s: float) -> NDArray[np.void]:
@@ -95,30 +114,34 @@ def _unseen(time_s: float) -> NDArray[np.void]:
 
 
 def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
-    if follower.moving is None:
-        from torsight.core.errors import NoResultError
-
+    if follower.moving is None or follower.base is None:
         raise NoResultError(
             "no stick moves, so the moving one cannot be told from the base",
-            where=str(getattr(source, "name", "film")),
+            where=source.name,
             do="give the markers with --markers MARKERS.toml, or film a motion of 1 degree and more",
         )
-    base = 2 * (1 - follower.moving.stick)
-    order = [base, base + 1, *follower.moving.indices]
+    order = [*follower.base.indices, *follower.moving.indices]
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
-    covariance = np.empty((len(rows), 4, 2, 2))
-    covariance[..., 0, 0] = rows["covariance_px2"][..., 0]
-    covariance[..., 0, 1] = covariance[..., 1, 0] = rows["covariance_px2"][..., 1]
-    covariance[..., 1, 1] = rows["covariance_px2"][..., 2]
+    flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
         time_s=rows["time_s"].copy(),
         position_px=rows["position_px"].copy(),
-        covariance_px2=covariance,
+        covariance_px2=np.stack([flat[..., [0, 1]], flat[..., [1, 2]]], axis=-2),
         valid=rows["state"] == CODE["seen"],
         size_px=source.size_px,
     )
-    report = {"source": source.describe(), "start_frame": start.frame, "kind": start.kind}
+    report = {
+        "source": source.describe(),
+        "markers": {
+            "kind": start.kind,
+            "given": start.moving is not None,
+            "first_frame": start.frame,
+            "radius_px": float(np.median([marker.radius_px for marker in follower.markers])),
+            "stick_length_px": float(np.median([pair.length_px for pair in follower.pairs])),
+            "shutter_share_of_frame": follower.shutter.share,
+        },
+    }
     return TrackResult(tracks, rows, list(source.damage.entries), report)

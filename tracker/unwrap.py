@@ -1,8 +1,8 @@
 """From angles within one turn to the whole angle, across gaps by the motion on both sides.
 
 Between two instants with known speeds v0 and v1, T apart, a motion whose acceleration never exceeds A covers
-(v0 + v1)/2 · T, give or take A · T²/4. A is what the film itself shows. Where only one whole number of turns lies in that
-range the turn is certain.
+(v0 + v1)/2 · T, give or take A · T²/4. A is what the film itself shows. Where only one whole number of turns lies in
+that range the turn is certain.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Films of two sticks with known angles, drawn pixel by pixel: nothing here uses the code under test.
 
-World: mm, z along the rotation axis towards the camera, x to the right and y up as displayed. Every pixel is sampled at several
-points (and instants, for smear), each of which looks up which surface its ray meets first.
+World: mm, z along the rotation axis towards the camera, x to the right and y up as displayed. Every pixel is sampled
+at several points (and instants, for smear), each of which looks up which surface its ray meets first.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Rig:
     def camera_toml(self) -> str:
         rotation = self.rotation
         angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
-        values, vectors = np.linalg.eigh((rotation + rotation.T) / 2)
+        _, vectors = np.linalg.eigh((rotation + rotation.T) / 2)
         axis = vectors[:, -1]
         best = min((axis * s for s in (1, -1)), key=lambda r: np.abs(_rodrigues(r * angle) - rotation).max())
         r = best * angle
@@ -157,7 +157,7 @@ class Rig:
     # --- picture --------------------------------------------------------------------------------------------------
 
     def pictures(self) -> Iterator[np.ndarray]:
-        """The frames, (h, w) uint8."""
+        """Draw the frames, (h, w) uint8."""
         rng = np.random.default_rng(self.seed)
         width, height = self.size
         ground = _texture(rng, height + 40, width + 40) * self.texture + self.ground
@@ -181,7 +181,7 @@ class Rig:
             yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
     def _part(self) -> tuple[slice, slice]:
-        """The part of the picture in which anything but ground can be seen."""
+        """Return the part of the picture in which anything but ground can be seen."""
         reach = 1.12 * max(self.base_px[1], self.moving_px[1]) + self.overhang_px + self.half_width_px + 25.0
         reach += 0.0 if self.bump is None else max(abs(self.bump[1]), abs(self.bump[2]))
         for x, y, r in self.extra_dots:
@@ -331,7 +331,7 @@ def write_film(
 
 
 def _as_luma(picture: np.ndarray, pix_fmt: str) -> av.VideoFrame:
-    """A frame whose luma is the picture, unscaled, with neutral colour."""
+    """Return a frame whose luma is the picture, unscaled, with neutral colour."""
     height, width = picture.shape
     planes = np.full((height * 3 // 2, width), 128, np.uint8)
     planes[:height] = picture

@@ -94,6 +94,8 @@ def track_to_folder(
     from torsight.core.camera import read_camera
     from torsight.core.storage import write_json, write_table
     from torsight.core.tables import marker_columns, write_angles
+    from tracker.account import account
+    from tracker.checkpoint import drop
     from tracker.hints import read_markers
     from tracker.orient import check_size, orient
     from tracker.source import open_source
@@ -106,9 +108,11 @@ def track_to_folder(
     source = open_source(video, fps=fps, timestamps=timestamps)
     if lens is not None:
         check_size(source.size_px, lens)
-    result = track_film(source, markers=hints, out=out, resume=resume, progress=progress)
+    kept = out / ".track"
+    result = track_film(source, markers=hints, out=kept, resume=resume, progress=progress)
     orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
-    write_table(out / "markers.csv", marker_columns(result.tracks, orientation.position_mm))
+    write_table(out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm))
     write_angles(out / "angle.csv", orientation.angles)
-    write_json(out / "track.json", {**result.report, **orientation.report, "events": result.events})
+    write_json(out / "track.json", account(result, orientation))
+    drop(kept)
     return orientation.angles

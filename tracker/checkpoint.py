@@ -1,0 +1,159 @@
+"""What an unfinished track has so far, on disk: rows that are appended, and the follower's state.
+
+The state is replaced as a whole after its rows are safe, and rows beyond it are cut off when a track goes on; so a
+track that was killed at any moment goes on from a state that was true.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import OutputError
+from torsight.core.storage import json_text, write_text
+from tracker.rows import ROW
+
+VERSION: Final = 1
+"""Raised when the state of the follower changes its meaning: older checkpoints are then not gone on from."""
+_BLOCK: Final = 512
+"""Rows that wait in memory at most."""
+_SAMPLE: Final = 1 << 20
+
+
+def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
+    """Return a fingerprint of the inputs: names, sizes, the ends of the first and the last file, and the settings."""
+    digest = hashlib.sha256(json.dumps([VERSION, settings], sort_keys=True).encode())
+    for number, path in enumerate(paths):
+        size = path.stat().st_size if path.exists() else 0
+        digest.update(f"{path.name}:{size};".encode())
+        if size == 0 or 0 < number < len(paths) - 1:
+            continue
+        with path.open("rb") as file:
+            digest.update(file.read(_SAMPLE))
+            if size > 2 * _SAMPLE:
+                file.seek(-_SAMPLE, os.SEEK_END)
+                digest.update(file.read(_SAMPLE))
+    return digest.hexdigest()
+
+
+class RowStore:
+    """Rows of a film that is being tracked; in memory, or in a folder from which the track can go on.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Folder for the checkpoints; None keeps everything in memory.
+    key : str
+        Fingerprint of the inputs: a checkpoint of other inputs is not gone on from.
+    every_s : float
+        Least time between two checkpoints.
+    """
+
+    def __init__(self, folder: Path | None, *, key: str = "", every_s: float = 2.0) -> None:
+        self._folder = folder
+        self._key = key
+        self._every_s = every_s
+        self._last_s = time.monotonic()
+        self._block = np.zeros(_BLOCK, ROW)
+        self._filled = 0
+        self._kept: list[NDArray[np.void]] = []
+        self.saved = 0
+
+    def resume(self) -> dict[str, Any] | None:
+        """Go back to the last checkpoint of the same inputs; None where there is none."""
+        if self._folder is None:
+            return None
+        try:
+            content = json.loads(self._state_path.read_text(encoding="utf-8"))
+            rows = np.fromfile(self._rows_path, ROW, count=int(content["rows"]))
+            state: dict[str, Any] = content["state"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        if content.get("key") != self._key or len(rows) != content["rows"]:
+            return None
+        self.saved = len(rows)
+        os.truncate(self._rows_path, self.saved * ROW.itemsize)
+        return state
+
+    def begin(self) -> None:
+        """Start anew: whatever was kept before is dropped."""
+        if self._folder is None:
+            return
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._state_path.unlink(missing_ok=True)
+            self._rows_path.write_bytes(b"")
+        except OSError as error:
+            raise _not_kept(self._folder, error) from error
+
+    def add(self, row: NDArray[np.void]) -> None:
+        """Take in the row of the next frame."""
+        self._block[self._filled] = row
+        self._filled += 1
+        if self._filled == _BLOCK:
+            self._empty()
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a checkpoint."""
+        return self._folder is not None and time.monotonic() - self._last_s >= self._every_s
+
+    def checkpoint(self, state: dict[str, Any]) -> None:
+        """Make what was done so far safe."""
+        if self._folder is None:
+            return
+        self._empty(sync=True)
+        write_text(self._state_path, json_text({"key": self._key, "rows": self.saved, "state": state}))
+        self._last_s = time.monotonic()
+
+    def rows(self) -> NDArray[np.void]:
+        """Return all rows in the order of the frames."""
+        self._empty()
+        if self._folder is None:
+            return np.concatenate(self._kept) if self._kept else np.zeros(0, ROW)
+        return np.fromfile(self._rows_path, ROW, count=self.saved)
+
+    def _empty(self, *, sync: bool = False) -> None:
+        part = self._block[: self._filled].copy()
+        self._filled = 0
+        self.saved += len(part)
+        if self._folder is None:
+            self._kept.append(part)
+            return
+        try:
+            with self._rows_path.open("ab") as file:
+                file.write(part.tobytes())
+                if sync:
+                    file.flush()
+                    os.fsync(file.fileno())
+        except OSError as error:
+            raise _not_kept(self._folder, error) from error
+
+    @property
+    def _state_path(self) -> Path:
+        return (self._folder or Path()) / "state.json"
+
+    @property
+    def _rows_path(self) -> Path:
+        return (self._folder or Path()) / "rows.bin"
+
+
+def drop(folder: Path) -> None:
+    """Remove the checkpoints of a finished track."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _not_kept(folder: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"checkpoints cannot be written ({error.strerror or error})",
+        where=str(folder),
+        do="choose another --out folder, or free space and rights there",
+    )
