@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -72,6 +73,9 @@ class _OneFrame:
 
     def describe(self) -> dict[str, Any]:
         return {}
+
+    def files(self) -> list[Path]:
+        return []
 
 
 class LiveTracker:
