@@ -121,6 +121,8 @@ class _Judge:
         before = self._over_time(without.held_out.residual)
         after = self._over_time(contender.held_out.residual)
         rest = before - self._over_time(self._field.floor)
+        if after >= before * keep:
+            return False
         return not without.effects or before - after >= self._settings.share_of_rest * rest
 
     def _residual(self, contender: Contender) -> Array:

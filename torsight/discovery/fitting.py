@@ -134,9 +134,20 @@ class Fitter:
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
         starts.append({**starts[0], **away})
-        found = self.fit(effects, starts, weight=weight)
+        found = self.fit(effects, starts, weight=weight, max_iterations=20)
+        if self.candidates[name].propose is not None:
+            found = self._proposed_again(found, name, weight=weight)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
         return found if found.cost <= parent.cost else self.fit(effects, [self._switched_off(parent, name)])
+
+    def _proposed_again(self, found: Fit, name: str, *, weight: Array | None) -> Fit:
+        """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
+        candidate = self.candidates[name]
+        without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
+        left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
+        points = candidate.starting_points(self.problem.time_s, left)
+        again = self.fit(found.effects, [{**found.values, **point} for point in points], weight=weight)
+        return min(found, again, key=lambda fit: fit.cost)
 
     def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:
         return {**parent.values, **self.candidates[name].null_point()}

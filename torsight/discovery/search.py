@@ -207,13 +207,23 @@ class Search:
     def _best(self) -> Fit:
         """Return the fit that explains most, with its residual's size as free as its parameters (profile likelihood).
 
-        At weights that come from a poor fit all sums of squares are small; what counts then is their ratio.
+        At weights that come from a poor fit all sums of squares are small; what counts then is by which factor the
+        residual shrinks, in motion and at rest apart.
         """
-        count = max(1.0, self._fits[()].solution.data_cost)
+        levels, motion = self._stretches.split()
+        tau = self._scales.correlation_samples
+        moving = sum(max(1.0, (b - a) / tau) for a, b in motion)
+
+        def size(residual: Array, ranges: list[tuple[int, int]], *, each: bool) -> float:
+            squares = [residual[a:b] ** 2 + self._floor[a:b] ** 2 for a, b in ranges]
+            means = [float(np.mean(square)) for square in squares]
+            weights = None if each else [b - a for a, b in ranges]
+            return float(np.log(np.average(means, weights=weights))) if means else 0.0
 
         def score(fit: Fit) -> tuple[float, EffectSet]:
-            prior = fit.cost - fit.solution.data_cost
-            return count * np.log(max(fit.solution.data_cost, 1e-9)) + prior + 8.0 * len(fit.effects), fit.effects
+            residual = np.nan_to_num(self._fitter.residual(fit))
+            data = len(levels) * size(residual, levels, each=True) + moving * size(residual, motion, each=False)
+            return data + fit.cost - fit.solution.data_cost + 8.0 * len(fit.effects), fit.effects
 
         return min(self._fits.values(), key=score)
 
@@ -237,8 +247,18 @@ class Search:
                 kept += self._ranked(size)[: 3 * self._settings.beam]
             refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
             self._fits = {fit.effects: fit for fit in refitted}
+            self._start_again()
             if self._scales.motion > 0.8 * before.motion and self._scales.rest > 0.8 * before.rest:
                 break
+
+    def _start_again(self) -> None:
+        """Fit the best single candidates from their starting points once more, at weights that see more."""
+        base = self._fits[()]
+        names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
+        found: list[Fit] = in_parallel(names, lambda name: self._fitter.extend(base, name))
+        for fit in found:
+            if fit.cost < self._fits[fit.effects].cost:
+                self._fits[fit.effects] = fit
 
     def _follow(self, fit: Fit) -> None:
         """Take floor, scales and weights from a fit's residual."""
