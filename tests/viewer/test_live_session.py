@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from live_rig import FPS, log_text, write_film
+from rerun.experimental import ViewerClient
 
 from torsight.core.errors import NoResultError, OutputError
 from torsight.viewer import layout
@@ -198,6 +199,19 @@ def test_a_screen_whose_process_is_killed_holds_nothing_up(feed: Feed) -> None:
     assert not feed.running
 
 
+def panes_once_drawn(client: ViewerClient) -> dict[str, np.ndarray]:
+    """Return the panes as pictures once two in a row are alike: what was sent is then drawn."""
+    before: dict[str, bytes] = {}
+    for _ in range(20):
+        time.sleep(1.5)
+        pictures = pictures_of(client)
+        if pictures == before:
+            break
+        before = pictures
+    decoded = {name: cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR) for name, png in pictures.items()}
+    return {name: cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(float) for name, picture in decoded.items()}
+
+
 @pytest.mark.graphics
 def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.ndarray], tmp_path: Path) -> None:
     """Played into a viewer without a screen; a second viewer that comes after the first was killed sees it all too."""
@@ -216,16 +230,9 @@ def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.nda
         with viewer_without_screen() as client:
             client.open(feed.address)
             client.take_screenshot()
-            time.sleep(1.5)
-            pictures = pictures_of(client)
+            panes = panes_once_drawn(client)
     finally:
         feed.close()
-    panes = {
-        name: cv2.cvtColor(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB).astype(
-            float
-        )
-        for name, png in pictures.items()
-    }
     views = ["Film", "Summary", "Events", "Angle (°)", "Residual: measured − model (°)", "Temperature (°C)"]
     assert set(panes) == {WHOLE, *views}
 
