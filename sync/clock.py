@@ -191,6 +191,11 @@ def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
             "the strokes that can be compared have about the same rates" if high - low > _VERY_WIDE_S else "few strokes"
         )
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
+    if evidence.matched < evidence.strokes:
+        notes.append(
+            f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes have no heating or cooling that "
+            f"explains them: look for a piece of the log that is missing or stands at a wrong time"
+        )
     weights = np.array([belief.log_weight for belief in evidence.beliefs])
     offsets = np.array([belief.mean[0] for belief in evidence.beliefs])
     likely = offsets[weights > weights.max() - 6.0]

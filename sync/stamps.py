@@ -5,6 +5,8 @@ Three things look alike, a stamp that is smaller than the one before, and need d
 - rows written out of order: their place further up is vacant; they are put there;
 - a wrong stamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
 - a restart of the clock: the rows behind it run over stamps that were there already; they are moved as a block.
+
+A clock that restarts at zero from negative stamps jumps forward instead; landing on zero gives it away.
 """
 
 from __future__ import annotations
@@ -107,11 +109,16 @@ def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
     block = np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
     begin = 0
-    for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S)) + 1:
+    usual_s = usual_step_s(time_s)
+    # Where stamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
+    to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
+    for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
         if at < begin + 2:
             continue
         before, behind = time_s[begin:at], time_s[at : at + 10 * _RESTART_ROWS]
-        if step[at - 1] > 0:
+        if to_zero[at - 1]:
+            restarted = True
+        elif step[at - 1] > 0:
             # A lone wild stamp jumps too; a clock that was set goes on from there.
             restarted = len(behind) >= 3 and bool(np.all(np.abs(behind[:3] - behind[0]) < _CLOCK_SET_S))
         else:

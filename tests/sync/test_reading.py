@@ -227,3 +227,12 @@ def test_restart_at_rest_is_not_known(tmp_path):
     (restart,) = read_temperature_log(written(tmp_path, stamps, *temp)).restarts
     assert restart.index == 200
     assert not np.isfinite(restart.gap_sigma_s)
+
+
+def test_restart_at_zero_from_negative_stamps_is_no_pause(tmp_path):
+    time_s, temp_a, temp_b = ramp(800)
+    stamps = np.where(time_s < 90.0, time_s - 300.0, time_s - 90.0)
+    reading = read_temperature_log(written(tmp_path, stamps, temp_a, temp_b))
+    (restart,) = reading.restarts
+    assert restart.gap_s == pytest.approx(0.25, abs=1e-6)
+    np.testing.assert_allclose(reading.log.time_s, time_s - 300.0, atol=1e-6)
