@@ -65,13 +65,15 @@ def bisect(function, low: float, high: float, steps: int = 46) -> float:
 
 
 def turns(temps: list[float], threshold: float = 1.0) -> list[int]:
-    """Direction of every sample: a turn is an extremum from which the temperature goes back by the threshold."""
+    """Direction of every sample: a turn is where it leaves for good an extremum from which it goes back by more."""
     pivots, sense, extreme = [0], 1, 0
     for k, value in enumerate(temps):
         if (value - temps[extreme]) * sense > 0:
             extreme = k
         elif (temps[extreme] - value) * sense >= threshold:
-            pivots.append(extreme + 1)
+            fall = (value - temps[extreme]) / (k - extreme)
+            above = [(temps[i] - temps[extreme] - fall * (i - extreme)) * sense for i in range(extreme, k)]
+            pivots.append(extreme + above.index(max(above)) + 1)
             sense, extreme = -sense, k
     out, sense = [], 1
     for first, last in zip(pivots, [*pivots[1:], len(temps)], strict=True):

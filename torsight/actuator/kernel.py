@@ -15,7 +15,7 @@ Everything is in the coordinates of the active spring: x falls while it recovers
 sign s (φ = s (x − θ_P/2)).
 
 Arrays that go from function to function:
-``p`` scalars of the rig; ``tables`` (4, m) torques over an angle; ``sections`` (3, m) of the wire: weight, how much
+``p`` scalars of the rig; ``tables`` (3, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
 reference state; ``w`` (3, m) per section: ξ, ξ0, and the furthest place in the law's window; ``g`` what goes on from
 sample to sample.
@@ -56,18 +56,16 @@ ROOM_C: Final = 17
 GRID_START: Final = 18
 GRID_STEP: Final = 19
 FIXED_THETA_L: Final = 20
-HAS_STIFFENING: Final = 21
-HAS_FRICTION: Final = 22
-HAS_STRAY: Final = 23
-SIMPLE: Final = 24
-HOME_HOLD: Final = 25
-N_SCALARS: Final = 26
+HAS_FRICTION: Final = 21
+HAS_STRAY: Final = 22
+SIMPLE: Final = 23
+HOME_HOLD: Final = 24
+N_SCALARS: Final = 25
 
 # Rows of the tables.
-STIFFENING: Final = 0
-FRICTION_DOWN: Final = 1
-FRICTION_UP: Final = 2
-STRAY: Final = 3
+FRICTION_DOWN: Final = 0
+FRICTION_UP: Final = 1
+STRAY: Final = 2
 
 # Places in c, q and g.
 _TEMP, _HEATING, _X0, _PER_S, _WOUND, _CROSS, _SCALE, _SIGN = 0, 1, 2, 3, 4, 5, 6, 7
@@ -83,7 +81,8 @@ _SLIP_TOLERANCE: Final = 1e-13
 def turning_points(temperature: Array, half: Counts, threshold: float) -> Flags:
     """Return +1 where the active spring heats and −1 where it cools; a turn counts beyond ``threshold`` °C.
 
-    The turn is placed at the extremum itself, not where the threshold was crossed. Each half-cycle starts heating.
+    The turn is placed where the temperature leaves its extremum for good, not where the threshold was crossed: a hold
+    belongs to what came before it. Each half-cycle starts heating.
     """
     n = temperature.size
     direction = np.ones(n, np.int8)
@@ -95,6 +94,12 @@ def turning_points(temperature: Array, half: Counts, threshold: float) -> Flags:
         elif sense * (value - extreme) > 0.0:
             extreme, where = value, k
         elif sense * (extreme - value) >= threshold:
+            # The knee: furthest from the straight way between the extremum and here.
+            first, furthest = where, 0.0
+            for i in range(first + 1, k):
+                away = sense * (temperature[i] - extreme - (value - extreme) * (i - first) / (k - first))
+                if away > furthest:
+                    where, furthest = i, away
             sense = -sense
             for i in range(where + 1, k):
                 direction[i] = sense
@@ -167,20 +172,19 @@ def _interpolate(x: float, row: int, p: Array, tables: Array) -> float:
 
 
 @inlined
-def _loading(theta: float, p: Array, tables: Array) -> float:
-    """Return the martensite's loading curve with what stiffens it."""
-    extra = _interpolate(theta, STIFFENING, p, tables) if p[HAS_STIFFENING] > 0.0 else 0.0
+def _loading(theta: float, p: Array) -> float:
+    """Return the martensite's loading curve."""
     if theta <= p[THETA_CR]:
-        return p[K_M] * theta + extra
-    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR]) + extra
+        return p[K_M] * theta
+    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR])
 
 
 @inlined
-def _cold(theta: float, theta_max: float, p: Array, tables: Array) -> float:
+def _cold(theta: float, theta_max: float, p: Array) -> float:
     """Return the torque of cold martensite: on its loading curve, or unwound elastically from ``theta_max``."""
     if theta >= theta_max:
-        return _loading(theta, p, tables)
-    return _loading(theta_max, p, tables) - p[K_M] * (theta_max - theta)
+        return _loading(theta, p)
+    return _loading(theta_max, p) - p[K_M] * (theta_max - theta)
 
 
 @inlined
@@ -200,14 +204,14 @@ def _load(x: float, sense: float, scale: float, c: Array, p: Array, tables: Arra
     theta_a = x if c[_SIGN] > 0.0 else p[THETA_P] - x
     friction = _friction(theta_a, sense * c[_SIGN] > 0.0, p, tables) * scale
     friction += p[VISCOUS] * abs(x - c[_X0]) * c[_PER_S]
-    torque = _cold(p[THETA_P] - x, c[_WOUND], p, tables) + c[_CROSS] - sense * friction
+    torque = _cold(p[THETA_P] - x, c[_WOUND], p) + c[_CROSS] - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[_SIGN] * _interpolate(theta_a, STRAY, p, tables)
     return torque
 
 
 @inlined
-def _made(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> float:
+def _made(x: float, xi: float, c: Array, q: Array, p: Array) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
 
     That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
@@ -216,14 +220,14 @@ def _made(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> f
     torque = q[_TAU_REF] + stiffness * (x - q[_X_REF] - q[_THETA_L] * (xi - q[_XI_REF]))
     if c[_HEATING] > 0.0:
         return torque
-    return max(torque, _cold(x, q[_FLOOR], p, tables))
+    return max(torque, _cold(x, q[_FLOOR], p))
 
 
 @inlined
 def _excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
     load = _load(x, sense, c[_SCALE], c, p, tables)
-    return sense * (load - _made(x, _fraction(load, c, p, sections, w), c, q, p, tables))
+    return sense * (load - _made(x, _fraction(load, c, p, sections, w), c, q, p))
 
 
 @compiled
@@ -268,12 +272,12 @@ def _slide(sense: float, guess: float, c: Array, q: Array, w: Array, p: Array, t
 
 
 @compiled
-def _stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+def _stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, sections: Array) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
     xi = total
     for trial in range(80):
-        law = _fraction(_made(x, xi, c, q, p, tables), c, p, sections, w)
+        law = _fraction(_made(x, xi, c, q, p), c, p, sections, w)
         fx = xi - law
         if trial == 0:
             if fx == 0.0:
@@ -313,9 +317,9 @@ def _sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array,
 
 
 @compiled
-def _crosstalk(theta: float, c: Array, g: Array, p: Array, tables: Array) -> float:
+def _crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
-    base = _cold(theta, c[_WOUND], p, tables)
+    base = _cold(theta, c[_WOUND], p)
     angle = max(0.0, c[_WOUND] - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * p[PASSIVE_SHARE]
     if c[_TURN_NOW] != g[_TURN_P]:
         g[_XI_0_P], g[_TURN_P] = g[_XI_P], c[_TURN_NOW]
@@ -340,26 +344,13 @@ def _crosstalk(theta: float, c: Array, g: Array, p: Array, tables: Array) -> flo
 
 
 @compiled
-def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
+def _wound_for(x: float, limit: float, p: Array) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
-    if _loading(x, p, tables) <= limit:
+    if _loading(x, p) <= limit:
         return x
-    # From the critical angle on an unwinding leads to less torque the further it starts, as long as the curve rises
-    # less than the unwinding falls: a spring that stiffens beyond that cannot have been wound further.
-    low = max(x, p[THETA_CR])
-    high, torque = low, _cold(x, low, p, tables)
-    while torque > limit and high < low + 4.0 * p[THETA_P]:
-        further = _cold(x, high + 0.1, p, tables)
-        if further >= torque:
-            return high
-        high, torque = high + 0.1, further
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if _cold(x, middle, p, tables) > limit:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    # Where the loading curve has its second slope, unwinding from further off leaves less torque: linear in θ_max.
+    start = max(x, p[THETA_CR])
+    return start + max(0.0, _cold(x, start, p) - limit) / (p[K_M] - p[K_S])
 
 
 @compiled
@@ -369,7 +360,9 @@ def _home(theta_start: float, scale: float, p: Array, tables: Array) -> Array:
     for i in range(2):
         own = theta_start if i == 0 else p[THETA_P] - theta_start
         hold = p[HOME_HOLD] * scale * _friction(theta_start, i == 1, p, tables)
-        wound[i] = _wound_for(own, _loading(p[THETA_P] - own, p, tables) + hold, p, tables)
+        if p[HAS_STRAY] > 0.0:
+            hold += (1.0 if i == 0 else -1.0) * _interpolate(theta_start, STRAY, p, tables)
+        wound[i] = _wound_for(own, _loading(p[THETA_P] - own, p) + hold, p)
     return wound
 
 
@@ -386,14 +379,14 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left."""
     before = int(g[_WHO])
     if before >= 0:
-        wound[before] = _wound_for(g[_X], g[_TAU], p, tables)
+        wound[before] = _wound_for(g[_X], g[_TAU], p)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
     sign = 1.0 if who == 0 else -1.0
-    limit = _cold(p[THETA_P] - x, wound[1 - who], p, tables) + scale * _friction(theta_a, who == 1, p, tables)
+    limit = _cold(p[THETA_P] - x, wound[1 - who], p) + scale * _friction(theta_a, who == 1, p, tables)
     if p[HAS_STRAY] > 0.0:
         limit += sign * _interpolate(theta_a, STRAY, p, tables)
     g[_WHO], g[_X], g[_XI] = who, x, 1.0
-    g[_TAU] = min(_cold(x, wound[who], p, tables), limit)
+    g[_TAU] = min(_cold(x, wound[who], p), limit)
     g[_XI_P], g[_XI_0_P], g[_TURN_P], g[_CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = x, g[_TAU], 1.0, 0.0
     q[_THETA_L] = _recoverable(wound[who], theta_l_scale, p)
@@ -402,7 +395,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
 
 @compiled
 def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+          wound: Array, p: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -410,7 +403,7 @@ def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, sav
     if g[_CHANGED] > 0.0:
         saved_q[:], saved_w[:] = q, w
         q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = g[_X], g[_TAU], g[_XI], 0.0
-        q[_FLOOR] = _wound_for(g[_X], g[_TAU], p, tables)
+        q[_FLOOR] = _wound_for(g[_X], g[_TAU], p)
         w[1], w[2] = w[0], 0.0
         if heating and g[_XI] > 1.0 - 1e-9:
             who = int(g[_WHO])
@@ -439,12 +432,12 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
         sense = -1.0 if (c[_HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = _load(x, sense, hold, c, p, tables)
         reached = _fraction(limit, c, p, sections, w) if attempt == 0 else g[_XI]
-        if sense * (limit - _made(x, reached, c, q, p, tables)) > _SLIP_TOLERANCE:
+        if sense * (limit - _made(x, reached, c, q, p)) > _SLIP_TOLERANCE:
             if q[_SLIDING] != sense:
                 end = reached
                 if attempt == 0:
                     end = g[_XI]
-                    if sense * (limit - _made(x, end, c, q, p, tables)) < 0.0:
+                    if sense * (limit - _made(x, end, c, q, p)) < 0.0:
                         end = _sticking_end(x, limit, end, reached, q, p)
                 q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = x, limit, end, sense
             g[_X] = _slide(sense, 1.02 * g[_MOVE], c, q, w, p, tables, sections)
@@ -453,8 +446,8 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
             g[_MOVE] = abs(g[_X] - x)
             return True
         if attempt == 0:
-            g[_XI] = _stick(x, g[_XI], c, q, w, p, tables, sections)
-            g[_TAU] = _made(x, g[_XI], c, q, p, tables)
+            g[_XI] = _stick(x, g[_XI], c, q, w, p, sections)
+            g[_TAU] = _made(x, g[_XI], c, q, p)
             _advance(g[_TAU], c, p, sections, w)
     return False
 
@@ -505,8 +498,8 @@ def run(
         Factor on the friction at each sample.
     p : (N_SCALARS,) float64
         Scalars, in SI units.
-    tables : (4, m) float64
-        Torques over an angle: own winding θ for the first, θ^A = φ + θ_P/2 for the others.
+    tables : (3, m) float64
+        Torques over θ^A = φ + θ_P/2: friction down and up, stray torque.
     sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
     theta_start : float
@@ -530,7 +523,7 @@ def run(
             scale = theta_l_scale[half[k]]
             _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
-            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p, tables)
+            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
         else:
             fresh = p[SIMPLE] == 0.0
         who = int(g[_WHO])
@@ -544,7 +537,7 @@ def run(
         c[_TEMP_PASSIVE], c[_CROSS] = temps[1, k], 0.0
         c[_TURN_NOW] = directions[1, k]
         if p[PASSIVE_SHARE] > 0.0:
-            c[_CROSS] = _crosstalk(theta_p - g[_X], c, g, p, tables)
+            c[_CROSS] = _crosstalk(theta_p - g[_X], c, g, p)
         total = g[_XI]
         slid = _settle(g, c, q, w, p, tables, sections)
         g[_REST_S] = 0.0 if slid or k == 0 else g[_REST_S] + 1.0 / per_s[k]
@@ -556,5 +549,5 @@ def run(
         out[1 + who, k] = g[_XI]
         out[2 - who, k] = g[_XI_P]
         out[3 + who, k] = g[_TAU]
-        out[4 - who, k] = _cold(theta_p - g[_X], wound[1 - who], p, tables) + c[_CROSS]
+        out[4 - who, k] = _cold(theta_p - g[_X], wound[1 - who], p) + c[_CROSS]
     return out

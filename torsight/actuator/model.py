@@ -223,7 +223,6 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[kernel.PASSIVE_SHARE], p[kernel.TANAKA] = ports.passive_share, float(tanaka)
     p[kernel.ROOM_C], p[kernel.HOME_HOLD] = ports.room_c, ports.home_hold
     p[kernel.GRID_START], p[kernel.GRID_STEP] = grid[0], grid[1] - grid[0]
-    p[kernel.HAS_STIFFENING] = float(ports.stiffening_nm is not None)
     p[kernel.HAS_FRICTION] = float(ports.friction_down_nm is not None)
     p[kernel.HAS_STRAY] = float(ports.stray_nm is not None)
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
@@ -235,7 +234,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
 
 def _tables(ports: Ports) -> Array:
     """Return the kernel's tables; those that are not there are zero and never looked at."""
-    given = (ports.stiffening_nm, ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
+    given = (ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
     size = max([2, *(len(table) for table in given if table is not None)])
     return np.stack([np.zeros(size) if table is None else table for table in given])
 

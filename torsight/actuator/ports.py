@@ -81,8 +81,6 @@ class Ports:
         Friction torque per rad/s.
     static_excess, static_time_s : float
         By which share friction after a long rest exceeds sliding friction, and the rest that it takes.
-    stiffening_nm : (g,) float64 or None
-        Torque beyond the loading curve over a spring's own winding (:meth:`grid_rad`).
     friction_down_nm, friction_up_nm : (g,) float64 or None
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
@@ -113,14 +111,13 @@ class Ports:
     viscous_nms: float = 0.0
     static_excess: float = 0.0
     static_time_s: float = 1.0
-    stiffening_nm: Array | None = None
     friction_down_nm: Array | None = None
     friction_up_nm: Array | None = None
     stray_nm: Array | None = None
     reading: tuple[Reading, ...] = ()
 
     def grid_rad(self) -> Array:
-        """Return the angles of the tables: a spring's own winding θ, or θ^A = φ + θ_P/2, rad."""
+        """Return the angles of the tables, θ^A = φ + θ_P/2, rad."""
         margin = _GRID_MARGIN * self.rig.theta_p_rad
         return np.linspace(-margin, self.rig.theta_p_rad + margin, _GRID_POINTS)
 
@@ -138,11 +135,6 @@ class Ports:
     def with_stray(self, torque_nm: Array) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""
         return replace(self, stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
-
-    def with_stiffening(self, torque_nm: Array) -> Ports:
-        """Return ports with a further torque on the loading curve over :meth:`grid_rad`."""
-        before = self.stiffening_nm
-        return replace(self, stiffening_nm=torque_nm if before is None else before + torque_nm)
 
     def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
         """Return ports whose wires' temperatures and slopes are changed by one rule."""

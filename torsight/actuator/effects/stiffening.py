@@ -1,10 +1,10 @@
 r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 
-.. math:: τ_{load} = τ_{load,0} + k_3 (θ − θ_{on})_+^3
+.. math:: τ = τ_0(θ) + k_3 (θ − θ_{on})_+^3
 
-θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³; on the loading curve of martensite,
-which is left elastically. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the
-paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
+θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³; for either spring, beside what its
+phase makes. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the paper, section 4.1,
+step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 
 from __future__ import annotations
@@ -28,14 +28,12 @@ def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float) -> Arra
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Stiffen the loading curve of both springs."""
-    return ports.with_stiffening(
-        extra_torque(
-            ports.grid_rad(),
-            cubic_nm=values["stiffening_mnm_per_rad3"] * MNM,
-            onset_rad=values["stiffening_onset_deg"] * DEG,
-        )
-    )
+    """Let both springs stiffen: B's torque drives φ up, A's down."""
+    cubic_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
+    theta_a_rad = ports.grid_rad()
+    torque_a = extra_torque(theta_a_rad, cubic_nm=cubic_nm, onset_rad=onset_rad)
+    torque_b = extra_torque(ports.rig.theta_p_rad - theta_a_rad, cubic_nm=cubic_nm, onset_rad=onset_rad)
+    return ports.with_stray(torque_b - torque_a)
 
 
 EFFECT: Final = Effect(

@@ -1,0 +1,180 @@
+"""All effects: null equals the plain model; own parameters come back from a rig with another integrator."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from torsight.actuator.effects import chosen_effects, load_effects
+from torsight.actuator.fit import fit_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.ports import History
+from torsight.actuator.spec import ActuatorSpec, reference_spec
+from torsight.core.errors import ConfigError
+from torsight.core.records import TemperatureLog
+from torsight.synthetic.experiment import make_record
+
+CONTRACT = (
+    "sensor_lag", "sensor_gain", "clock_offset", "heat_crosstalk", "nonuniform_temperature", "coil_friction",
+    "viscous_friction", "position_friction", "stiffening", "eccentricity", "fatigue", "marker_slip",
+)  # fmt: skip
+HALVES = [
+    {"spring": "a", "peak_c": 84.0, "ramp_s": 420.0, "heat_s": 460.0},
+    {"spring": "b", "peak_c": 84.0, "ramp_s": 240.0, "heat_s": 280.0},
+    {"spring": "a", "peak_c": 64.0, "ramp_s": 200.0, "heat_s": 260.0},
+    {"spring": "b", "peak_c": 84.0, "ramp_s": 560.0, "heat_s": 590.0},
+    {"spring": "a", "peak_c": 84.0, "ramp_s": 220.0, "heat_s": 260.0},
+]
+RISE_RAD = math.radians(100.0)
+# What the rig has, and the same in the words of the effect file: value and how near it must come (relative, absolute).
+TRUTH = {
+    "sensor_lag": ({"lag_s": 5.0}, {"lag_s": (5.0, 0.06, 0.0)}),
+    "sensor_gain": ({"gain": 0.95}, {"contact_gain": (0.95, 0.006, 0.0)}),
+    "clock_offset": ({"offset_s": 2.0}, {"clock_offset_s": (2.0, 0.08, 0.0)}),
+    "heat_crosstalk": ({"conductance_w_per_k": 0.012}, {}),
+    "nonuniform_temperature": (
+        {"cooler_c": 8.0, "share": 0.25},
+        {"cool_share": (0.25, 0.1, 0.0), "cool_drop_c": (8.0, 0.1, 0.0)},
+    ),
+    "coil_friction": (
+        {"rise_mnm": 0.3, "onset_deg": 640.0},
+        {"coil_friction_mnm_per_rad": (0.3 / RISE_RAD, 0.15, 0.0), "coil_onset_deg": (640.0, 0.0, 25.0)},
+    ),
+    "viscous_friction": ({"viscous_mnm_s_per_rad": 8.0}, {"viscous_mnm_s_per_rad": (8.0, 0.15, 0.0)}),
+    "position_friction": (
+        {"amplitude": 0.4, "phase_rad": 0.7},
+        {"amplitude": (0.4, 0.1, 0.0), "phase_rad": (0.7, 0.0, 0.1)},
+    ),
+    "stiffening": (
+        {"rise_mnm": 0.4, "onset_deg": 640.0},
+        {"stiffening_mnm_per_rad3": (0.4 / RISE_RAD**3, 0.3, 0.0), "stiffening_onset_deg": (640.0, 0.0, 25.0)},
+    ),
+    "eccentricity": (
+        {"amplitude_deg": 1.5, "phase_rad": 0.5},
+        {"amplitude_deg": (1.5, 0.1, 0.0), "phase_rad": (0.5, 0.0, 0.1)},
+    ),
+    "fatigue": ({"loss": 0.02}, {"fatigue_per_cycle": (0.02, 0.1, 0.0)}),
+    "marker_slip": (
+        {"time_s": 500.0, "step_deg": 4.0},
+        {"slip_deg": (4.0, 0.03, 0.0), "slip_time_s": (500.0, 0.0, 1.0)},
+    ),
+}
+
+
+@cache
+def record(name: str):
+    """Record a rig with one hidden effect, its own values as declared."""
+    return make_record(
+        {
+            "seed": 11,
+            "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
+            "rig": {"as_declared": True},
+            "sensor": {"sample_s": 0.05, "noise_c": 0.02},
+            "effects": {name: TRUTH[name][0]},
+        }
+    )
+
+
+def spec_of(made) -> ActuatorSpec:
+    return ActuatorSpec(made.played.scene.values.public)
+
+
+def fitted(name: str, effects: tuple[str, ...]):
+    made = record(name)
+    model = ActuatorModel(spec_of(made), (*effects, "home_torque"))
+    drive = model.prepare(made.table)
+    starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
+    if effects and load_effects()[effects[0]].propose is not None:
+        plain = ActuatorModel(spec_of(made)).simulate(drive)
+        starts = [
+            dict(start) for start in load_effects()[effects[0]].propose(drive.time_s, drive.angle_rad - plain.angle_rad)
+        ]
+    return fit_model(model, drive, starts=starts)
+
+
+def test_the_twelve_of_the_contract_are_there():
+    assert set(CONTRACT) <= set(load_effects())
+
+
+@pytest.mark.parametrize("name", sorted(load_effects()))
+def test_declaration(name):
+    effect = load_effects()[name]
+    assert effect.id == name
+    assert effect.title
+    for parameter in effect.parameters:
+        assert parameter.lower <= parameter.value <= parameter.upper
+        assert all(
+            parameter.lower <= start.get(parameter.name, parameter.value) <= parameter.upper for start in effect.starts
+        )
+    assert any(parameter.null is not None for parameter in effect.parameters)
+    names = [p.name for other in load_effects().values() for p in other.parameters]
+    assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize("name", sorted(load_effects()))
+def test_null_is_the_plain_model(name):
+    log, _ = programme([(0, [(75.0, 0.3)]), (1, [(62.0, 0.4)]), (0, [(80.0, 0.6)])])
+    warm_a, warm_b = log.temp_a_c + 0.7 * (log.temp_b_c - 23.0), log.temp_b_c + 0.7 * (log.temp_a_c - 23.0)
+    warm = TemperatureLog(log.time_s, warm_a, warm_b, log.heat_a, log.heat_b)
+    plain = ActuatorModel(reference_spec())
+    drive = plain.prepare_log(warm, start_angle_rad=2.9)
+    model = ActuatorModel(reference_spec(), (name,))
+    nulls = {p.name: p.null for p in load_effects()[name].parameters if p.null is not None}
+    expected = plain.simulate(drive)
+    found = model.simulate(drive, nulls)
+    assert np.abs(found.angle_rad - expected.angle_rad).max() < 1e-9
+    assert np.abs(model.simulate(drive).angle_rad - expected.angle_rad).max() > 1e-6 or name == "home_torque"
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_own_parameters_come_back_from_another_integrator(name):
+    without, found = fitted(name, ()), fitted(name, (name,))
+    # 0.06° of reading noise, and the rig's own dynamics (inertia, presliding).
+    assert found.rmse_deg < 0.35 * without.rmse_deg
+    for key, (true, relative, absolute) in TRUTH[name][1].items():
+        assert found.estimates[key].value == pytest.approx(true, rel=relative or None, abs=absolute or None)
+    tau = record(name).played.scene.values.public["tau_c_mnm"]
+    assert found.values["tau_c_mnm"] == pytest.approx(tau, rel=0.05)
+
+
+def test_all_effects_together_at_their_nulls():
+    log, _ = programme([(0, [(75.0, 0.3)]), (1, [(62.0, 0.4)])])
+    everything = ActuatorModel(reference_spec(), tuple(load_effects()))
+    drive = everything.prepare_log(log, start_angle_rad=2.9)
+    nulls = {p.name: p.null for e in load_effects().values() for p in e.parameters if p.null is not None}
+    plain = ActuatorModel(reference_spec()).simulate(drive)
+    assert np.abs(everything.simulate(drive, nulls).angle_rad - plain.angle_rad).max() < 1e-9
+
+
+def test_the_start_angle_is_the_angle_as_read():
+    log, _ = programme([(0, [(75.0, 0.3)])])
+    model = ActuatorModel(reference_spec(), ("eccentricity",))
+    drive = model.prepare_log(log, start_angle_rad=2.9)
+    angle = model.simulate(drive, {"eccentric_sine_deg": 8.0, "tilt_cosine_deg": 2.0}).angle_rad
+    assert angle[0] == pytest.approx(2.9, abs=1e-12)
+
+
+def test_history_goes_on():
+    log, _ = programme([(0, [(85.0, 0.3)])])
+    model = ActuatorModel(reference_spec(), ("clock_offset", "fatigue", "marker_slip"))
+    drive = model.prepare_log(log, start_angle_rad=3.0)
+    values = {"fatigue_per_cycle": 0.01, "slip_deg": 5.0, "slip_time_s": 200.0, "clock_offset_s": 7.0}
+    later = History(cycles=(3, 2), after_record=True)
+    found = model.simulate(drive, values, history=later)
+    # A slipped marker stays slipped: the angle as read is φ and the step from the first row on.
+    assert found.angle_rad - found.phi_rad == pytest.approx(math.radians(5.0), abs=1e-12)
+    fatigued = ActuatorModel(reference_spec(), ("fatigue",))
+    same = ActuatorModel(reference_spec()).prepare_log(log, start_angle_rad=3.0 - math.radians(5.0))
+    expected = fatigued.simulate(same, {"fatigue_per_cycle": 1.0 - 0.99**3}, history=History(cycles=(1, 0)))
+    assert found.phi_rad == pytest.approx(expected.phi_rad, abs=1e-9)
+
+
+def test_order_and_unknown_ids():
+    ids = [effect.id for effect in chosen_effects(("eccentricity", "clock_offset", "sensor_lag", "heat_crosstalk"))]
+    assert ids == ["sensor_lag", "clock_offset", "heat_crosstalk", "eccentricity"]
+    with pytest.raises(ConfigError, match="sensor_leg"):
+        chosen_effects(("sensor_leg",))
