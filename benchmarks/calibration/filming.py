@@ -78,9 +78,13 @@ def main() -> None:
         except NoResultError as error:
             print(f"| {name} | none: {error.what} | | |")
             continue
-        rms = float(np.sqrt(np.nanmean(error**2)))
+        known = error[np.isfinite(error)]
+        if not len(known):
+            print(f"| {name} | 0 % | | |")
+            continue
+        rms = float(np.sqrt(np.mean(known**2)))
         reference = rms if not change else reference
-        seen = 100.0 * np.isfinite(error).mean()
+        seen = 100.0 * len(known) / len(error)
         print(f"| {name} | {seen:.0f} % | {rms:.4f} | {rms / reference:.1f} |")
         sys.stdout.flush()
 

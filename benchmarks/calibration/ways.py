@@ -39,7 +39,8 @@ def angles_by_way(left: Points, right: Points | None, known: Camera) -> dict[str
 def error_deg(angle_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
     """Return the angle's error in degrees, without its mean: a constant is the zero of the angle, not its error."""
     error = np.angle(np.exp(1j * (angle_rad - truth_rad)))
-    middle = np.angle(np.nanmean(np.exp(1j * error)))
+    known = np.exp(1j * error[np.isfinite(error)])
+    middle = np.angle(known.mean()) if len(known) else 0.0
     return np.degrees(np.angle(np.exp(1j * (error - middle))))
 
 
