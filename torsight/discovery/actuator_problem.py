@@ -243,7 +243,9 @@ def _candidate(effect: Effect) -> Candidate:
         return own(time_s, residual_deg * DEG) if own is not None else ()
 
     propose = None if own is None else in_radians
-    return Candidate(effect.id, effect.family, effect.parameters, effect.starts, propose)
+    # The time of an event is known to about a second once it is found; its bounds span all times.
+    scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
+    return Candidate(effect.id, effect.family, effect.parameters, effect.starts, propose, scales)
 
 
 def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -82,6 +82,11 @@ class Fitter:
         own = (parameter for name in effects for parameter in self.candidates[name].parameters)
         return (*self.problem.parameters, *own)
 
+    def space(self, effects: EffectSet) -> Space:
+        """Return bounds, scales and priors of the free parameters of a set of effects."""
+        scales = {name: scale for effect in effects for name, scale in self.candidates[effect].scales.items()}
+        return space_of(self.parameters(effects), scales=scales)
+
     def fit(
         self,
         effects: EffectSet,
@@ -93,7 +98,7 @@ class Fitter:
     ) -> Fit:
         """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end."""
         parameters = self.parameters(effects)
-        space = space_of(parameters)
+        space = self.space(effects)
         used = self.weight if weight is None else weight
 
         def model(x: Array) -> Array:
@@ -164,20 +169,21 @@ class Fitter:
             fit.solution.x,
             observed=self.problem.observed,
             weight=self.weight if weight is None else weight,
-            space=space_of(fit.parameters),
+            space=self.space(fit.effects),
             max_iterations=max_iterations,
             known=fit.solution,
         )
         return Fit(fit.effects, fit.parameters, solution)
 
 
-def space_of(parameters: Sequence[Parameter]) -> Space:
-    """Return bounds, scales and priors of parameters as arrays."""
+def space_of(parameters: Sequence[Parameter], *, scales: Mapping[str, float] | None = None) -> Space:
+    """Return bounds, scales (those given, else :func:`_scale`) and priors of parameters as arrays."""
+    given = scales or {}
     sigma = np.array([np.inf if p.sigma is None else p.sigma for p in parameters])
     return Space(
         lower=np.array([p.lower for p in parameters]),
         upper=np.array([p.upper for p in parameters]),
-        scale=np.array([_scale(p) for p in parameters]),
+        scale=np.array([given.get(p.name, _scale(p)) for p in parameters]),
         prior_mean=np.array([p.value for p in parameters]),
         prior_sigma=sigma,
     )

@@ -13,7 +13,7 @@ actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is line
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -40,6 +40,9 @@ class Candidate:
         unique over all candidates and base parameters of the problem.
     starts : tuple of mapping
         Further points from which its fit starts, beside the parameters' own values (parameter name to value).
+    scales : mapping
+        Changes of parameters that matter, where neither a prior nor the distance from the null says it (parameter
+        name to size).
     propose : callable or None
         From times and a residual (measured less model; NaN where not measured) to more such points.
     """
@@ -49,6 +52,7 @@ class Candidate:
     parameters: tuple[Parameter, ...]
     starts: tuple[Mapping[str, float], ...] = ()
     propose: Propose | None = None
+    scales: Mapping[str, float] = field(default_factory=dict)
 
     def starting_points(
         self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None

@@ -83,7 +83,8 @@ def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: M
     """Return the effect at a start point and its derivatives there, (n, 1 + parameters)."""
     names = tuple(start)
     chosen = {p.name: p for p in fitter.parameters(effects)}
-    space = space_of([chosen[name] for name in names])
+    scales = {key: scale for effect in effects for key, scale in fitter.candidates[effect].scales.items()}
+    space = space_of([chosen[name] for name in names], scales=scales)
 
     def model(x: Array) -> Array:
         values = {**fit.values, **dict(zip(names, x.tolist(), strict=True))}

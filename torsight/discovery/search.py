@@ -24,6 +24,7 @@ from torsight.discovery.validate import HeldOut, held_out_by_refit
 
 LEAST_PROMISE: Final = 10.0
 """Half of the least gain that is ever believed."""
+_SHARPENINGS: Final = 6
 _MUCH_LEFT: Final = 1.3
 """Larger sets are tried while the residual's information is this many times the floor's."""
 
@@ -238,18 +239,27 @@ class Search:
         return left if size == 1 else left and gained
 
     def _reweight(self) -> None:
-        """Take the weights from the best residual and refit, at them, what may still matter; twice, as both move."""
-        for _ in range(2):
-            before = self._scales
-            self._follow(self._best())
+        """Take the weights from the best residual and refit, at them, what may still matter, until the best stays."""
+        for _ in range(3):
+            best = self._sharpened(self._best())
             kept = [*self._ranked(0), *self._ranked(1)]
             for size in range(2, self._settings.most_effects + 1):
                 kept += self._ranked(size)[: 3 * self._settings.beam]
             refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
-            self._fits = {fit.effects: fit for fit in refitted}
+            self._fits = {fit.effects: fit for fit in [*refitted, best]}
             self._start_again()
-            if self._scales.motion > 0.8 * before.motion and self._scales.rest > 0.8 * before.rest:
+            if self._best().effects == best.effects:
                 break
+
+    def _sharpened(self, fit: Fit) -> Fit:
+        """Follow one fit and its own residual in turn until the residual stops shrinking."""
+        for _ in range(_SHARPENINGS):
+            before = self._scales
+            self._follow(fit)
+            fit = self._fitter.refit(fit, max_iterations=12)
+            if self._scales.motion > 0.9 * before.motion and self._scales.rest > 0.9 * before.rest:
+                break
+        return fit
 
     def _start_again(self) -> None:
         """Fit the best single candidates from their starting points once more, at weights that see more."""
