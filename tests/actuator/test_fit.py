@@ -1,0 +1,205 @@
+"""The fit: values back from another integrator, priors, intervals, refusals, model file, prediction."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from torsight.actuator.fit import fit_model
+from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
+from torsight.actuator.weights import correlation_rows, spikes
+from torsight.cli.fit import fit_to_folder
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.records import SyncedTable
+from torsight.core.tables import read_merged
+from torsight.core.units import DEG
+from torsight.synthetic.experiment import make_record
+
+HALVES = [
+    {"spring": "a", "peak_c": 84.0, "ramp_s": 420.0, "heat_s": 460.0},
+    {"spring": "b", "peak_c": 84.0, "ramp_s": 240.0, "heat_s": 280.0},
+    {"spring": "a", "peak_c": 64.0, "ramp_s": 200.0, "heat_s": 260.0},
+    {"spring": "b", "peak_c": 84.0, "ramp_s": 300.0, "heat_s": 330.0},
+]
+
+
+@cache
+def rig_record(seed: int = 3):
+    return make_record(
+        {
+            "seed": seed,
+            "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
+            "sensor": {"sample_s": 0.05, "noise_c": 0.02},
+        }
+    )
+
+
+def declared(made) -> ActuatorSpec:
+    scene = made.played.scene
+    return ActuatorSpec(scene.declared.flat(), dict(scene.declared.uncertainty))
+
+
+@cache
+def rig_fit():
+    made = rig_record()
+    model = ActuatorModel(declared(made))
+    drive = model.prepare(made.table)
+    return made, model, drive, fit_model(model, drive)
+
+
+def test_values_of_another_integrator_come_back():
+    made, _, _, result = rig_fit()
+    true = made.played.scene.values.public
+    assert result.converged
+    assert result.rmse_deg < 0.2
+    assert result.r2 > 0.9999
+    assert result.values["tau_c_mnm"] == pytest.approx(true["tau_c_mnm"], rel=0.03)
+    for name in result.free:
+        estimate = result.estimates[name]
+        assert abs(estimate.value - true[name]) < 4.5 * estimate.sigma
+
+
+def test_json_has_the_keys_of_the_contract():
+    content = rig_fit()[3].to_json()
+    for key in (
+        "parameters",
+        "rmse_deg",
+        "r2",
+        "case",
+        "theta_1_deg",
+        "theta_2_deg",
+        "theta_3_deg",
+        "beta_cr_deg",
+        "converged",
+    ):
+        assert key in content
+    assert set(content["parameters"]["tau_c_mnm"]) == {"value", "sigma", "ci95", "unit", "fixed"}
+    assert content["parameters"]["theta_p_deg"]["fixed"]
+    assert content["case"] == "a"
+    assert content["theta_2_deg"] < content["beta_cr_deg"]
+
+
+def test_what_the_record_says_nothing_about_is_named():
+    log, _ = programme([(0, [(80.0, 0.3)])])
+    spec = ActuatorSpec(reference_spec().values, {"M_f_c": 0.5, "E_A_gpa": 2.0})
+    model = ActuatorModel(spec)
+    heating = log.time_s < log.time_s[int(np.argmax(log.temp_a_c))]
+    angle = model.simulate(model.prepare_log(log, start_angle_rad=3.1)).angle_rad
+    angle = np.where(heating, angle + 1e-3 * np.random.default_rng(0).standard_normal(len(log)), np.nan)
+    table = SyncedTable(log.time_s, angle, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b)
+    result = fit_model(model, model.prepare(table))
+    # Without a cooling nothing is known about the end of the return: the prior comes back.
+    assert result.silent_about == ("M_f_c",)
+    assert result.estimates["M_f_c"].sigma == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_wrong_frame_does_not_count():
+    log, _ = programme([(0, [(80.0, 0.3)]), (1, [(80.0, 0.4)])])
+    model = ActuatorModel(ActuatorSpec(reference_spec().values))
+    rng = np.random.default_rng(2)
+    angle = model.simulate(model.prepare_log(log, start_angle_rad=3.1)).angle_rad
+    angle = angle + 1e-3 * rng.standard_normal(len(log))
+    slow = np.flatnonzero(np.abs(np.gradient(angle)) < 0.02)
+    wrong = rng.choice(slow[10:-10], 12, replace=False)
+    angle[wrong] += 1.0
+    table = SyncedTable(log.time_s, angle, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b)
+    drive = model.prepare(table)
+    assert set(wrong) <= set(np.flatnonzero(spikes(drive)))
+    result = fit_model(model, drive)
+    assert result.values["tau_c_mnm"] == pytest.approx(0.79, abs=4 * result.estimates["tau_c_mnm"].sigma + 1e-4)
+
+
+def test_correlation_time_of_a_known_process():
+    rng = np.random.default_rng(4)
+    keep, x = 0.95, np.zeros(40_000)
+    for k in range(1, len(x)):
+        x[k] = keep * x[k - 1] + rng.standard_normal()
+    # (1 + a) / (1 − a) = 39 samples.
+    assert correlation_rows(x) == pytest.approx(39.0, rel=0.2)
+    assert correlation_rows(rng.standard_normal(5000)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_no_motion_is_refused_with_what_is_missing():
+    log, _ = programme([(0, [(40.0, 0.2)])])
+    angle = 3.0 + 1e-3 * np.random.default_rng(1).standard_normal(len(log))
+    table = SyncedTable(log.time_s, angle, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c)
+    model = ActuatorModel(reference_spec())
+    with pytest.raises(NoResultError, match=r"does not move.*40\.0 °C"):
+        fit_model(model, model.prepare(table), where="r.csv")
+
+
+def test_model_file_round_trip_and_prediction(tmp_path):
+    _, model, drive, result = rig_fit()
+    path = tmp_path / "model.json"
+    write_model(path, fitted_model(model, result.values, drive, account={"rmse_deg": result.rmse_deg}))
+    back = read_model(path)
+    assert back.cycles == (2, 2)
+    log, _ = programme([(0, [(78.0, 0.2)]), (1, [(66.0, 0.4)])])
+    predicted = back.predict(log, start_angle_rad=3.0)
+    expected = model.simulate(model.prepare_log(log, start_angle_rad=3.0), result.values)
+    assert predicted.angle_rad == pytest.approx(expected.angle_rad, abs=1e-12)
+    assert isinstance(back, FittedModel)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"kind": "x"}, "no fitted model"),
+        ({"values": {}}, "tau_c_mnm"),
+        ({"effects": ["sensor_leg"]}, "sensor_leg"),
+        ({"cycles": 3}, "damaged"),
+    ],
+)
+def test_damaged_model_files(tmp_path, change, told):
+    _, model, drive, result = rig_fit()
+    path = tmp_path / "model.json"
+    write_model(path, fitted_model(model, result.values, drive))
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(InputError, match=told):
+        read_model(path)
+
+
+@pytest.mark.shared_data
+def test_record_of_a_rig_that_is_not_ours(shared_data, tmp_path):
+    """Nothing is missing there: the plain model explains it, and its later record."""
+    folder = shared_data / "records" / "plain"
+    result = fit_to_folder(folder / "merged.csv", folder / "actuator.toml", out=tmp_path)
+    assert (tmp_path / "fit.json").exists()
+    # 0.06° of reading noise; 0.2 to 0.35° is what a fit is said to leave.
+    assert result.rmse_deg < 0.2
+    assert result.values["tau_c_mnm"] == pytest.approx(0.9518, rel=0.03)
+    from torsight.actuator.logs import read_log
+    from torsight.core.storage import read_table
+
+    truth = read_table(folder / "test_truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
+    predicted = read_model(tmp_path / "model.json").predict(
+        read_log(folder / "test_temps.csv"), start_angle_rad=truth[0] * DEG
+    )
+    assert np.sqrt(np.mean((predicted.angle_rad / DEG - truth) ** 2)) < 1.0
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
+    ("name", "effect", "truth"),
+    [
+        ("late_sensor", "sensor_lag", {"lag_s": (6.0, 0.2), "tau_c_mnm": (0.5601, 0.03)}),
+        (
+            "uneven_friction",
+            "position_friction",
+            {"amplitude": (0.4, 0.03), "phase_rad": (0.9, 0.05), "tau_c_mnm": (0.754, 0.03)},
+        ),
+    ],
+)
+def test_effects_on_records_of_a_rig_that_is_not_ours(shared_data, name, effect, truth):
+    folder = shared_data / "records" / name
+    model = ActuatorModel(read_actuator(folder / "actuator.toml"), (effect, "home_torque"))
+    result = fit_model(model, model.prepare(read_merged(folder / "merged.csv")))
+    assert result.rmse_deg < 0.2
+    for key, (value, tolerance) in truth.items():
+        assert result.estimates[key].value == pytest.approx(value, abs=tolerance)
