@@ -178,7 +178,7 @@ class Follower:
         for index, marker in enumerate(self.markers):
             reading: Reading | None = sight.good(index)
             if reading is not None:
-                marker.take(sight.time_s, reading, shift, still=math.hypot(*steps[index]) < _SMEAR_PX)
+                marker.take(sight.time_s, reading, shift, still=self.shutter.sharp(steps[index]))
             elif self.base is not None and index in self.base.indices:
                 marker.miss(*self.base.assumed(index))
             else:

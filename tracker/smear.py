@@ -18,6 +18,7 @@ _UNKNOWN: Final = 0.1
 _KNOWN: Final = 0.015
 _LEARNED: Final = 12
 """Fast readings after which the shutter counts as known."""
+_SHARP_PX: Final = 1.5
 _EVERY: Final = 3
 """Only every so many fast readings are looked at: each costs as much as several readings."""
 
@@ -33,6 +34,11 @@ class Shutter:
     def smear(self, step: Point) -> Point:
         """Return the smear of a marker that moves by ``step`` per frame."""
         return self.share * step[0], self.share * step[1]
+
+    def sharp(self, step: Point) -> bool:
+        """Return whether a marker that moves by ``step`` per frame is known to be sharp enough to show its shape."""
+        length = math.hypot(*step)
+        return length < _SHARP_PX or (self._count >= _LEARNED and self.share * length < _SHARP_PX)
 
     def slack(self, step: Point) -> float:
         """Return by which share of the brightness step a fit may be worse than at rest.

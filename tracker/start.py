@@ -23,6 +23,8 @@ from tracker.texture import TextureTemplate
 
 _CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
+_LEAST: Final = 1.2
+"""Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
 _LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
 _SNAP_PX: Final = 12.0
@@ -79,7 +81,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
         if found is None:
             continue
         score = min(found[0].score, found[1].score)
-        if best is None or score > best[0]:
+        if score > _LEAST and (best is None or score > best[0]):
             best = (score, frame.index, frame.luma.copy(), found)
         if score > _CLEAR:
             break
