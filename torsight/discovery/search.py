@@ -262,13 +262,29 @@ class Search:
         return fit
 
     def _start_again(self) -> None:
-        """Fit the best single candidates from their starting points once more, at weights that see more."""
+        """Fit once more, at weights that see more: sets from where larger sets have led, best singles from the start.
+
+        A larger set may get out of a valley in which a smaller one sits; what it gains by that is not its effect's.
+        """
+        found: list[Fit] = in_parallel(list(self._fits), self._from_larger)
+        self._fits = {fit.effects: fit for fit in found}
         base = self._fits[()]
         names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
-        found: list[Fit] = in_parallel(names, lambda name: self._fitter.extend(base, name))
-        for fit in found:
+        again: list[Fit] = in_parallel(names, lambda name: self._fitter.extend(base, name))
+        for fit in again:
             if fit.cost < self._fits[fit.effects].cost:
                 self._fits[fit.effects] = fit
+
+    def _from_larger(self, effects: EffectSet) -> Fit:
+        """Return the set's fit, or a better one that starts where the best larger sets have led."""
+        own = self._fits[effects]
+        larger = [fit for fit in self._fits.values() if len(fit.effects) == len(effects) + 1]
+        larger = sorted((fit for fit in larger if set(effects) < set(fit.effects)), key=lambda f: (f.cost, f.effects))
+        names = [p.name for p in own.parameters]
+        starts = [{name: fit.values[name] for name in names} for fit in larger[: self._settings.beam]]
+        if not starts or larger[0].cost > own.cost - LEAST_PROMISE:
+            return own
+        return min(own, self._fitter.fit(effects, starts, keep=1), key=lambda fit: fit.cost)
 
     def _follow(self, fit: Fit) -> None:
         """Take floor, scales and weights from a fit's residual."""
