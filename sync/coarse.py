@@ -78,7 +78,7 @@ def explained_share(
         inside = np.zeros(len(offset_s))
         for flank in flanks:
             if flank.sign == stroke.sign:
-                inside += np.maximum(0.0, np.minimum(end, flank.end_s) - np.maximum(begin, flank.begin_s))
+                inside += np.maximum(0.0, np.minimum(end, flank.until_s) - np.maximum(begin, flank.begin_s))
         share += weight * np.minimum(1.0, inside / max(stroke.end_s - stroke.begin_s, 1e-9))
     return share
 
@@ -86,7 +86,7 @@ def explained_share(
 def best_share(strokes: Sequence[Stroke], flanks: Sequence[Flank], *, step_s: float) -> float:
     """Return the largest explained share over all offsets at which strokes and flanks meet."""
     low = min(flank.begin_s for flank in flanks) - strokes[-1].end_s
-    high = max(flank.end_s for flank in flanks) - strokes[0].begin_s
+    high = max(flank.until_s for flank in flanks) - strokes[0].begin_s
     return float(explained_share(strokes, flanks, np.arange(low, high + step_s, step_s)).max())
 
 
@@ -105,7 +105,7 @@ def _idle_share(
         moved = np.zeros(len(offset_s), dtype=np.bool_)
         for stroke in strokes:
             if stroke.sign == flank.sign:
-                moved |= (stroke.begin_s + offset_s < flank.end_s) & (stroke.end_s + offset_s > flank.begin_s)
+                moved |= (stroke.begin_s + offset_s < flank.until_s) & (stroke.end_s + offset_s > flank.begin_s)
         seen += on_film
         idle += on_film & ~moved
     return np.where(seen > 0, idle / np.maximum(seen, 1), 0.0)
@@ -119,7 +119,7 @@ def assign(strokes: Sequence[Stroke], flanks: Sequence[Flank], offset_s: float) 
         best: Flank | None = None
         most = 0.4 * (end - begin)
         for flank in flanks:
-            shared = min(end, flank.end_s) - max(begin, flank.begin_s)
+            shared = min(end, flank.until_s) - max(begin, flank.begin_s)
             if flank.sign == stroke.sign and shared > most:
                 best, most = flank, shared
         chosen.append(best)

@@ -184,7 +184,7 @@ def _possible(
     """Narrow a range: no motion back before the power went off, none on after the temperature stopped rising."""
     pairs = [(stroke, flank) for stroke, flank in zip(strokes, flanks, strict=True) if flank is not None]
     low = max([flank.begin_s - stroke.begin_s - 0.5 for stroke, flank in pairs], default=plateau.low_s)
-    high = min([flank.end_s - stroke.end_s for stroke, flank in pairs], default=plateau.high_s) + slack_s
+    high = min([flank.until_s - stroke.end_s for stroke, flank in pairs], default=plateau.high_s) + slack_s
     if high - low < 1.0:
         return plateau
     return replace(plateau, low_s=max(low, plateau.low_s), high_s=max(min(high, plateau.high_s), low + 0.5))

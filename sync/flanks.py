@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -33,6 +33,9 @@ class Flank:
         Times of the log.
     low_c, high_c : float
         Temperatures at its cold and its hot end.
+    until_s : float
+        How long it may drive a motion: a cooling does until the temperature turns, beyond the end of its steep part,
+        but not into the next heating of either spring.
     """
 
     spring: Spring
@@ -41,6 +44,7 @@ class Flank:
     end_s: float
     low_c: float
     high_c: float
+    until_s: float
 
     @property
     def sign(self) -> int:
@@ -68,7 +72,18 @@ def picture_log(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     largest = max(rises.values(), default=0.0)
     threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
     flanks = [flank for name, signal in springs.items() for flank in _flanks(name, signal, threshold_c)]
-    return LogPicture(springs=springs, flanks=tuple(sorted(flanks, key=lambda flank: flank.begin_s)))
+    return LogPicture(springs=springs, flanks=_until_the_next(sorted(flanks, key=lambda flank: flank.begin_s)))
+
+
+def _until_the_next(flanks: list[Flank]) -> tuple[Flank, ...]:
+    """End every cooling where the next heating begins: a rest turns anywhere."""
+    begins = [flank.begin_s for flank in flanks if flank.heating]
+    found: list[Flank] = []
+    for flank in flanks:
+        following = min((begin for begin in begins if begin > flank.begin_s), default=flank.until_s)
+        limit_s = flank.until_s if flank.heating else max(flank.end_s, min(flank.until_s, following))
+        found.append(replace(flank, until_s=limit_s))
+    return tuple(found)
 
 
 def lag_window_s(picture: LogPicture) -> float:
@@ -95,7 +110,7 @@ def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flan
         else:
             begin = first
             end = first + int(np.flatnonzero(piece <= low + margin)[0])
-        found.append(Flank(spring, heating, float(time_s[begin]), float(time_s[end]), low, high))
+        found.append(Flank(spring, heating, float(time_s[begin]), float(time_s[end]), low, high, float(time_s[last])))
     return found
 
 

@@ -71,13 +71,15 @@ class Stroke:
 def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     """Return the strokes of a film in order; none where nothing moves beyond the noise.
 
-    Frames without an angle are bridged over at most two seconds; a stroke that reaches into a longer gap is cut there.
+    Frames without an angle are bridged over at most two seconds (five frames, where that is more); a stroke that
+    reaches into a longer gap is cut there.
     """
     usable = angles.valid & np.isfinite(angles.angle_rad)
     time_s, angle = angles.time_s[usable], angles.angle_rad[usable]
     if len(time_s) < 20:
         return ()
-    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=2.0)
+    usual_s = float(np.median(np.diff(time_s)))
+    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=max(2.0, 5.0 * usual_s))
     if signal is None:
         return ()
     low, high = np.quantile(signal.value, [0.005, 0.995])

@@ -127,7 +127,9 @@ def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tu
             best_share(
                 strokes,
                 [
-                    replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away) if f.begin_s >= joint_s - 1.0 else f
+                    replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
+                    if f.begin_s >= joint_s - 1.0
+                    else f
                     for f in flanks
                 ],
                 step_s=_STEP_S,

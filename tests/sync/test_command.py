@@ -1,0 +1,119 @@
+"""The command: files, keys and exit codes of the contract."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_pairs import Rig, make_pair, programme
+
+from torsight.cli.sync import sync_to_folder
+from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.tables import read_merged
+
+OFFSET_S = 7.3
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pair")
+    cycles = programme(5, rates=(1.2, 3.0), hold=(1.0, 5.0), rest_s=40.0, half_cycles=6)
+    rig = Rig(cooling_s=8.0, temp_noise_c=0.05)
+    made = make_pair(5, rig=rig, cycles=cycles, film_fps=15.0, log_step_s=0.05, offset_s=OFFSET_S)
+    pd.DataFrame(
+        {
+            "frame": np.arange(len(made.film_s)),
+            "time_s": made.film_s,
+            "angle_deg": made.angle_deg,
+            "angle_sigma_deg": 0.06,
+            "valid": 1,
+        }
+    ).to_csv(folder / "angle.csv", index=False)
+    pd.DataFrame(
+        {
+            "time_s": made.log_s,
+            "temp_a_c": made.temp_a_c,
+            "temp_b_c": made.temp_b_c,
+            "heat_a": made.heat_a.astype(int),
+            "heat_b": made.heat_b.astype(int),
+            "room_c": 24.0,
+        }
+    ).to_csv(folder / "temps.csv", index=False)
+    return folder
+
+
+def run(pair, out, **settings):
+    return sync_to_folder(pair / "angle.csv", pair / "temps.csv", settings=settings, out=out)
+
+
+def test_outputs_as_in_the_contract(pair, tmp_path):
+    run(pair, tmp_path)
+    content = json.loads((tmp_path / "sync.json").read_text())
+    assert content["schema"] == 1
+    for key in ("offset_s", "drift_ppm"):
+        low, high = content[key]["ci95"]
+        assert low <= content[key]["value"] <= high
+    assert content["offset_s"]["value"] == pytest.approx(OFFSET_S, abs=0.5)
+    assert isinstance(content["method"], str)
+    header = (tmp_path / "merged.csv").read_text().splitlines()[0].split(",")
+    assert header == ["time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c", "heat_a", "heat_b", "room_c"]
+    table = read_merged(tmp_path / "merged.csv")
+    assert len(table) == len(pd.read_csv(pair / "angle.csv"))
+
+
+def test_same_input_same_answer(pair, tmp_path):
+    for name in ("one", "two"):
+        run(pair, tmp_path / name)
+    for file in ("merged.csv", "sync.json"):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+
+
+def test_given_offset_places_the_temperatures(pair, tmp_path):
+    table = run(pair, tmp_path, offset_s=OFFSET_S, drift_ppm=0.0)
+    log = pd.read_csv(pair / "temps.csv")
+    expected = np.interp(table.time_s + OFFSET_S, log["time_s"], log["temp_a_c"])
+    known = np.isfinite(table.temp_a_c)
+    assert known.mean() > 0.99
+    np.testing.assert_allclose(table.temp_a_c[known], expected[known], atol=1e-9)
+
+
+def test_a_light_is_the_method_when_it_is_given(pair, tmp_path):
+    log = pd.read_csv(pair / "temps.csv")
+    on = (log["heat_a"] + log["heat_b"]).to_numpy() > 0
+    at = np.flatnonzero(on[1:] & ~on[:-1]) + 1
+    frames = pd.read_csv(pair / "angle.csv")["time_s"].to_numpy()
+    times = log["time_s"].to_numpy()[at] - OFFSET_S
+    seen = frames[np.searchsorted(frames, times[times > frames[1]])]
+    pd.DataFrame({"time_s": seen}).to_csv(tmp_path / "light.csv", index=False)
+    run(pair, tmp_path, led_events=str(tmp_path / "light.csv"))
+    content = json.loads((tmp_path / "sync.json").read_text())
+    assert content["method"].startswith("shared event")
+    # One frame and one row: the event lies in both intervals, whatever their phase.
+    assert content["offset_s"]["value"] == pytest.approx(OFFSET_S, abs=1.0 / 15.0 + 0.05)
+
+
+def test_unknown_setting_names_the_nearest(pair, tmp_path):
+    with pytest.raises(ConfigError, match="offset_s") as caught:
+        run(pair, tmp_path, ofset_s=1.0)
+    assert caught.value.exit_code == 2
+
+
+def test_setting_of_the_wrong_kind(pair, tmp_path):
+    with pytest.raises(ConfigError, match="max_gap_s"):
+        run(pair, tmp_path, max_gap_s=-1.0)
+
+
+def test_film_and_log_that_do_not_overlap(pair, tmp_path):
+    with pytest.raises(InputError, match="overlap") as caught:
+        run(pair, tmp_path, offset_s=1e5, drift_ppm=0.0)
+    assert caught.value.exit_code == 3
+    assert not (tmp_path / "merged.csv").exists()
+
+
+def test_unknown_offset_writes_nothing(pair, tmp_path):
+    table = pd.read_csv(pair / "angle.csv")
+    table["angle_deg"] = 12.5
+    table.to_csv(tmp_path / "still.csv", index=False)
+    with pytest.raises(NoResultError, match="--offset"):
+        sync_to_folder(tmp_path / "still.csv", pair / "temps.csv", settings={}, out=tmp_path)
+    assert not (tmp_path / "sync.json").exists()
