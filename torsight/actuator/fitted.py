@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import load_effects
 from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.spec import actuator_from
@@ -118,20 +117,17 @@ def fitted_model(
 ) -> FittedModel:
     """Return the model that was fitted to a record, with what the record leaves behind.
 
-    Effects that describe how the record began (family ``start``) do not go on.
+    How the springs were wound when the record began (family ``start``) stays part of the model: a later record that
+    starts from the same home starts in the same state.
     """
-    known = load_effects()
-    lasting = tuple(name for name in model.effects if known[name].family != "start")
-    kept = ActuatorModel(model.spec, lasting, model.phase_law, model.theta_l_deg)
-    names = {parameter.name for parameter in kept.all_parameters}
+    names = {parameter.name for parameter in model.all_parameters}
     springs = drive.cycles.springs
     return FittedModel(
-        model=kept,
+        model=model,
         values={name: float(value) for name, value in values.items() if name in names},
         cycles=(springs.count(0), springs.count(1)),
         closure=closure,
         account=account or {},
-        turns=drive.turns,
     )
 
 
