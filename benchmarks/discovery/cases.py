@@ -115,7 +115,7 @@ OUTSIDE: Final[Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One case: kind (``clean``, ``single``, ``double``, ``outside``), seed, ids, and whether the model errs smoothly."""
+    """One case: kind (``clean``, ``single``, ``double``, ``outside``), seed, ids, and whether the model errs a bit."""
 
     kind: str
     seed: int

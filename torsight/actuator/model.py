@@ -17,8 +17,10 @@ from torsight.actuator.ports import History, Ports
 from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
+from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 PhaseLaw = Literal["liang_rogers", "tanaka"]
@@ -109,9 +111,20 @@ class ActuatorModel:
 
         Raises
         ------
+        ConfigError
+            When the start is further than the springs are wound.
         InputError, NoResultError
             When the log cannot drive a model.
         """
+        reach_deg = self.spec.values["theta_p_deg"] / 2.0
+        if not abs(start_angle_rad) < reach_deg * DEG:
+            raise ConfigError(
+                "the start angle is further than the springs are wound",
+                where=f"{where}, first row",
+                value=f"{start_angle_rad / DEG:g}°",
+                limit=f"−{reach_deg:g}° to {reach_deg:g}°",
+                do="give the angle as read at the first row, in degrees",
+            )
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
 
     def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:

@@ -40,9 +40,7 @@ def simulate(
     write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))
 
 
-def write_angles_of(
-    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]
-) -> None:
+def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]) -> None:
     """Write the angles for a log's instants; an angle that is NaN is left empty."""
     from torsight.core.storage import write_table
     from torsight.core.units import DEG, MNM

@@ -181,7 +181,9 @@ def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) 
     for key in table:
         if key not in allowed:
             spelled = {name.lower(): name for name in allowed}
-            near = [spelled[name] for name in difflib.get_close_matches(key.lower(), spelled, n=1, cutoff=0.5)]
+            begun = [name for lower, name in spelled.items() if lower.startswith(key.lower())]
+            alike = difflib.get_close_matches(key.lower(), spelled, n=1, cutoff=0.5)
+            near = begun or [spelled[name] for name in alike]
             raise ConfigError(
                 f"unknown key '{key}'",
                 where=where,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.effects import load_effects
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.fit import require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate
@@ -59,6 +60,7 @@ def discover(
         When the record cannot drive the model.
     """
     drive = ActuatorModel(spec).prepare(table, where=where)
+    require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress)
     return _report(problem, findings, seed=seed)

@@ -145,7 +145,7 @@ class DiscoveryReport:
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""
-        content: dict[str, Any] = {
+        return {
             "verdict": self.verdict,
             "effects": [effect.to_json() for effect in self.effects],
             "alternatives": [list(names) for names in self.alternatives],
@@ -160,10 +160,8 @@ class DiscoveryReport:
             "plain_pulls": [pull.to_json() for pull in self.plain_pulls],
             "notes": list(self.notes),
             "evidence": dict(self.evidence),
+            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
         }
-        if self.next_experiment is not None:
-            content["next_experiment"] = dict(self.next_experiment)
-        return content
 
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
