@@ -8,13 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Camera
-from torsight.core.errors import ConfigError
+from torsight.core.axis import axis_in_picture, pose_from_axis
+from torsight.core.camera import Camera, Intrinsics, Pose
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.geometry import rotation_matrix
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.noise import LengthWitness, witness
 from tracker.rays import carry, meet_plane, undistort
 from tracker.steady import steady_direction
+from tracker.tilt import Tilt, fit_tilt, rectify
 from tracker.unwrap import unwrap
 
 _PLANES: Final = (0, 0, 1, 1)
@@ -57,23 +60,88 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     tracks : MarkerTracks
         Where the markers are.
     camera : Camera or None
-        With a pose: rays are met with each stick's plane. None: the picture's plane is the plane of motion.
+        With a pose: rays are met with each stick's plane. With the lens alone: the axis is found from the markers' own
+        paths. None: the picture's plane is the plane of motion, corrected for tilt where the paths tell it.
     pixel_aspect : float
         Width of a pixel over its height, for pictures without a camera file.
 
     Raises
     ------
     ConfigError
-        When the camera file is for another picture size, has no pose, or its axis points away from the camera.
+        When the camera file is for another picture size, or its axis points away from the camera.
     """
     if camera is None:
-        plane = [_picture_plane(tracks, m, pixel_aspect) for m in range(4)]
-        position_mm = None
-        method = "picture plane"
-    else:
-        plane, position_mm = _in_planes(tracks, camera)
+        return _without_camera(tracks, pixel_aspect)
+    check_size(tracks.size_px, camera)
+    if camera.pose is not None:
+        _check_pose(camera.pose)
+        plane, position_mm = _in_planes(tracks, camera.intrinsics, camera.pose)
         method = "camera file: rays met with each stick's plane"
-    return from_plane(tracks, plane, position_mm=position_mm, method=method)
+        found = from_plane(tracks, plane, position_mm=position_mm, method=method)
+        found.report["tilt"] = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
+        return found
+    try:
+        axis = axis_in_picture(tracks.position_px[:, 2:], tracks.covariance_px2[:, 2:], camera.intrinsics)
+    except NoResultError:
+        # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
+        return _without_camera(tracks, pixel_aspect, intrinsics=camera.intrinsics)
+    plane, _ = _in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
+    found = from_plane(tracks, plane, position_mm=None, method="lens file, axis from the markers' own ellipses")
+    found.report["tilt"] = {
+        "known": True,
+        "from": "the markers' own ellipses and the lens",
+        "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
+        "sigma_deg": float(np.rad2deg(axis.direction_sigma_rad)),
+        "arc_deg": float(np.rad2deg(axis.arc_rad)),
+    }
+    return found
+
+
+def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
+    """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
+    width, height = tracks.size_px
+    half = 0.5 * pixel_aspect * width
+    flat: list[Points] = []
+    for marker in range(4):
+        if intrinsics is None:
+            flat.append(_picture_plane(tracks, marker, pixel_aspect))
+        else:
+            flat.append(_lens_plane(tracks, marker, intrinsics))
+            half = 0.5 * width / float(intrinsics.matrix[0, 0])
+    middle = np.array([0.5 * pixel_aspect * (width - 1), -0.5 * (height - 1)]) if intrinsics is None else np.zeros(2)
+    flat = [((points - middle) / half, covariance / half**2) for points, covariance in flat]
+    scale = witness(flat[2][0], flat[3][0], flat[2][1], flat[3][1]).scale
+    tilt = fit_tilt(flat[2][0], flat[3][0], flat[2][1] * scale**2, flat[3][1] * scale**2, half=1.0)
+    plane = [(rectify(points, tilt.values), covariance) for points, covariance in flat]
+    found = from_plane(
+        tracks,
+        plane,
+        position_mm=None,
+        method="no camera file: the picture's plane, corrected for tilt"
+        if tilt.known
+        else "no camera file: the picture's plane, its tilt unknown",
+        systematic_rad2=_tilt_variance(flat, tilt),
+    )
+    found.report["tilt"] = tilt.report()
+    return found
+
+
+def _tilt_variance(flat: list[Points], tilt: Tilt) -> NDArray[np.float64]:
+    """Return the variance of the angle by what is not known of the tilt."""
+
+    def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        base, moving = (rectify(flat[first + 1][0], values) - rectify(flat[first][0], values) for first in (0, 2))
+        still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
+        return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
+
+    slopes = []
+    for index in range(len(tilt.values)):
+        step = np.zeros(len(tilt.values))
+        step[index] = 1e-4
+        change = angle(tilt.values + step) - angle(tilt.values - step)
+        slopes.append(np.angle(np.exp(1j * change)) / 2e-4)
+    jacobian = np.stack(slopes, axis=1)
+    return np.asarray(np.einsum("ni,ij,nj->n", jacobian, tilt.covariance, jacobian), dtype=np.float64)
 
 
 Points = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -86,8 +154,12 @@ def from_plane(
     *,
     position_mm: NDArray[np.float64] | None,
     method: str,
+    systematic_rad2: NDArray[np.float64] | None = None,
 ) -> Orientation:
-    """Return the angle from the markers' positions in planes across the axis."""
+    """Return the angle from the markers' positions in planes across the axis.
+
+    ``systematic_rad2`` (n,) is variance of the angle that positions do not show, such as by an unknown tilt.
+    """
     base = witness(plane[0][0], plane[1][0], plane[0][1], plane[1][1])
     moving = witness(plane[2][0], plane[3][0], plane[2][1], plane[3][1])
     scale = moving.scale
@@ -99,6 +171,8 @@ def from_plane(
     base_rad = _continuous(base_rad)
     steady_rad, steady_variance = steady_direction(base_rad, base_variance * max(scale, base.scale) ** 2)
     variance = moving_variance * scale**2 + steady_variance + floor[0] + floor[1]
+    if systematic_rad2 is not None:
+        variance = variance + systematic_rad2
     angle_rad, certain = unwrap(tracks.time_s, moving_rad - steady_rad)
     valid = np.isfinite(angle_rad) & np.isfinite(variance)
     angles = StickAngles(
@@ -158,15 +232,37 @@ def _picture_plane(tracks: MarkerTracks, marker: int, pixel_aspect: float) -> Po
     return tracks.position_px[:, marker] @ turn.T, turn @ tracks.covariance_px2[:, marker] @ turn.T
 
 
-def _in_planes(tracks: MarkerTracks, camera: Camera) -> tuple[list[Points], NDArray[np.float64]]:
-    check_size(tracks.size_px, camera)
-    pose = camera.pose
-    if pose is None:
+def _lens_plane(tracks: MarkerTracks, marker: int, intrinsics: Intrinsics) -> Points:
+    """Return positions with the lens taken out, y up."""
+    flip = np.array([[1.0, 0.0], [0.0, -1.0]])
+    rays, covariance = carry(
+        lambda pixels: undistort(pixels, intrinsics),
+        tracks.position_px[:, marker],
+        tracks.covariance_px2[:, marker],
+    )
+    return rays @ flip, flip @ covariance @ flip
+
+
+def _check_pose(pose: Pose) -> None:
+    rotation = rotation_matrix(pose.rvec)
+    centre = -rotation.T @ pose.tvec_mm
+    if centre[2] <= max(pose.base_z_mm, pose.moving_z_mm):
         raise ConfigError(
-            "has no [pose] and [planes]",
-            where="the camera file",
-            do="calibrate the pose of the axis, or give both films of the stereo pair",
+            "the world's z axis points away from the camera",
+            where="the camera file, [pose]",
+            value=f"the camera is at z = {centre[2]:.1f} mm",
+            limit=f"above the sticks' planes, at {max(pose.base_z_mm, pose.moving_z_mm):g} mm",
+            do="turn the board's axes over: z is the rotation axis, towards the camera",
         )
+
+
+def _tilt_deg(pose: Pose) -> float:
+    """Return the angle between the axis and the line of sight to it."""
+    centre = -rotation_matrix(pose.rvec).T @ pose.tvec_mm
+    return float(np.rad2deg(np.arccos(np.clip(centre[2] / np.linalg.norm(centre), -1.0, 1.0))))
+
+
+def _in_planes(tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose) -> tuple[list[Points], NDArray[np.float64]]:
     heights = (pose.base_z_mm, pose.moving_z_mm)
     plane: list[Points] = []
     position_mm = np.full((len(tracks), 4, 3), np.nan)
@@ -174,7 +270,7 @@ def _in_planes(tracks: MarkerTracks, camera: Camera) -> tuple[list[Points], NDAr
         z_mm = heights[_PLANES[marker]]
 
         def to_plane(pixels: NDArray[np.float64], z_mm: float = z_mm) -> NDArray[np.float64]:
-            return meet_plane(undistort(pixels, camera.intrinsics), pose, z_mm=z_mm)
+            return meet_plane(undistort(pixels, intrinsics), pose, z_mm=z_mm)
 
         points = carry(to_plane, tracks.position_px[:, marker], tracks.covariance_px2[:, marker])
         plane.append(points)

@@ -135,13 +135,7 @@ class Rig:
         return self.project(np.array(points))
 
     def camera_toml(self) -> str:
-        rotation = self.rotation
-        angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
-        _, vectors = np.linalg.eigh((rotation + rotation.T) / 2)
-        axis = vectors[:, -1]
-        best = min((axis * s for s in (1, -1)), key=lambda r: np.abs(_rodrigues(r * angle) - rotation).max())
-        r = best * angle
-        assert np.abs(_rodrigues(r) - rotation).max() < 1e-6
+        r = _rotation_vector(self.rotation)
         f, (cx, cy) = self.distance, self.middle
         return (
             f"[intrinsics]\nwidth = {self.size[0]}\nheight = {self.size[1]}\nfx_px = {f}\nfy_px = {f}\n"
@@ -149,6 +143,15 @@ class Rig:
             f"[pose]\nrvec = {r.tolist()}\ntvec_mm = {self.translation.tolist()}\n"
             f"[planes]\nbase_z_mm = {self.base_z}\nmoving_z_mm = {self.moving_z}\n"
         )
+
+    def pair_toml(self, right: Rig) -> str:
+        """Return the camera file of this rig as the left camera and another one as the right."""
+        turn = right.rotation @ self.rotation.T
+        move = right.translation - turn @ self.translation
+        head = self.camera_toml().split("[pose]")[0]
+        lens = right.camera_toml().split("[pose]")[0].replace("[intrinsics]", "[right.intrinsics]")
+        rvec = _rotation_vector(turn).tolist()
+        return f"{head}{lens}[right.from_left]\nrvec = {rvec}\ntvec_mm = {move.tolist()}\n"
 
     def markers_toml(self) -> str:
         p = np.round(self.marker_px(float(self.truth_deg[0])), 1).tolist()
@@ -276,6 +279,15 @@ class Rig:
             a = np.deg2rad(turn)
             spots += [(r * np.cos(a), r * np.sin(a)) for r in radii]
         return spots
+
+
+def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
+    _, vectors = np.linalg.eigh((rotation + rotation.T) / 2)
+    axis = vectors[:, -1]
+    best = min((axis * s for s in (1, -1)), key=lambda r: np.abs(_rodrigues(r * angle) - rotation).max())
+    assert np.abs(_rodrigues(best * angle) - rotation).max() < 1e-6
+    return best * angle
 
 
 def _rodrigues(r: np.ndarray) -> np.ndarray:

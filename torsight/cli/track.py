@@ -99,20 +99,34 @@ def track_to_folder(
     from tracker.hints import read_markers
     from tracker.orient import check_size, orient
     from tracker.source import open_source
+    from tracker.stereo import orient_pair
     from tracker.track import track_film
 
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
-    if right is not None:
-        raise ConfigError("a stereo pair needs a camera file with [right]", where="--camera")
+    if right is not None and (lens is None or lens.right is None):
+        raise ConfigError(
+            "two films need a camera file with a second camera",
+            where="--camera" if camera is None else str(camera),
+            limit="[right.intrinsics] and [right.from_left]",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
     source = open_source(video, fps=fps, timestamps=timestamps)
     if lens is not None:
         check_size(source.size_px, lens)
-    kept = out / ".track"
-    result = track_film(source, markers=hints, out=kept, resume=resume, progress=progress)
-    orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
+    kept = [out / ".track"]
+    result = track_film(source, markers=hints, out=kept[0], resume=resume, progress=progress)
+    if right is not None and lens is not None:
+        second = open_source(right, fps=fps, timestamps=timestamps)
+        kept.append(out / ".track-right")
+        # Positions that were given are of the left picture; in the right one the markers are found.
+        other = track_film(second, out=kept[1], resume=resume, progress=progress)
+        orientation = orient_pair(result.tracks, other.tracks, lens)
+    else:
+        orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
     write_table(out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm))
     write_angles(out / "angle.csv", orientation.angles)
     write_json(out / "track.json", account(result, orientation))
-    drop(kept)
+    for folder in kept:
+        drop(folder)
     return orientation.angles

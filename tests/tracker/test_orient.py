@@ -1,0 +1,162 @@
+"""The angle from positions: with a lens and a pose, with a lens alone, with neither, and from two films.
+
+Positions are made by projection, not from pictures: what is tested is the geometry and the sigma.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from films import Rig, write_film
+
+from torsight.core.camera import Camera, read_camera
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.tracks import MarkerTracks
+from tracker.orient import orient
+from tracker.stereo import orient_pair
+
+SIGMA_PX = 0.02
+TILTED = Rig(
+    lambda t: 60.0 + 200.0 * (np.cos(t) - 1.0),
+    frames=400,
+    fps=60.0,
+    size=(640, 480),
+    base_px=(55.0, 140.0),
+    moving_px=(50.0, 120.0),
+    tilt_deg=(13.0, -7.0),
+    distance=1200.0,
+    k1=-0.15,
+)
+
+
+def tracks_of(rig: Rig, *, seed: int = 0, angle_deg: np.ndarray | None = None) -> MarkerTracks:
+    """Exact projections and noise of known size."""
+    angles = rig.truth_deg if angle_deg is None else angle_deg
+    position = np.array([rig.marker_px(a) for a in angles])
+    position += np.random.default_rng(seed).normal(0.0, SIGMA_PX, position.shape)
+    n = len(angles)
+    return MarkerTracks(
+        frame=np.arange(n),
+        time_s=rig.times,
+        position_px=position,
+        covariance_px2=np.broadcast_to(SIGMA_PX**2 * np.eye(2), (n, 4, 2, 2)).copy(),
+        valid=np.ones((n, 4), bool),
+        size_px=rig.size,
+    )
+
+
+def camera_of(rig: Rig, folder: Path, *, pose: bool = True) -> Camera:
+    (folder / "camera.toml").write_text(rig.camera_toml())
+    camera = read_camera(folder / "camera.toml")
+    return camera if pose else replace(camera, pose=None)
+
+
+def check(rig: Rig, angles, *, factor: float = 1.0) -> None:
+    error = np.rad2deg(angles.angle_rad) - rig.truth_deg
+    sigma = np.rad2deg(angles.sigma_rad)
+    bound = np.rad2deg(np.sqrt(2.0) * SIGMA_PX / (rig.moving_px[1] - rig.moving_px[0]))
+    assert angles.valid.all()
+    assert np.sqrt(np.mean(error**2)) < 1.5 * factor * bound
+    assert 0.7 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.4
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (13.0, -7.0), (-25.0, 18.0)])
+def test_a_known_camera(tmp_path: Path, tilt: tuple[float, float]) -> None:
+    rig = replace(TILTED, tilt_deg=tilt)
+    # Foreshortening by cos 31° makes the same pixels a larger angle.
+    check(rig, orient(tracks_of(rig), camera_of(rig, tmp_path)).angles, factor=1.25)
+
+
+def test_a_lens_without_a_pose_finds_the_axis(tmp_path: Path) -> None:
+    found = orient(tracks_of(TILTED), camera_of(TILTED, tmp_path, pose=False))
+    check(TILTED, found.angles, factor=1.3)
+    assert found.report["tilt"]["tilt_deg"] == pytest.approx(14.7, abs=1.0)
+
+
+def test_without_a_camera_the_ellipses_tell_the_tilt() -> None:
+    found = orient(tracks_of(TILTED), None)
+    check(TILTED, found.angles, factor=1.5)
+    assert found.report["tilt"]["known"]
+    assert found.report["tilt"]["tilt_deg"] == pytest.approx(14.7, abs=1.5)
+
+
+def test_without_a_camera_and_with_little_motion_the_sigma_says_so() -> None:
+    rig = replace(TILTED, angle_deg=lambda t: 100.0 + 3.0 * np.sin(t))
+    found = orient(tracks_of(rig), None)
+    error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+    sigma = np.rad2deg(found.angles.sigma_rad)
+    assert not found.report["tilt"]["known"]
+    assert found.report["tilt"]["error_it_can_make_deg"] > 0.3
+    # The tilt shifts all angles alike, by up to ψ²/4 · 2 = 1.9°, and two sigmas hold that.
+    assert np.abs(error).max() > 0.1
+    assert (np.abs(error) < 3.0 * sigma).all()
+
+
+def test_pixels_that_are_not_square() -> None:
+    rig = replace(TILTED, tilt_deg=(0.0, 0.0), k1=0.0)
+    tracks = tracks_of(rig)
+    squeezed = replace(tracks, position_px=tracks.position_px * [0.5, 1.0], size_px=(320, 480))
+    check(rig, orient(squeezed, None, pixel_aspect=2.0).angles, factor=2.0)
+
+
+def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
+    camera = camera_of(TILTED, tmp_path)
+    assert camera.pose is not None
+    away = replace(camera, pose=replace(camera.pose, rvec=np.zeros(3)))
+    with pytest.raises(ConfigError, match="points away"):
+        orient(tracks_of(TILTED), away)
+
+
+@pytest.mark.parametrize("range_deg", [400.0, 4.0])
+def test_two_films(tmp_path: Path, range_deg: float) -> None:
+    left = replace(TILTED, angle_deg=lambda t: 60.0 + 0.5 * range_deg * (np.cos(t) - 1.0))
+    right = replace(left, tilt_deg=(10.0, 14.0))
+    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
+    found = orient_pair(tracks_of(left, seed=1), tracks_of(right, seed=2), read_camera(tmp_path / "pair.toml"))
+    check(left, found.angles)
+    assert found.position_mm is not None
+    # Distances in space are those of the rig: noise of 0.02 px is 0.02 mm here, averaged over 400 frames.
+    length = np.linalg.norm(found.position_mm[:, 1] - found.position_mm[:, 0], axis=1)
+    assert length.mean() == pytest.approx(85.0, abs=0.02)
+    if range_deg > 100.0:
+        assert found.report["axis"]["tilt_deg"] == pytest.approx(14.7, abs=0.2)
+        height = found.position_mm[:, 2:, 2].mean() - found.position_mm[:, :2, 2].mean()
+        assert height == pytest.approx(6.0, abs=0.1)
+
+
+def test_two_films_where_one_lost_frames(tmp_path: Path) -> None:
+    left = TILTED
+    right = replace(left, tilt_deg=(10.0, 14.0), drop=(5, 6, 100, 250))
+    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
+    found = orient_pair(tracks_of(left, seed=1), tracks_of(right, seed=2), read_camera(tmp_path / "pair.toml"))
+    assert np.flatnonzero(~found.angles.valid).tolist() == [5, 6, 100, 250]
+    error = (np.rad2deg(found.angles.angle_rad) - left.truth_deg)[found.angles.valid]
+    assert np.abs(error).max() < 0.2
+
+
+def test_two_films_that_never_show_a_marker_at_once(tmp_path: Path) -> None:
+    right = replace(TILTED, tilt_deg=(10.0, 14.0))
+    (tmp_path / "pair.toml").write_text(TILTED.pair_toml(right))
+    tracks = tracks_of(TILTED)
+    blind = tracks.position_px.copy()
+    blind[:, 2] = np.nan
+    with pytest.raises(NoResultError, match="moving inner"):
+        orient_pair(replace(tracks, position_px=blind), tracks_of(right), read_camera(tmp_path / "pair.toml"))
+
+
+def test_the_command_takes_two_films(tmp_path: Path) -> None:
+    from torsight.cli.track import track_to_folder
+
+    left = Rig(lambda t: 100.0 - 140.0 * t, frames=24, tilt_deg=(6.0, -9.0), distance=500.0)
+    right = replace(left, tilt_deg=(4.0, 12.0), seed=9)
+    films = [write_film(rig, tmp_path / f"{name}.mkv") for name, rig in (("left", left), ("right", right))]
+    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
+    angles = track_to_folder(films[0], right=films[1], camera=tmp_path / "pair.toml", out=tmp_path / "out")
+    error = np.rad2deg(angles.angle_rad) - left.truth_deg
+    assert angles.valid.mean() > 0.8
+    assert np.nanmax(np.abs(error)) < 0.15
+    with pytest.raises(ConfigError, match="second camera"):
+        track_to_folder(films[0], right=films[1], out=tmp_path / "out")

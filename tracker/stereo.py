@@ -1,0 +1,151 @@
+"""The actuator angle from two films: positions in space, and the rotation axis found from the tracks."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.axis import axis_basis, axis_in_space
+from torsight.core.camera import Camera
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.geometry import triangulate
+from torsight.core.tracks import MARKERS, MarkerTracks
+from tracker.orient import Orientation, Points, check_size, from_plane
+
+Floats = NDArray[np.float64]
+
+_OFF_LINE: Final = 30.0
+"""χ² above which a marker in both pictures is not the same point (one degree of freedom)."""
+_PARALLEL: Final = 0.2
+
+
+def orient_pair(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> Orientation:
+    """Return the moving stick's orientation against the base stick, in space.
+
+    Parameters
+    ----------
+    left, right : MarkerTracks
+        Tracks of both films; one row per frame of the left one is returned.
+    camera : Camera
+        With the second camera.
+
+    Raises
+    ------
+    ConfigError
+        When the camera file has no second camera, or is for another picture size.
+    NoResultError
+        When the markers are never seen in both films, or do not belong together.
+    """
+    if camera.right is None:
+        raise ConfigError(
+            "has no [right.intrinsics] and [right.from_left]",
+            where="the camera file",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
+    check_size(left.size_px, camera)
+    check_right_size(right.size_px, camera)
+    other = _matching(left, right)
+    space = triangulate(
+        left.position_px,
+        right.position_px[other],
+        left=camera.intrinsics,
+        right=camera.right,
+        left_covariance_px2=left.covariance_px2,
+        right_covariance_px2=right.covariance_px2[other],
+    )
+    position = np.where((other >= 0)[:, None, None], space.position_mm, np.nan)
+    # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
+    usual = np.nanmedian(space.chi_squared) if np.isfinite(space.chi_squared).any() else np.nan
+    _require_same_points(space.chi_squared)
+    off = space.chi_squared > _OFF_LINE * max(1.0, float(usual) / 0.455)
+    position[off] = np.nan
+    direction, point, report = _axis(position, space.covariance_mm2)
+    u, v = axis_basis(direction)
+    frame = np.stack([u, v, direction])
+    in_frame = (position - point) @ frame.T
+    across = np.stack([u, v])
+    plane: list[Points] = [
+        (in_frame[:, marker, :2], across @ space.covariance_mm2[:, marker] @ across.T) for marker in range(4)
+    ]
+    found = from_plane(left, plane, position_mm=in_frame, method="two cameras: points in space, axis from the tracks")
+    found.report["axis"] = report
+    return found
+
+
+def check_right_size(size_px: tuple[int, int], camera: Camera) -> None:
+    """Refuse a camera file whose second camera is for another picture size.
+
+    Raises
+    ------
+    ConfigError
+        Naming both sizes.
+    """
+    if camera.right is not None and camera.right.intrinsics.size_px != size_px:
+        width, height = camera.right.intrinsics.size_px
+        raise ConfigError(
+            "the camera file is for another picture size",
+            where="[right.intrinsics] width, height",
+            value=f"{width} × {height}",
+            limit=f"{size_px[0]} × {size_px[1]}, the size of the right film",
+            do="calibrate the pair at the size at which it films",
+        )
+
+
+def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:
+    """Return for each left frame the right frame of its time; −1 where there is none within half a frame."""
+    nearest = np.clip(np.searchsorted(right.time_s, left.time_s), 1, max(1, len(right) - 1))
+    nearest = np.minimum(nearest, len(right) - 1)
+    before = np.maximum(nearest - 1, 0)
+    closer = np.abs(right.time_s[before] - left.time_s) <= np.abs(right.time_s[nearest] - left.time_s)
+    index = np.where(closer, before, nearest).astype(np.int64)
+    step_s = float(np.median(np.diff(left.time_s))) if len(left) > 1 else np.inf
+    return np.where(np.abs(right.time_s[index] - left.time_s) <= 0.5 * step_s, index, -1)
+
+
+def _require_same_points(chi_squared: Floats) -> None:
+    for marker, name in enumerate(MARKERS):
+        seen = chi_squared[:, marker][np.isfinite(chi_squared[:, marker])]
+        if len(seen) == 0:
+            raise NoResultError(
+                "is never seen in both films at once",
+                where=f"stereo pair, {name.replace('_', ' ')} marker",
+                do="check that both films show the rig and start at the same time",
+            )
+
+
+def _axis(position: Floats, covariance: Floats) -> tuple[Floats, Floats, dict[str, Any]]:
+    """Return direction of the axis, a point on it, and what is said of it."""
+    moving, spread = position[:, 2:], covariance[:, 2:]
+    try:
+        axis = axis_in_space(moving, spread)
+    except NoResultError:
+        return _axis_of_still_sticks(position)
+    report = {
+        "from": "the circles of the moving markers",
+        "arc_deg": float(np.rad2deg(axis.arc_rad)),
+        "direction_sigma_deg": float(np.rad2deg(axis.direction_sigma_rad)),
+        "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
+        "misfit": axis.misfit,
+    }
+    return axis.direction, axis.point_mm, report
+
+
+def _axis_of_still_sticks(position: Floats) -> tuple[Floats, Floats, dict[str, Any]]:
+    """Return the direction across both sticks, for a film in which the moving one hardly turns."""
+    mean = np.nanmean(position, axis=0)
+    base, moving = (stick / np.linalg.norm(stick) for stick in (mean[1] - mean[0], mean[3] - mean[2]))
+    across = np.cross(base, moving)
+    size = float(np.linalg.norm(across))
+    if not np.isfinite(size) or size < _PARALLEL:
+        raise NoResultError(
+            "the rotation axis cannot be found: the stick hardly turns, and both sticks point the same way",
+            where="stereo pair",
+            limit="30 degrees of motion",
+            do="film more of the motion",
+        )
+    across /= size
+    if across @ mean.mean(axis=0) > 0:
+        across = -across
+    return across, mean[2], {"from": "both sticks' directions: the moving one turns too little for circles"}
