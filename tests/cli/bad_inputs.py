@@ -323,8 +323,6 @@ BAD: dict[str, Bad] = {
     "track: frame times that go back": Bad(
         TRACK + " --timestamps {angle.csv}", column("angle.csv", 1, "0.1", row=9), 3, "time_s"
     ),
-        "track {film.avi} {right.avi} --camera {stereo.toml} --out {out}", fine, 3, "right.avi"
-    ),
     "track: stereo without a camera": Bad("track {film.avi} {film.avi} --out {out}", fine, 2, "camera"),
     "run: experiment that is missing": Bad(RUN, gone("experiment.toml"), 3, "no such file"),
     "run: experiment that is no TOML": Bad(RUN, written("experiment.toml", "video ="), 2, "is not TOML"),

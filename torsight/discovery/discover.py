@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.effects import load_effects
-from torsight.actuator.fitted import FittedModel
 from torsight.actuator.fit import require_motion
+from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate
