@@ -1,0 +1,352 @@
+"""Values of a spring from its four tests, with intervals; the paper's section 4.1.
+
+1. Free recovery (torque-free): θ = θ_d ξ(T), A_s and A_f of both phase laws.
+2. Force against angle at room temperature: slopes E_M and E_S; their lines meet in the critical angle.
+3. Block test, heating: F = C1 θ_0 E(ξ) (1 − ξ) / (C2 L_l), ξ by (13) at the stress that F itself makes: E_A and C_A.
+   The fit moves 1/C, in kelvin per megapascal.
+4. Block test, cooling: the same with (14): M_s, M_f and C_M.
+
+Each step takes the values of the steps before it as priors with their uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.conditioning import condition
+from torsight.actuator.curves import CurveFit, fit_curve, share_explained
+from torsight.actuator.phase import COOLING_LAWS, HEATING_LAWS
+from torsight.actuator.spec import ActuatorSpec
+from torsight.actuator.spring_tests import SpringTests
+from torsight.core.errors import NoResultError
+from torsight.core.parameter import Estimate, Parameter
+from torsight.core.units import MPA
+
+Array = NDArray[np.float64]
+
+LAWS: Final = ("liang_rogers", "tanaka")
+_DIVISIONS: Final = 44
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step: its values, its error, and what was fitted against what was measured."""
+
+    estimates: Mapping[str, Estimate]
+    rmse: float
+    r2: Mapping[str, float]
+    curves: Mapping[str, tuple[Array, Array, Array]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values and errors."""
+        return {
+            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "rmse": self.rmse,
+            "r2": dict(self.r2),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Characterisation:
+    """All steps of one spring, and the values that they give.
+
+    Attributes
+    ----------
+    steps : mapping of str to Step
+        ``free_recovery`` and ``free_recovery_tanaka``, ``force_angle``, ``block_heating``, ``block_cooling``.
+    better_law : str
+        The phase law with the smaller error in the free recovery.
+    estimates : mapping of str to Estimate
+        Characterised values by the names of ``actuator.toml``.
+    spec : ActuatorSpec
+        For ``actuator.toml``.
+    """
+
+    steps: Mapping[str, Step]
+    better_law: str
+    estimates: Mapping[str, Estimate]
+    spec: ActuatorSpec
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of ``characterisation.json``."""
+        plain, other = self.steps["free_recovery"].rmse, self.steps["free_recovery_tanaka"].rmse
+        return {
+            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "phase_law": {"better": self.better_law, "rmse_deg": {"liang_rogers": plain, "tanaka": other}},
+            "steps": {name: step.to_json() for name, step in self.steps.items()},
+        }
+
+
+def characterise(tests: SpringTests, *, source: str = "characterisation") -> Characterisation:
+    """Fit all four steps.
+
+    Raises
+    ------
+    NoResultError
+        When a test does not hold what its step needs.
+    """
+    recovery = {law: free_recovery(tests, law=law) for law in LAWS}
+    better = min(LAWS, key=lambda law: recovery[law].rmse)
+    lines = force_angle(tests)
+    known = {**recovery["liang_rogers"].estimates, **lines.estimates}
+    heating = block_heating(tests, known)
+    known |= heating.estimates
+    cooling = block_cooling(tests, known)
+    known |= cooling.estimates
+    names = (
+        "E_A_gpa",
+        "E_M_gpa",
+        "E_S_gpa",
+        "A_s_c",
+        "A_f_c",
+        "M_s_c",
+        "M_f_c",
+        "C_A_mpa_per_k",
+        "C_M_mpa_per_k",
+        "theta_cr_deg",
+    )
+    estimates = {name: known[name] for name in names}
+    values = {
+        **tests.geometry,
+        **{name: item.value for name, item in estimates.items()},
+        **tests.assembly,
+        **tests.friction,
+    }
+    spec = ActuatorSpec(values, {name: item.sigma for name, item in estimates.items()}, source=source)
+    steps = {
+        "free_recovery": recovery["liang_rogers"], "free_recovery_tanaka": recovery["tanaka"], "force_angle": lines,
+        "block_heating": heating, "block_cooling": cooling,
+    }  # fmt: skip
+    return Characterisation(steps, better, estimates, spec)
+
+
+def free_recovery(tests: SpringTests, *, law: str) -> Step:
+    """Return step 1 for one phase law: A_s, A_f from all free recoveries together."""
+    temps = [_smooth(item.temp_c) for item in tests.recoveries]
+    ends = np.cumsum([0, *(len(item.angle_deg) for item in tests.recoveries)])
+    parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
+    measured = np.concatenate([item.angle_deg for item in tests.recoveries])
+    for item in tests.recoveries:
+        if np.ptp(item.angle_deg) < 0.3 * item.pre_deformation_deg:
+            raise NoResultError(
+                "does not recover",
+                where=item.source,
+                value=f"{np.ptp(item.angle_deg):.1f}°",
+                limit=f"30 % of {item.pre_deformation_deg:g}° or more",
+                do="heat it through its transformation",
+            )
+
+    def model(values: Mapping[str, float]) -> Array:
+        window = {"start_c": values["A_s_c"], "finish_c": values["A_s_c"] + values["width_c"], "influence": 1.0}
+        return np.concatenate([
+            item.pre_deformation_deg * HEATING_LAWS[law](temp, 0.0, xi_0=1.0, **window)
+            for item, temp in zip(tests.recoveries, temps, strict=True)
+        ])  # fmt: skip
+
+    start, finish = _crossing(tests, temps)
+    guess = (
+        Parameter("A_s_c", start, "°C", lower=-150.0, upper=200.0),
+        Parameter("width_c", max(finish - start, 2.0), "°C", lower=0.5, upper=150.0),
+    )
+    found = fit_curve(model, guess, measured, parts=parts, what=f"free recovery, {law}")
+    return Step(
+        estimates=_window(found, "A_s_c", "A_f_c", sign=1.0),
+        rmse=found.rmse,
+        r2={
+            _label(item.pre_deformation_deg): share_explained(measured[part], found.fitted[part])
+            for item, part in zip(tests.recoveries, parts, strict=True)
+        },
+        curves={
+            _label(item.pre_deformation_deg): (temp, measured[part], found.fitted[part])
+            for item, temp, part in zip(tests.recoveries, temps, parts, strict=True)
+        },
+    )
+
+
+def _crossing(tests: SpringTests, temps: list[Array]) -> tuple[float, float]:
+    """Return the temperatures at which 90 % and 10 % of the first recovery are left, for a start."""
+    item, temp = tests.recoveries[0], temps[0]
+    width = max(3, len(temp) // 40)
+    angle = np.convolve(np.pad(item.angle_deg, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
+    left = angle / item.pre_deformation_deg
+    start = temp[int(np.argmax(left < 0.9))] if (left < 0.9).any() else float(np.median(temp))
+    finish = temp[int(np.argmax(left < 0.1))] if (left < 0.1).any() else float(temp.max())
+    return float(start), float(finish)
+
+
+def _window(found: CurveFit, start: str, finish: str, *, sign: float) -> dict[str, Estimate]:
+    """Return both ends of a window that was fitted as its start and width."""
+    first = found.estimates[start]
+    a, b = found.names.index(start), found.names.index("width_c")
+    c = found.covariance
+    sigma = float(np.sqrt(max(0.0, c[a, a] + c[b, b] + 2.0 * sign * c[a, b])))
+    value = found.values[start] + sign * found.values["width_c"]
+    return {start: first, finish: Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), "°C")}
+
+
+def force_angle(tests: SpringTests) -> Step:
+    """Return step 2: both slopes, and the angle at which their lines meet.
+
+    One broken line through both ranges: F = F_0 + c E_M θ up to the critical angle, and c E_S beyond it.
+    """
+    scale = tests.force_per_deg_gpa
+    picked = [(item.angle_deg[item.inside], item.force_n[item.inside], item) for item in tests.forces]
+    angle, force = (np.concatenate([entry[i] for entry in picked]) for i in (0, 1))
+    large = np.concatenate([np.full(len(entry[0]), entry[2].large) for entry in picked])
+    ends = np.cumsum([0, *(len(entry[0]) for entry in picked)])
+    parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
+
+    def model(values: Mapping[str, float]) -> Array:
+        e_m, e_s, critical = values["E_M_gpa"], values["E_S_gpa"], values["theta_cr_deg"]
+        return values["force_0_n"] + scale * np.where(large, e_m * critical + e_s * (angle - critical), e_m * angle)
+
+    first, second = (np.polyfit(angle[large == flag], force[large == flag], 1) for flag in (False, True))
+    if not 0.0 < second[0] < first[0]:
+        raise NoResultError(
+            "the slopes of force against angle are out of order", where="step 2",
+            value=f"{first[0]:.3g} N/° (small range), {second[0]:.3g} N/° (large)", limit="0 < large < small",
+            do="check 'range', 'from_deg' and 'to_deg' of [[force_angle]]",
+        )  # fmt: skip
+    meet = float((first[1] - second[1]) / (second[0] - first[0]))
+    guess = (
+        Parameter("E_M_gpa", float(first[0]) / scale, "GPa", lower=1e-3),
+        Parameter("E_S_gpa", float(second[0]) / scale, "GPa", lower=1e-3),
+        Parameter("theta_cr_deg", meet, "°", lower=0.0),
+        Parameter("force_0_n", float(first[1]), "N"),
+    )
+    found = fit_curve(model, guess, force, parts=parts, what="force against angle")
+    names = [f"{'large' if entry[2].large else 'small'} {number + 1}" for number, entry in enumerate(picked)]
+    return Step(
+        estimates={name: found.estimates[name] for name in ("E_M_gpa", "E_S_gpa", "theta_cr_deg")},
+        rmse=found.rmse,
+        r2={name: share_explained(force[part], found.fitted[part]) for name, part in zip(names, parts, strict=True)},
+        curves={name: (angle[part], force[part], found.fitted[part]) for name, part in zip(names, parts, strict=True)},
+    )
+
+
+def block_heating(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
+    """Return step 3: E_A and C_A from the heating of the block test."""
+    temp, force = _block_half(tests, cooling=False)
+    top = float(np.quantile(force, 0.98))
+    stiffness = tests.force_per_deg_gpa * tests.block.pre_deformation_deg
+    guess = (
+        Parameter("E_A_gpa", top / stiffness, "GPa", lower=0.5, upper=1000.0),
+        Parameter("k_per_mpa", 0.05, "K/MPa", lower=0.0, upper=2.0),
+        _carried(known, "A_s_c"), _carried(known, "A_f_c"), _carried(known, "E_M_gpa"),
+    )  # fmt: skip
+
+    def model(values: Mapping[str, float]) -> Array:
+        return stiffness * blocked_force(tests, values, temp, cooling=False)
+
+    found = fit_curve(model, guess, force, what="block test, heating")
+    estimates = {name: found.estimates[name] for name in ("E_A_gpa", "A_s_c", "A_f_c", "E_M_gpa")}
+    estimates["C_A_mpa_per_k"] = _influence(found.estimates["k_per_mpa"])
+    return Step(estimates, found.rmse, {"heating": found.r2}, {"heating": (temp, force, found.fitted)})
+
+
+def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
+    """Return step 4: M_s, M_f and C_M from the cooling of the block test."""
+    temp, force = _block_half(tests, cooling=True)
+    stiffness = tests.force_per_deg_gpa * tests.block.pre_deformation_deg
+    influence = known["C_A_mpa_per_k"].value
+    shift = float(np.quantile(force, 0.98)) * tests.stress_per_force / (influence * MPA)
+    level = force / max(float(np.quantile(force, 0.98)), 1e-9)
+    start = float(temp[int(np.argmax(level < 0.9))]) - shift if (level < 0.9).any() else float(np.median(temp))
+    finish = float(temp[int(np.argmax(level < 0.1))]) if (level < 0.1).any() else float(temp.min())
+    guess = (
+        Parameter("M_s_c", max(start, finish + 3.0), "°C", lower=-150.0, upper=200.0),
+        Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0),
+        Parameter("k_per_mpa", 1.0 / influence, "K/MPa", lower=0.0, upper=2.0),
+        _carried(known, "E_A_gpa"), _carried(known, "E_M_gpa"),
+    )  # fmt: skip
+
+    def model(values: Mapping[str, float]) -> Array:
+        window = {**values, "M_f_c": values["M_s_c"] - values["width_c"]}
+        return stiffness * blocked_force(tests, window, temp, cooling=True)
+
+    found = fit_curve(model, guess, force, what="block test, cooling")
+    estimates = {
+        **_window(found, "M_s_c", "M_f_c", sign=-1.0),
+        "C_M_mpa_per_k": _influence(found.estimates["k_per_mpa"]),
+    }
+    return Step(estimates, found.rmse, {"cooling": found.r2}, {"cooling": (temp, force, found.fitted)})
+
+
+def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Array, *, cooling: bool) -> Array:
+    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself, by bisection.
+
+    More martensite means less force, less stress, and so (by the law) less martensite while heating and cooling alike:
+    the law less the trial falls as the trial grows.
+    """
+    e_a, e_m = values["E_A_gpa"], values["E_M_gpa"]
+    per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
+    influence = MPA / max(values["k_per_mpa"], 1e-6)
+    low, high = np.zeros_like(temp_c), np.ones_like(temp_c)
+    for _ in range(_DIVISIONS):
+        xi = 0.5 * (low + high)
+        stress = per_gpa * (e_a + xi * (e_m - e_a)) * (1.0 - xi)
+        if cooling:
+            law = COOLING_LAWS["liang_rogers"](
+                temp_c,
+                stress,
+                start_c=values["M_s_c"],
+                finish_c=values["M_f_c"],
+                influence=influence,
+                xi_0=0.0,
+            )
+        else:
+            law = HEATING_LAWS["liang_rogers"](
+                temp_c,
+                stress,
+                start_c=values["A_s_c"],
+                finish_c=values["A_f_c"],
+                influence=influence,
+                xi_0=1.0,
+            )
+        above = law > xi
+        low, high = np.where(above, xi, low), np.where(above, high, xi)
+    xi = 0.5 * (low + high)
+    return np.asarray((e_a + xi * (e_m - e_a)) * (1.0 - xi))
+
+
+def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Array, Array]:
+    temp = _smooth(tests.block.temp_c)
+    top = int(np.argmax(temp))
+    half = slice(top, None) if cooling else slice(None, top + 1)
+    name = "cooling" if cooling else "heating"
+    if len(temp[half]) < 20 or np.ptp(temp[half]) < 5.0:
+        raise NoResultError(
+            f"has no {name}",
+            where=tests.block.source,
+            value=f"{np.ptp(temp[half]):.1f} °C of {name}",
+            limit="5 °C or more, 20 rows or more",
+            do="log the block test until it is cold again",
+        )
+    return temp[half], tests.block.force_n[half]
+
+
+def _influence(kelvin: Estimate) -> Estimate:
+    """Return C from its inverse, in which the curve is nearly linear: the interval's ends are those of the inverse."""
+    value, least = kelvin.value, 1e-4
+    low, high = (1.0 / max(end, least) for end in reversed(kelvin.ci95))
+    return Estimate(1.0 / max(value, least), kelvin.sigma / max(value, least) ** 2, (low, high), "MPa/K")
+
+
+def _carried(known: Mapping[str, Estimate], name: str) -> Parameter:
+    """Return a value of an earlier step as a prior."""
+    item = known[name]
+    return Parameter(name, item.value, item.unit, sigma=max(item.sigma, 1e-9))
+
+
+def _smooth(temp_c: Array) -> Array:
+    return condition(np.arange(len(temp_c), dtype=np.float64), temp_c).temp_c
+
+
+def _label(angle_deg: float) -> str:
+    return f"{angle_deg:g}°"

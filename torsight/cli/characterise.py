@@ -1,0 +1,43 @@
+"""``torsight characterise``: a spring's values from its four tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def characterise(
+    tests: Annotated[Path, typer.Argument(metavar="TESTS.toml", help="Geometry and the logs of the four tests.")],
+    *,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
+) -> None:
+    """Fit a spring's four tests: actuator.toml with uncertainties, characterisation.json, figures.
+
+    TESTS.toml: [spring] wire_diameter_mm, wire_length_mm, lever_mm; [[free_recovery]] file (temp_c, angle_deg),
+    pre_deformation_deg; [[force_angle]] file (angle_deg, force_n), range "small" or "large", from_deg, to_deg; [block]
+    file (temp_c, force_n), pre_deformation_deg; [assembly] theta_p_deg; [friction] tau_c_mnm.
+
+    Example: torsight characterise tests.toml --out spring
+    """
+    import tomli_w
+
+    from torsight.actuator.characterisation import characterise as fit_tests
+    from torsight.actuator.figures import characterisation_figures
+    from torsight.actuator.spring_tests import read_tests
+    from torsight.cli.console import say
+    from torsight.core.storage import write_json, write_text
+
+    found = fit_tests(read_tests(tests), source=str(tests))
+    figures = characterisation_figures(out, found)
+    write_text(out / "actuator.toml", "# Made by 'torsight characterise'.\n" + tomli_w.dumps(found.spec.to_tables()))
+    write_json(out / "characterisation.json", {**found.to_json(), "figures": [path.name for path in figures]})
+    rmse = {
+        law: found.steps[name].rmse
+        for law, name in (("Liang-Rogers", "free_recovery"), ("Tanaka", "free_recovery_tanaka"))
+    }
+    say("free recovery: " + ", ".join(f"{law} {error:.2f}°" for law, error in rmse.items()))
+    for name, estimate in found.estimates.items():
+        low, high = estimate.ci95
+        say(f"  {name:14s} {estimate.value:8.3f}   95 %: {low:.3f} to {high:.3f} {estimate.unit}")
