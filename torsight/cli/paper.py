@@ -1,0 +1,27 @@
+"""``torsight paper``: the paper's figures on the reference rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def paper(
+    *,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")],
+    seed: Annotated[int, typer.Option(help="Of the scatter in figures 9 to 12.")] = 0,
+) -> None:
+    """Draw every figure of the paper that the model makes, its numbers beside ours.
+
+    Example: torsight paper --out paper
+    """
+    from torsight.actuator.paper import make_paper
+    from torsight.cli.console import say
+
+    content = make_paper(out, seed=seed)
+    say(f"{len(content['figures'])} figures in {out}")
+    for name, entry in content["numbers"].items():
+        theirs = "–" if entry["paper"] is None else f"{entry['paper']:g}"
+        say(f"  {name:30s} paper {theirs:>8s}   here {entry['ours']:9.4f} {entry['unit']}")
