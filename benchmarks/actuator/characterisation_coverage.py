@@ -22,7 +22,7 @@ from spring_bench import Spring, true_values, write_bench
 def main(seeds: int) -> None:
     """Print coverage and mean error in sigmas of every value."""
     true = true_values(Spring())
-    inside = {name: 0 for name in true}
+    inside = dict.fromkeys(true, 0)
     sizes: dict[str, list[float]] = {name: [] for name in true}
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(seeds):

@@ -128,6 +128,7 @@ def fitted_model(
         cycles=(springs.count(0), springs.count(1)),
         closure=closure,
         account=account or {},
+        turns=drive.turns,
     )
 
 

@@ -24,6 +24,8 @@ COMMANDS: Final = (
     "discover",
     "simulate",
     "predict",
+    "characterise",
+    "paper",
     "calibrate",
     "board",
     "render",
