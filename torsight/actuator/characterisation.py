@@ -156,7 +156,7 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
     )
     found = fit_curve(model, guess, measured, parts=parts, what=f"free recovery, {law}")
     return Step(
-        estimates=_window(found, "A_s_c", "A_f_c", sign=1.0),
+        estimates=_window(found, "A_s_c", "A_f_c"),
         rmse=found.rmse,
         r2={
             _label(item.pre_deformation_deg): share_explained(measured[part], found.fitted[part])
@@ -180,13 +180,13 @@ def _crossing(tests: SpringTests, temps: list[Array]) -> tuple[float, float]:
     return float(start), float(finish)
 
 
-def _window(found: CurveFit, start: str, finish: str, *, sign: float) -> dict[str, Estimate]:
+def _window(found: CurveFit, start: str, finish: str) -> dict[str, Estimate]:
     """Return both ends of a window that was fitted as its start and width."""
     first = found.estimates[start]
     a, b = found.names.index(start), found.names.index("width_c")
     c = found.covariance
-    sigma = float(np.sqrt(max(0.0, c[a, a] + c[b, b] + 2.0 * sign * c[a, b])))
-    value = found.values[start] + sign * found.values["width_c"]
+    sigma = float(np.sqrt(max(0.0, c[a, a] + c[b, b] + 2.0 * c[a, b])))
+    value = found.values[start] + found.values["width_c"]
     return {start: first, finish: Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), "°C")}
 
 
@@ -259,22 +259,28 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     level = force / max(float(np.quantile(force, 0.98)), 1e-9)
     start = float(temp[int(np.argmax(level < 0.9))]) - shift if (level < 0.9).any() else float(np.median(temp))
     finish = float(temp[int(np.argmax(level < 0.1))]) if (level < 0.1).any() else float(temp.min())
-    guess = (
-        Parameter("M_s_c", max(start, finish + 3.0), "°C", lower=-150.0, upper=200.0),
-        Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0),
+    width = Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0)
+    others = (
         Parameter("k_per_mpa", 1.0 / influence, "K/MPa", lower=0.0, upper=2.0),
-        _carried(known, "E_A_gpa"), _carried(known, "E_M_gpa"),
-    )  # fmt: skip
+        _carried(known, "E_A_gpa"),
+        _carried(known, "E_M_gpa"),
+    )
 
     def model(values: Mapping[str, float]) -> Array:
-        window = {**values, "M_f_c": values["M_s_c"] - values["width_c"]}
+        low = values["M_f_c"] if "M_f_c" in values else values["M_s_c"] - values["width_c"]
+        window = {**values, "M_f_c": low, "M_s_c": low + values["width_c"]}
         return stiffness * blocked_force(tests, window, temp, cooling=True)
 
-    found = fit_curve(model, guess, force, what="block test, cooling")
-    estimates = {
-        **_window(found, "M_s_c", "M_f_c", sign=-1.0),
-        "C_M_mpa_per_k": _influence(found.estimates["k_per_mpa"]),
-    }
+    # One block test ties M_s, M_f and the influence of stress together, far from linear: either end of the window is
+    # fitted in its turn as a parameter, the other by the width, and the intervals are those of profiles.
+    def fitted(name: str, value: float, profiled: tuple[str, ...]) -> CurveFit:
+        end = Parameter(name, value, "°C", lower=-150.0, upper=200.0)
+        return fit_curve(model, (end, width, *others), force, profiled=profiled, what="block test, cooling")
+
+    found = fitted("M_f_c", finish, ("M_f_c", "k_per_mpa"))
+    upper = fitted("M_s_c", found.values["M_f_c"] + found.values["width_c"], ("M_s_c",))
+    estimates = {"M_s_c": upper.estimates["M_s_c"], "M_f_c": found.estimates["M_f_c"]}
+    estimates["C_M_mpa_per_k"] = _influence(found.estimates["k_per_mpa"])
     return Step(estimates, found.rmse, {"cooling": found.r2}, {"cooling": (temp, force, found.fitted)})
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from torsight.core.parameter import Estimate, Parameter
 Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, float]], Array]
 
-_ROUNDS = 4
+_ROUNDS: Final = 4
+_REACH: Final = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +60,7 @@ def fit_curve(
     measured: Array,
     *,
     parts: Sequence[slice] = (),
+    profiled: Sequence[str] = (),
     what: str = "curve",
 ) -> CurveFit:
     """Fit parameters to a measured curve; a parameter's ``sigma`` makes its value a prior.
@@ -72,6 +75,9 @@ def fit_curve(
         What was measured.
     parts : sequence of slice
         Stretches that were recorded in one go, for the residual's correlation; the whole by default.
+    profiled : sequence of str
+        Parameters whose interval is taken where the best of all others costs 95 %'s worth more, not from the curvature:
+        for those in which the curve is far from linear.
     what : str
         Name of the curve in messages.
 
@@ -119,10 +125,24 @@ def fit_curve(
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     covariance = np.asarray(inverse * np.outer(scale, scale), np.float64)
     values = dict(zip(names, (start + scale * u).tolist(), strict=True))
+    estimates = estimates_of(parameters, values, covariance)
+    for name in profiled:
+        number = names.index(name)
+        sigma_u = float(np.sqrt(covariance[number, number])) / float(scale[number])
+        ends = [
+            float(
+                start[number]
+                + scale[number] * _profile_end(lambda v: misfit(v, spread), u, number, way * sigma_u, (lower, upper))
+            )
+            for way in (-1.0, 1.0)
+        ]
+        estimates[name] = Estimate(
+            values[name], (ends[1] - ends[0]) / (2.0 * _REACH), (ends[0], ends[1]), estimates[name].unit
+        )
     total = float(np.sum((measured - measured.mean()) ** 2))
     return CurveFit(
         values=values,
-        estimates=estimates_of(parameters, values, covariance),
+        estimates=estimates,
         names=names,
         covariance=covariance,
         fitted=measured - residual,
@@ -132,6 +152,48 @@ def fit_curve(
     )
 
 
+def _profile_end(
+    misfit: Callable[[Array], Array], best: Array, number: int, step: float, bounds: tuple[Array, Array]
+) -> float:
+    """Return where one parameter, all others at their best for it, costs 1.96² more than the best (or its bound)."""
+    from scipy.optimize import least_squares
+
+    lower, upper = bounds
+    others = np.arange(len(best)) != number
+    least = float(np.sum(misfit(best) ** 2))
+    found_at = [(float(best[number]), best[others])]
+
+    def excess(place: float) -> float:
+        def part(free: Array) -> Array:
+            whole = best.copy()
+            whole[others], whole[number] = free, place
+            return misfit(whole)
+
+        # From the best for the nearest place that was tried.
+        guess = min(found_at, key=lambda item: abs(item[0] - place))[1]
+        inside = np.clip(guess, lower[others] + 1e-9, upper[others] - 1e-9)
+        found = least_squares(
+            part, inside, bounds=(lower[others], upper[others]), diff_step=np.array(1e-4), max_nfev=30
+        )
+        found_at.append((place, found.x))
+        return 2.0 * float(found.cost) - least - _REACH**2
+
+    near, far = float(best[number]), float(best[number]) + step
+    limit = float(upper[number] if step > 0.0 else lower[number])
+    for _ in range(8):
+        if (far - limit) * step >= 0.0:
+            far = limit
+        if excess(far) >= 0.0:
+            break
+        if far == limit:
+            return limit
+        near, far = far, far + 1.5 * (far - near)
+    for _ in range(8):
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if excess(middle) < 0.0 else (near, middle)
+    return 0.5 * (near + far)
+
+
 def estimates_of(
     parameters: Sequence[Parameter], values: Mapping[str, float], covariance: Array
 ) -> dict[str, Estimate]:
@@ -139,7 +201,7 @@ def estimates_of(
     made = {}
     for number, parameter in enumerate(parameters):
         value, sigma = values[parameter.name], float(np.sqrt(max(0.0, covariance[number, number])))
-        made[parameter.name] = Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), parameter.unit)
+        made[parameter.name] = Estimate(value, sigma, (value - _REACH * sigma, value + _REACH * sigma), parameter.unit)
     return made
 
 

@@ -71,10 +71,11 @@ STRAY: Final = 2
 _TEMP, _HEATING, _X0, _PER_S, _WOUND, _CROSS, _SCALE, _SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 _TEMP_PASSIVE, _TURN_NOW = 8, 9
 _X_REF, _TAU_REF, _XI_REF, _THETA_L, _SLIDING, _FLOOR = 0, 1, 2, 3, 4, 5
-_X, _TAU, _XI, _MOVE, _REST_S, _XI_P, _XI_0_P, _TURN_P, _CHANGED, _WHO = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+_X, _TAU, _XI, _MOVE, _REST_S, _XI_P, _XI_0_P, _TURN_P, _CHANGED, _WHO, _MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 _LN100: Final = 4.605170185988092
-_TORQUE_TOLERANCE: Final = 1e-15
-_SLIP_TOLERANCE: Final = 1e-13
+# 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
+_TORQUE_TOLERANCE: Final = 1e-13
+_SLIP_TOLERANCE: Final = 4e-13
 
 
 @compiled
@@ -231,24 +232,22 @@ def _excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tabl
 
 
 @compiled
-def _slide(sense: float, guess: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
-    """Return the angle to which the active spring slides in this sample.
+def _slide(
+    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array
+) -> float:
+    """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
 
     A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
     """
-    a, fa, b, fb = c[_X0], 0.0, c[_X0], 0.0
+    a, fa, b, fb = c[_X0], first, c[_X0], 0.0
     bracketed = False
-    x = a
     step = max(guess, 1e-7)
-    for trial in range(120):
+    x = a + sense * step
+    for _ in range(120):
         fx = _excess(x, sense, c, q, w, p, tables, sections)
-        if trial == 0:
-            if fx <= 0.0:
-                return x
-            fa = fx
-        elif not bracketed:
+        if not bracketed:
             b, fb = x, fx
-            if fx <= 0.0:
+            if fx <= _TORQUE_TOLERANCE:
                 bracketed = True
             else:
                 drop = (fa - fx) / step
@@ -440,10 +439,15 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
                     if sense * (limit - _made(x, end, c, q, p)) < 0.0:
                         end = _sticking_end(x, limit, end, reached, q, p)
                 q[_X_REF], q[_TAU_REF], q[_XI_REF], q[_SLIDING] = x, limit, end, sense
-            g[_X] = _slide(sense, 1.02 * g[_MOVE], c, q, w, p, tables, sections)
+                first = _excess(x, sense, c, q, w, p, tables, sections)
+            else:
+                first = sense * (limit - _made(x, reached, c, q, p))
+            if first > 0.0:
+                # As far as in the sample before, and the change between the two before.
+                g[_X] = _slide(sense, 2.0 * g[_MOVE] - g[_MOVE_2], first, c, q, w, p, tables, sections)
             g[_TAU] = _load(g[_X], sense, scale, c, p, tables)
             g[_XI] = _advance(g[_TAU], c, p, sections, w)
-            g[_MOVE] = abs(g[_X] - x)
+            g[_MOVE_2], g[_MOVE] = g[_MOVE], abs(g[_X] - x)
             return True
         if attempt == 0:
             g[_XI] = _stick(x, g[_XI], c, q, w, p, sections)
@@ -512,9 +516,9 @@ def run(
     """
     n = active.size
     out = np.empty((5, n))
-    c, q, saved_q, g = np.zeros(10), np.zeros(6), np.zeros(6), np.zeros(10)
+    c, q, saved_q, g = np.zeros(10), np.zeros(6), np.zeros(6), np.zeros(11)
     w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
-    g[_WHO], g[_MOVE] = -1.0, 1e-3
+    g[_WHO], g[_MOVE], g[_MOVE_2] = -1.0, 1e-3, 1e-3
     theta_a, theta_p = theta_start, p[THETA_P]
     wound = _home(theta_start, friction_scale[0], p, tables)
     for k in range(n):

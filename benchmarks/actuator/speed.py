@@ -1,0 +1,128 @@
+"""The compiled kernel against the same rule in plain Python, and the time of a fit.
+
+``python benchmarks/actuator/speed.py``: CPU times of this machine; the ratios travel, the times do not.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from torsight.actuator.fit import fit_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import reference_spec
+from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.units import DEG
+
+ROWS = 120_000
+SPAN_S = 7200.0
+PYTHON_ROWS = 12_000
+
+
+def two_hours(rows: int) -> TemperatureLog:
+    """Return eight half-cycles in two hours."""
+    time_s = np.linspace(0.0, SPAN_S, rows)
+    temps = [np.full(rows, 23.0), np.full(rows, 23.0)]
+    each = SPAN_S / 8.0
+    for number in range(8):
+        u = time_s - number * each
+        inside = (u >= 0.0) & (u < each)
+        rise = 23.0 + 55.0 * np.minimum(u / 500.0, 1.0)
+        own = np.where(u < 600.0, rise, 23.0 + 55.0 * np.exp(-(np.maximum(u, 600.0) - 600.0) / 45.0))
+        temps[number % 2] = np.where(inside, own, temps[number % 2])
+    return TemperatureLog(time_s, temps[0], temps[1])
+
+
+def cpu_s(work: Callable[[], object], times: int) -> float:
+    """Return the smallest CPU time of a few runs."""
+    spent = []
+    for _ in range(times):
+        start = time.thread_time()
+        work()
+        spent.append(time.thread_time() - start)
+    return min(spent)
+
+
+def plain_python(rows: int) -> float:
+    """Return the CPU time of the second implementation of the tests, per row."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "actuator"))
+    from actuator_oracle import Oracle, Values
+
+    log = two_hours(rows)
+    each = rows // 8
+    oracle = Oracle(Values(), 720.0 * DEG)
+
+    def work() -> None:
+        for number in range(8):
+            own = (log.temp_a_c, log.temp_b_c)[number % 2][number * each : (number + 1) * each]
+            oracle.run(number % 2, own.tolist())
+
+    return cpu_s(work, 1) / rows
+
+
+def interpreted(rows: int) -> float:
+    """Return the CPU time per row of the kernel's own code, not compiled."""
+    import torsight.actuator.compiled as decorators
+
+    path = Path(sys.modules["torsight.actuator.kernel"].__file__ or "")
+    scope: dict[str, object] = {"__name__": "interpreted"}
+    kept = decorators.compiled, decorators.inlined
+    decorators.compiled = decorators.inlined = lambda function: function  # type: ignore[assignment]
+    try:
+        exec(compile(path.read_text(), str(path), "exec"), scope)  # noqa: S102 - the kernel's own source
+    finally:
+        decorators.compiled, decorators.inlined = kept
+    model = ActuatorModel(reference_spec())
+    drive = model.prepare_log(two_hours(rows), start_angle_rad=177.6 * DEG)
+    from torsight.actuator import kernel
+
+    taken: list[tuple[object, ...]] = []
+    run = kernel.run
+    kernel.run = lambda *given: (taken.append(given), run(*given))[1]  # type: ignore[assignment, func-returns-value]
+    model.simulate(drive)
+    kernel.run = run
+    return cpu_s(lambda: scope["run"](*taken[0]), 1) / rows  # type: ignore[operator]
+
+
+def main() -> None:
+    """Print the figures."""
+    model = ActuatorModel(reference_spec())
+    log = two_hours(ROWS)
+    drive = model.prepare_log(log, start_angle_rad=177.6 * DEG)
+    model.simulate(drive)
+    kernel_s = cpu_s(lambda: model.simulate(drive), 7)
+    noisy = np.random.default_rng(0).standard_normal(ROWS)
+    angle = model.simulate(drive, {"tau_c_mnm": 0.9}).angle_rad + 1e-3 * noisy
+    rough = [
+        temp + 0.02 * np.random.default_rng(seed).standard_normal(ROWS)
+        for seed, temp in ((1, log.temp_a_c), (2, log.temp_b_c))
+    ]
+    table = SyncedTable(log.time_s, angle, np.full(ROWS, 1e-3), rough[0], rough[1])
+    prepare_s = cpu_s(lambda: model.prepare(table), 1)
+    prepared = model.prepare(table)
+    fit_s = cpu_s(lambda: fit_model(model, prepared), 1)
+    loop_s, python_s = interpreted(PYTHON_ROWS) * ROWS, plain_python(PYTHON_ROWS) * ROWS
+    print(
+        json.dumps(
+            {
+                "rows": ROWS,
+                "kernel_ms": 1e3 * kernel_s,
+                "the_same_loop_in_python_s": loop_s,
+                "ratio_to_the_same_loop": loop_s / kernel_s,
+                "second_implementation_s": python_s,
+                "prepare_two_hours_s": prepare_s,
+                "fit_two_hours_s": fit_s,
+                "fit_rows": len(prepared),
+            },
+            indent=2,
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()
