@@ -92,11 +92,11 @@ def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None])
             far_deg = (stroke.sign * stroke.start_rad - usual_rad) / DEG
             if abs(far_deg) > _FARTHEST_DEG:
                 continue
-            at_s, speed = stroke.crossing_s(level_rad)
-            usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < _WHOLE * stroke.length_rad) & (speed > 0))
+            at_s, sigma_s = stroke.crossing_s(level_rad)
+            usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < _WHOLE * stroke.length_rad))
             count = len(usable)
             rows.time_s.append(at_s[usable])
-            rows.sigma_s.append(stroke.travel_sigma_rad / speed[usable])
+            rows.sigma_s.append(sigma_s[usable])
             rows.spring_b.append(np.full(count, spring == "b"))
             rows.stroke.append(np.full(count, index, dtype=np.int64))
             rows.kind.append(np.full(count, number, dtype=np.int64))

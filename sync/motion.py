@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.passings import passing
 from sync.signals import EvenSignal, even_signal
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
@@ -32,8 +33,10 @@ class Stroke:
         The way from start, growing from 0, at film times.
     speed_rad_s : (n,) float64
         Its rate.
+    frame_s, frame_travel_rad : (m,) float64
+        The same from the frames as they are.
     travel_sigma_rad : float
-        One standard deviation of the way.
+        One standard deviation of the way in one frame.
     """
 
     begin_s: float
@@ -43,6 +46,8 @@ class Stroke:
     time_s: NDArray[np.float64]
     travel_rad: NDArray[np.float64]
     speed_rad_s: NDArray[np.float64]
+    frame_s: NDArray[np.float64]
+    frame_travel_rad: NDArray[np.float64]
     travel_sigma_rad: float
 
     @property
@@ -56,16 +61,24 @@ class Stroke:
         return abs(self.stop_rad - self.start_rad)
 
     def crossing_s(self, level_rad: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return film times at which the way first passes some levels, and the speed there; NaN where it does not."""
+        """Return film times at which the way first passes some levels, and their sigmas; NaN where it does not."""
         highest = np.maximum.accumulate(self.travel_rad)
         at = np.searchsorted(highest, level_rad, side="left")
         inside = (at > 0) & (at < len(highest))
         right = np.clip(at, 1, len(highest) - 1)
         low, high = highest[right - 1], highest[right]
         part = (level_rad - low) / np.maximum(high - low, 1e-15)
-        time_s = self.time_s[right - 1] + part * (self.time_s[right] - self.time_s[right - 1])
-        speed = self.speed_rad_s[right - 1] + part * (self.speed_rad_s[right] - self.speed_rad_s[right - 1])
-        return np.where(inside, time_s, np.nan), np.where(inside, speed, np.nan)
+        near_s = self.time_s[right - 1] + part * (self.time_s[right] - self.time_s[right - 1])
+        found = np.full((2, len(level_rad)), np.nan)
+        for index in np.flatnonzero(inside):
+            found[:, index] = passing(
+                self.frame_s,
+                self.frame_travel_rad,
+                float(level_rad[index]),
+                near_s=float(near_s[index]),
+                noise_rad=self.travel_sigma_rad,
+            )
+        return found[0], found[1]
 
 
 def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
@@ -96,7 +109,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     for index, (begin, end) in enumerate(runs):
         earlier = runs[index - 1][1] if index else 0
         later = runs[index + 1][0] if index + 1 < len(runs) else len(moving)
-        stroke = _stroke(signal, begin, end, earlier=earlier, later=later, sign=float(moving[begin]))
+        stroke = _stroke(signal, (time_s, angle), begin, end, earlier=earlier, later=later, sign=float(moving[begin]))
         if stroke is not None and stroke.length_rad >= floor_rad:
             strokes.append(stroke)
     return tuple(strokes)
@@ -124,7 +137,16 @@ def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: fl
     return joined
 
 
-def _stroke(signal: EvenSignal, begin: int, end: int, *, earlier: int, later: int, sign: float) -> Stroke | None:
+def _stroke(
+    signal: EvenSignal,
+    frames: tuple[NDArray[np.float64], NDArray[np.float64]],
+    begin: int,
+    end: int,
+    *,
+    earlier: int,
+    later: int,
+    sign: float,
+) -> Stroke | None:
     """Cut one stroke out, with the rests on both sides up to its neighbours."""
     margin = max(2, round(1.0 / signal.step_s))
     # The first slow motion lies below the speed that found the stroke: the rest ends well before.
@@ -138,6 +160,8 @@ def _stroke(signal: EvenSignal, begin: int, end: int, *, earlier: int, later: in
     if (stop - start) * sign <= 0:
         return None
     time_s = signal.time_s
+    frame_s, frame_rad = frames
+    seen = slice(*np.searchsorted(frame_s, [time_s[first], time_s[last - 1]]))
     return Stroke(
         begin_s=float(time_s[begin]),
         end_s=float(time_s[end - 1]),
@@ -146,7 +170,9 @@ def _stroke(signal: EvenSignal, begin: int, end: int, *, earlier: int, later: in
         time_s=time_s[first:last],
         travel_rad=sign * (signal.value[first:last] - start),
         speed_rad_s=sign * signal.slope[first:last],
-        travel_sigma_rad=signal.value_sigma,
+        frame_s=frame_s[seen],
+        frame_travel_rad=sign * (frame_rad[seen] - start),
+        travel_sigma_rad=signal.noise,
     )
 
 
