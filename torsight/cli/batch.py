@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def batch(
     sources: Annotated[list[str], typer.Argument(metavar="FOLDER_OR_GLOB…", help="Where the experiments are.")],
@@ -16,7 +18,7 @@ def batch(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
     ] = None,
-) -> None:
+) -> Answer:
     """Run many experiments and put their results into one table and one page of small pictures.
 
     A second call does only what is missing or has changed.
@@ -37,3 +39,4 @@ def batch(
             say(f"failed: {row['name']}: {row['message']}")
     write_results(rows, out)
     say(f"{done} of {len(rows)} experiments done; table {out / 'results.csv'}, page {page}")
+    return Answer({"experiments": rows}, files=(out / "results.csv", out / "results.parquet", page))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError
 
 
@@ -20,7 +21,7 @@ def board(
     page: Annotated[str, typer.Option(help="Page: a5, a4, a3, a2, letter or tabloid.")] = "a4",
     kind: Annotated[str, typer.Option(help="Without BOARD.toml: charuco or chessboard.")] = "charuco",
     dpi: Annotated[float, typer.Option(help="Pixels per inch of the .png.", min=30.0, max=2400.0)] = 300.0,
-) -> None:
+) -> Answer:
     """Make a board to print for 'torsight calibrate', with a bar to check the printer's scale.
 
     Without a BOARD.toml one is written beside the board: measure a square on the print and put its true size there.
@@ -51,3 +52,4 @@ def board(
     for path in made:
         say(f"                {path}")
     say("Print at 100 %, measure the bar of 100 mm and a square, glue it on something flat and stiff.")
+    return Answer(chosen.content(), files=tuple(made))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
@@ -83,7 +84,7 @@ def calibrate(
     ] = None,
     base_z_mm: Annotated[float, typer.Option(help="Height of the base stick's markers above the board.")] = 0.0,
     moving_z_mm: Annotated[float, typer.Option(help="Height of the moving stick's markers above the board.")] = 0.0,
-) -> None:
+) -> Answer:
     """Calibrate one camera or two from pictures of a board, and find the pose of the rotation axis.
 
     Files in a row after --right and --pose belong to them: name IMAGES first. Beside the camera file a picture shows
@@ -93,11 +94,12 @@ def calibrate(
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """
     from torsight.cli.console import progress_bar, say
+    from torsight.core.storage import read_toml
 
     if tracks is not None:
         for line in add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out):
             say(line)
-        return
+        return Answer(read_toml(out), files=(out,))
     with progress_bar() as progress:
         lines = calibrate_to_file(
             images or [],
@@ -111,6 +113,8 @@ def calibrate(
         )
     for line in lines:
         say(line)
+    coverage = out.with_suffix(".coverage.png")
+    return Answer(read_toml(out), files=(out, *([coverage] if images else [])))
 
 
 def calibrate_to_file(

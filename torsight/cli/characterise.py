@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def characterise(
     tests: Annotated[Path, typer.Argument(metavar="TESTS.toml", help="Geometry and the logs of the four tests.")],
     *,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
-) -> None:
+) -> Answer:
     """Fit a spring's four tests: actuator.toml with uncertainties, characterisation.json, figures.
 
     TESTS.toml: [spring] wire_diameter_mm, wire_length_mm, lever_mm; [[free_recovery]] file (temp_c, angle_deg),
@@ -32,7 +34,8 @@ def characterise(
     found = fit_tests(read_tests(tests), source=str(tests))
     figures = characterisation_figures(out, found)
     write_text(out / "actuator.toml", "# Made by 'torsight characterise'.\n" + tomli_w.dumps(found.spec.to_tables()))
-    write_json(out / "characterisation.json", {**found.to_json(), "figures": [path.name for path in figures]})
+    content = {**found.to_json(), "figures": [path.name for path in figures]}
+    write_json(out / "characterisation.json", content)
     rmse = {
         law: found.steps[name].rmse
         for law, name in (("Liang-Rogers", "free_recovery"), ("Tanaka", "free_recovery_tanaka"))
@@ -41,3 +44,4 @@ def characterise(
     for name, estimate in found.estimates.items():
         low, high = estimate.ci95
         say(f"  {name:14s} {estimate.value:8.3f}   95 %: {low:.3f} to {high:.3f} {estimate.unit}")
+    return Answer(content, files=(out / "actuator.toml", out / "characterisation.json", *figures))

@@ -7,19 +7,21 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def demo(
     *,
     out: Annotated[Path, typer.Option(help="Folder for the film and the results.")] = Path("demo"),
     view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,
-) -> None:
+) -> Answer:
     """Film a synthetic rig and do everything that `torsight run` does on the film.
 
     Example: torsight demo --out demo
     """
     from torsight.cli.console import progress_lines, say
     from torsight.cli.experiment import read_experiment
-    from torsight.cli.run import run_experiment
+    from torsight.cli.run import answer_of, run_experiment
     from torsight.cli.summary import summary
     from torsight.synthetic.render import render_scene
     from torsight.synthetic.scene import demo_scene
@@ -38,3 +40,4 @@ def demo(
         from torsight.cli.view import view as open_view
 
         open_view(folder)
+    return answer_of(folder)

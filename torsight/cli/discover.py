@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from torsight.discovery.report import DiscoveryReport
+
+FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
+"""What the command writes."""
 
 
 def discover(
@@ -19,7 +23,7 @@ def discover(
     actuator: Annotated[Path, typer.Option(help="Characterised values, ACTUATOR.toml.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
-) -> None:
+) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
 
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
@@ -40,6 +44,7 @@ def discover(
     for note in report.notes:
         say(f"Note              {note}")
     say(f"Results           {out}")
+    return Answer(content, files=tuple(out / name for name in FILES))
 
 
 def discover_to_folder(

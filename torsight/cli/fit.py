@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def fit(
     effect: Annotated[
         list[str] | None, typer.Option(metavar="ID", help="An effect to fit as well; may be given more than once.")
     ] = None,
-) -> None:
+) -> Answer:
     """Fit the friction torque, with the characterised values' uncertainties as priors.
 
     Example: torsight fit out/merged.csv --actuator actuator.toml --out out
@@ -35,6 +36,7 @@ def fit(
         f"friction torque {tau.value:.3f} mN·m (95 %: {tau.ci95[0]:.3f} to {tau.ci95[1]:.3f}), "
         f"error {result.rmse_deg:.2f}°, case ({result.cycle.case})"
     )
+    return Answer(result.to_json(), files=(out / "fit.json", out / "model.json"))
 
 
 def fit_to_folder(

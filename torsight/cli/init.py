@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError
 
 
@@ -14,7 +15,7 @@ def init(
     folder: Annotated[Path, typer.Argument(help="Where the files shall stand.")] = Path(),
     *,
     force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
-) -> None:
+) -> Answer:
     """Write an experiment.toml and an actuator.toml with comments to start from.
 
     Example: torsight init my-rig
@@ -31,3 +32,4 @@ def init(
         write_text(target, template.read_text(encoding="utf-8"))
         say(f"wrote {target}")
     say(f"Fill them in, then: torsight run {folder / 'experiment.toml'}")
+    return Answer({"folder": str(folder)}, files=tuple(targets.values()))

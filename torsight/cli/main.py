@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from torsight.cli.answer import answering
 from torsight.core.errors import TorsightError
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _options(
 
 for _name in COMMANDS:
     _module = importlib.import_module(f"torsight.cli.{_name}")
-    app.command(_name, cls=getattr(_module, "Command", None))(getattr(_module, _name))
+    app.command(_name, cls=getattr(_module, "Command", None))(answering(getattr(_module, _name), name=_name))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

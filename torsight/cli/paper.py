@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def paper(
     *,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")],
     seed: Annotated[int, typer.Option(help="Of the scatter in figures 9 to 12.")] = 0,
-) -> None:
+) -> Answer:
     """Draw every figure of the paper that the model makes, its numbers beside ours.
 
     Example: torsight paper --out paper
@@ -25,3 +27,4 @@ def paper(
     for name, entry in content["numbers"].items():
         theirs = "–" if entry["paper"] is None else f"{entry['paper']:g}"
         say(f"  {name:30s} paper {theirs:>8s}   here {entry['ours']:9.4f} {entry['unit']}")
+    return Answer(content, files=tuple(out / str(name) for name in content["figures"]))

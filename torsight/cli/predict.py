@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit' or 'discover'.")],
@@ -14,7 +16,7 @@ def predict(
     *,
     start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
-) -> None:
+) -> Answer:
     """Predict the angle at every instant of a later temperature log, in the log's order and clock.
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
@@ -32,4 +34,4 @@ def predict(
         from torsight.discovery.closure import correction_rad
 
         angle_rad = angle_rad + correction_rad(fitted.closure, prediction.drive, prediction.simulation)
-    write_angles_of(out, log, prediction.simulation, angle_rad=angle_rad)
+    return write_angles_of(out, log, prediction.simulation, angle_rad=angle_rad)

@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 
 def render(
     scene: Annotated[Path, typer.Argument(help="Scene file; what it leaves out is the reference rig's.")],
     out: Annotated[Path, typer.Option(help="Folder for film, log and truth.")],
     *,
     seed: Annotated[int | None, typer.Option(min=0, help="Replaces the scene's seed.")] = None,
-) -> None:
+) -> Answer:
     """Film a synthetic rig with known angles: film, temperature log, truth, and a ready experiment.
 
     Example: torsight render fixtures/scenes/paper.toml --out paper
@@ -27,3 +29,4 @@ def render(
     with progress_bar() as progress:
         experiment = render_scene(read, out=out, progress=progress)
     say(f"filmed {scene} into {out}; analyse it with: torsight run {experiment}")
+    return Answer({"experiment": str(experiment)}, files=sorted(path for path in out.iterdir() if path.is_file()))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.progress import Progress, silent
 
@@ -24,7 +25,7 @@ def run(
     from_: Annotated[
         Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Do a finished run again.")
     ] = None,
-) -> None:
+) -> Answer:
     """Track, synchronise, fit, discover; leave a report and a recording.
 
     Example: torsight run experiment.toml --out results
@@ -45,6 +46,14 @@ def run(
         from torsight.cli.view import view as open_view
 
         open_view(folder)
+    return answer_of(folder)
+
+
+def answer_of(folder: Path) -> Answer:
+    """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
+    from torsight.cli.campaign import result_row
+
+    return Answer(result_row(folder), files=sorted(path for path in folder.iterdir() if path.is_file()))
 
 
 def again(path: Path) -> Experiment:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from torsight.cli.answer import Answer
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -21,7 +23,7 @@ def simulate(
     *,
     start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
-) -> None:
+) -> Answer:
     """Give the plain model's angle at every instant of a temperature log.
 
     Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
@@ -37,11 +39,15 @@ def simulate(
     log = read_log(temperature)
     drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))
     simulation = model.simulate(drive)
-    write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))
+    return write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))
 
 
-def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]) -> None:
-    """Write the angles for a log's instants; an angle that is NaN is left empty."""
+def write_angles_of(
+    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]
+) -> Answer:
+    """Write the angles for a log's instants, an angle that is NaN left empty; return rows, range and file."""
+    import numpy as np
+
     from torsight.core.storage import write_table
     from torsight.core.units import DEG, MNM
 
@@ -55,3 +61,6 @@ def write_angles_of(out: Path, log: TemperatureLog, simulation: Simulation, *, a
             "friction_mnm": simulation.friction_nm / MNM,
         },
     )
+    known_deg = angle_rad[np.isfinite(angle_rad)] / DEG
+    extremes = {"angle_min_deg": known_deg.min(), "angle_max_deg": known_deg.max()} if len(known_deg) else {}
+    return Answer({"rows": len(angle_rad), "rows_with_angle": len(known_deg), **extremes}, files=(out,))

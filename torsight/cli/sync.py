@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def sync(
     led_events: Annotated[
         Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which a light showed the heating switch.")
     ] = None,
-) -> None:
+) -> Answer:
     """Put angles and temperatures on one clock, with an interval for offset and drift.
 
     Example: torsight sync --angle angle.csv --temperature temps.csv --out out
@@ -42,8 +43,10 @@ def sync(
     settings = {key: value for key, value in given.items() if value is not None}
     with progress_bar() as progress:
         sync_to_folder(angle, temperature, settings=settings, out=out, progress=progress)
-    for line in told(read_json(out / "sync.json")):
+    content = read_json(out / "sync.json")
+    for line in told(content):
         say(line)
+    return Answer(content, files=(out / "merged.csv", out / "sync.json"))
 
 
 def sync_to_folder(

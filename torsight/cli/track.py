@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from torsight.core.tracks import StickAngles
+
+FILES: Final = ("angle.csv", "markers.csv", "track.json")
+"""What the command writes."""
 
 
 def track(
@@ -31,12 +35,13 @@ def track(
     ] = None,
     fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
-) -> None:
+) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
     Example: torsight track film.mp4 --out out
     """
     from torsight.cli.console import progress_bar, say
+    from torsight.core.storage import read_json
 
     with progress_bar() as progress:
         angles = track_to_folder(
@@ -51,6 +56,7 @@ def track(
             progress=progress,
         )
     say(f"{int(angles.valid.sum())} of {len(angles)} frames have an angle; see {out / 'angle.csv'}")
+    return Answer(read_json(out / "track.json"), files=tuple(out / name for name in FILES))
 
 
 def track_to_folder(

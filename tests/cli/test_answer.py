@@ -1,0 +1,76 @@
+"""``--json``: one object on standard output and nothing else, on success and on refusal."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.bad_inputs import make_world
+from torsight.cli.answer import Answer
+from torsight.cli.main import COMMANDS, main
+
+SILENT = ("live", "view")
+"""Commands that show things and have no result to give."""
+
+
+def answer_of(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str, Any], str]:
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--json"])
+    told = capsys.readouterr()
+    answer = json.loads(told.out)
+    assert answer["schema"] == 1
+    assert answer["exit_code"] == int(end.value.code or 0)
+    assert answer["command"] == f"torsight {words[0]}"
+    return answer, told.err
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("answers") / "world"
+    make_world(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_that_reports_answers_scripts(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command = getattr(import_module(f"torsight.cli.{name}"), name)
+    reports = inspect.signature(command, eval_str=True).return_annotation is Answer
+    assert reports == (name not in SILENT)
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    assert ("--json" in capsys.readouterr().out) == reports
+
+
+def test_an_answer_names_the_files_and_what_they_hold(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "sim.csv"
+    inputs = [str(world / name) for name in ("actuator.toml", "temps.csv")]
+    answer, _ = answer_of("simulate", *inputs, "--start-angle", "178", "--out", str(out), capsys=capsys)
+    assert answer["files"] == {"sim.csv": str(out)}
+    assert answer["result"]["rows"] == len(out.read_text().splitlines()) - 1
+    assert answer["result"]["angle_max_deg"] <= 178.0 + 1e-9
+    assert answer["result"]["angle_min_deg"] < 0.0
+
+
+def test_the_result_is_what_the_file_holds(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("fit", str(world / "merged.csv"), "--actuator", str(world / "actuator.toml"), "--out", str(tmp_path))
+    answer, told = answer_of(*words, capsys=capsys)
+    assert answer["result"] == {
+        k: v for k, v in json.loads((tmp_path / "fit.json").read_text()).items() if k != "schema"
+    }
+    assert "friction torque" in told
+
+
+def test_a_refusal_says_what_where_and_what_to_do(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    answer, told = answer_of("run", str(world / "nothing.toml"), capsys=capsys)
+    assert answer["exit_code"] == 3
+    assert answer["error"]["what"] == "no such file"
+    assert answer["error"]["where"].endswith("nothing.toml")
+    assert answer["error"]["message"] in told
+    assert "result" not in answer

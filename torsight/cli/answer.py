@@ -1,0 +1,95 @@
+"""What a command answers to a script: ``--json`` on every command that reports something.
+
+A command returns an :class:`Answer`; :func:`answering` gives it the option. With ``--json`` standard output holds one
+JSON object and nothing else, whether the command succeeds or fails; everything for people goes to standard error.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from torsight.core.errors import TorsightError
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a command has to say to a script.
+
+    Attributes
+    ----------
+    result : mapping
+        What was found; for a command that writes a JSON file, its content.
+    files : sequence of Path
+        What was written.
+    exit_code : int
+        0, or one of the contract's where the command has an answer all the same.
+    """
+
+    result: Mapping[str, Any]
+    files: Sequence[Path] = field(default=())
+    exit_code: int = 0
+
+
+def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[..., int]:
+    """Return the command with the option ``--json`` where it returns an :class:`Answer`, else as it is."""
+    signature = inspect.signature(command, eval_str=True)
+    if signature.return_annotation is not Answer:
+
+        @functools.wraps(command)
+        def plain(*arguments: Any, **options: Any) -> int:
+            command(*arguments, **options)
+            return 0
+
+        return plain
+
+    @functools.wraps(command)
+    def answered(*arguments: Any, as_json: bool, **options: Any) -> int:
+        try:
+            answer = command(*arguments, **options)
+        except TorsightError as error:
+            if as_json:
+                _put(name, exit_code=error.exit_code, error=_told(error))
+            raise
+        assert answer is not None  # noqa: S101 - for the type checker: the annotation says so
+        if as_json:
+            files = {path.name: str(path) for path in answer.files}
+            _put(name, exit_code=answer.exit_code, files=files, result=answer.result)
+        return answer.exit_code
+
+    option = inspect.Parameter(
+        "as_json",
+        inspect.Parameter.KEYWORD_ONLY,
+        default=False,
+        annotation=Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")],
+    )
+    parameters = [*signature.parameters.values(), option]
+    answered.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    answered.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return answered
+
+
+def _put(name: str, *, exit_code: int, **content: Any) -> None:
+    from torsight.core.storage import SCHEMA, json_text
+
+    sys.stdout.write(json_text({"schema": SCHEMA, "command": f"torsight {name}", "exit_code": exit_code, **content}))
+    sys.stdout.flush()
+
+
+def _told(error: TorsightError) -> dict[str, Any]:
+    value = None if error.value is None else str(error.value)
+    return {
+        "message": str(error),
+        "what": error.what,
+        "where": error.where,
+        "value": value,
+        "limit": error.limit,
+        "do": error.do,
+    }
