@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +50,21 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file where a folder is needed")
     with pytest.raises(OutputError, match=r"out/fit\.json: cannot be written .*earlier files are untouched"):
         write_json(tmp_path / "out" / "fit.json", {})
+
+
+def test_what_a_killed_process_left_is_swept_away(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = tmp_path / f".fit.{ended.pid}-abc.json"
+    others = [
+        tmp_path / f".fit.{os.getpid()}-abc.json",
+        tmp_path / f".sync.{ended.pid}-abc.json",
+        tmp_path / ".fit.json",
+    ]
+    for item in (left, *others):
+        item.write_text("half of the ne")
+    write_json(tmp_path / "fit.json", {})
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "fit.json", *others])
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full to stand for a full disk")

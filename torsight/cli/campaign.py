@@ -8,7 +8,10 @@ why; a task whose results are there and whose inputs have not changed since is n
 from __future__ import annotations
 
 import importlib
+import os
 import re
+import threading
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +41,8 @@ RESULT_COLUMNS: Final = (
     "folder",
 )
 """Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
+
+_WATCH: Final = "end with the campaign"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +118,17 @@ def run_task(task: Task) -> dict[str, Any]:
 
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
     """Return whether the folder holds a whole run of exactly these inputs and settings."""
+    from torsight.cli.run import UNFINISHED
     from torsight.core.provenance import provenance
     from torsight.core.storage import json_text, read_json
 
     path = task.folder / "provenance.json"
-    if not path.exists() or not (task.folder / "report.html").exists():
+    if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
         return False
-    recorded = read_json(path)
+    try:
+        recorded = read_json(path)
+    except InputError:
+        return False
     now = provenance(command="torsight run", inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
     keys = ("inputs", "configuration", "versions")
     return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
@@ -190,8 +199,21 @@ def _on_this_machine(
 
     del scheduler
     pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-    for row in pool(delayed(run_task)(task) for task in todo):
+    for row in pool(delayed(_run_for)(os.getpid(), task) for task in todo):
         finished(row)
+
+
+def _run_for(parent: int, task: Task) -> dict[str, Any]:
+    """Do one experiment in a process that ends with the campaign, even with one that was killed."""
+    if os.getpid() != parent and not any(thread.name == _WATCH for thread in threading.enumerate()):
+        threading.Thread(target=_end_with, args=(parent,), name=_WATCH, daemon=True).start()
+    return run_task(task)
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.2)
+    os._exit(1)
 
 
 def _on_cluster(todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str) -> None:

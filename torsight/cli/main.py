@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import signal
 import sys
+import threading
 import traceback
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -13,7 +16,7 @@ from torsight.cli.answer import answering
 from torsight.core.errors import TorsightError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 COMMANDS: Final = (
     "init",
@@ -71,21 +74,51 @@ for _name in COMMANDS:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; leaves with the exit codes of the contract (0, 2, 3, 4; 130 after Ctrl-C)."""
+    """Run the command line; leave with the contract's exit code: 0, 2, 3, 4; 130 after Ctrl-C, 143 after SIGTERM."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
     try:
-        code = app(args=words, prog_name="torsight", standalone_mode=False)
+        with _asked_to_end():
+            code = app(args=words, prog_name="torsight", standalone_mode=False)
+        if code == 130:  # the parser has caught Ctrl-C and says nothing
+            code = _interrupted(130)
     except TorsightError as error:
         _tell(error, debug=debug)
         code = error.exit_code
+    except _Ended:
+        code = _interrupted(143)
     except KeyboardInterrupt:
-        sys.stderr.write("torsight: interrupted; what was finished is on disk\n")
-        code = 130
+        code = _interrupted(130)
     except Exception as error:  # noqa: BLE001 - the last resort: no traceback reaches a user
         code = _other(error, debug=debug)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+class _Ended(BaseException):
+    """Someone asked the process to end (SIGTERM): what it holds open is put away as after Ctrl-C."""
+
+
+@contextlib.contextmanager
+def _asked_to_end() -> Iterator[None]:
+    """Let a request to end unwind the command, so that it leaves no half-written file behind."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(_number: int, _frame: object) -> None:
+        raise _Ended
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupted(code: int) -> int:
+    sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track goes on\n")
+    return code
 
 
 def _tell(error: Exception, *, debug: bool) -> None:
@@ -101,7 +134,7 @@ def _other(error: Exception, *, debug: bool) -> int:
         show()
         return int(getattr(error, "exit_code", 2))
     if type(error).__name__ == "Abort":
-        return 130
+        return _interrupted(130)
     if isinstance(error, MemoryError):
         _tell(error, debug=debug)
         return 3

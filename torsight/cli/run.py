@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -92,6 +92,7 @@ def run_experiment(
     With ``resume`` the stages that an interrupted run of the same inputs had finished are not done again, and an
     unfinished track goes on from its last checkpoint.
     """
+    from torsight.core.lock import only_writer
     from torsight.core.provenance import provenance
     from torsight.core.storage import write_json
 
@@ -103,17 +104,34 @@ def run_experiment(
         configuration=experiment.to_configuration(),
         seed=experiment.seed,
     )
-    state = _State(folder, origin=origin, resume=resume)
-    for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):
-        if name not in state.finished:
-            work()
-            state.finish(name)
-    write_json(folder / "provenance.json", origin)
-    progress("recording and report", 0, 1)
-    _show(experiment, folder)
-    progress("recording and report", 1, 1)
-    state.close()
+    with only_writer(folder):
+        state = _State(folder, origin=origin, resume=resume)
+        for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):
+            if name not in state.finished:
+                work()
+                state.finish(name)
+        _require_unchanged(origin["inputs"], state)
+        write_json(folder / "provenance.json", origin)
+        progress("recording and report", 0, 1)
+        _show(experiment, folder)
+        progress("recording and report", 1, 1)
+        state.close()
     return folder
+
+
+def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
+    """Refuse results of files that were written to while they were read: their hashes would say what is not so."""
+    from torsight.core.provenance import file_hash
+
+    for name, before in inputs.items():
+        if file_hash(Path(name)) != before:
+            state.close()
+            raise InputError(
+                "has changed while it was read",
+                where=name,
+                limit="a file that nobody writes to during the run",
+                do="let its recording or copying end, then run again",
+            )
 
 
 def _check(experiment: Experiment) -> None:
@@ -183,13 +201,17 @@ def _show(experiment: Experiment, folder: Path) -> None:
     write_report(folder)
 
 
+UNFINISHED: Final = ".run.json"
+"""Lies in a run's folder while the run lasts, or was interrupted: which stages are finished."""
+
+
 class _State:
     """Which stages of a run are finished, kept in the folder while the run lasts."""
 
     def __init__(self, folder: Path, *, origin: dict[str, Any], resume: bool) -> None:
         import json
 
-        self._path = folder / ".run.json"
+        self._path = folder / UNFINISHED
         self._key = {name: origin[name] for name in ("inputs", "configuration", "seed")}
         self.same = False
         self.finished: list[str] = []

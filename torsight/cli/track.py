@@ -98,6 +98,7 @@ def track_to_folder(
         What stands in ``angle.csv``.
     """
     from torsight.core.camera import read_camera
+    from torsight.core.lock import only_writer
     from torsight.core.storage import write_json, write_table
     from torsight.core.tables import marker_columns, write_angles
     from tracker.account import account
@@ -120,19 +121,22 @@ def track_to_folder(
     source = open_source(video, fps=fps, timestamps=timestamps)
     if lens is not None:
         check_size(source.size_px, lens)
-    kept = [out / ".track"]
-    result = track_film(source, markers=hints, out=kept[0], resume=resume, progress=progress)
-    if right is not None and lens is not None:
-        second = open_source(right, fps=fps, timestamps=timestamps)
-        kept.append(out / ".track-right")
-        # Positions that were given are of the left picture; in the right one the markers are found.
-        other = track_film(second, out=kept[1], resume=resume, progress=progress)
-        orientation = orient_pair(result.tracks, other.tracks, lens)
-    else:
-        orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
-    write_table(out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm))
-    write_angles(out / "angle.csv", orientation.angles)
-    write_json(out / "track.json", account(result, orientation))
-    for folder in kept:
-        drop(folder)
+    with only_writer(out):
+        kept = [out / ".track"]
+        result = track_film(source, markers=hints, out=kept[0], resume=resume, progress=progress)
+        if right is not None and lens is not None:
+            second = open_source(right, fps=fps, timestamps=timestamps)
+            kept.append(out / ".track-right")
+            # Positions that were given are of the left picture; in the right one the markers are found.
+            other = track_film(second, out=kept[1], resume=resume, progress=progress)
+            orientation = orient_pair(result.tracks, other.tracks, lens)
+        else:
+            orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
+        write_table(
+            out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
+        )
+        write_angles(out / "angle.csv", orientation.angles)
+        write_json(out / "track.json", account(result, orientation))
+        for folder in kept:
+            drop(folder)
     return orientation.angles

@@ -41,12 +41,14 @@ def atomic_path(path: Path) -> Iterator[Path]:
     OutputError
         When the folder cannot be made or written, or the disk is full; an older ``path`` stays as it was.
     """
+    beginning = f".{path.stem[:40]}."
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}.", suffix=path.suffix, dir=path.parent)
+        _sweep(path.parent, beginning, path.suffix)
+        handle, name = tempfile.mkstemp(prefix=f"{beginning}{os.getpid()}-", suffix=path.suffix, dir=path.parent)
         os.close(handle)
     except OSError as error:
-        raise _not_written(path, error) from error
+        raise not_written(path, error) from error
     temporary = Path(name)
     try:
         yield temporary
@@ -58,13 +60,36 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
         if isinstance(error, (InputError, OutputError)):
             raise
-        raise _not_written(path, error) from error
+        raise not_written(path, error) from error
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
 
 
-def _not_written(path: Path, error: OSError) -> OutputError:
+def _sweep(folder: Path, beginning: str, suffix: str) -> None:
+    """Remove what killed processes left of the same file."""
+    for item in folder.iterdir():
+        if item.name.startswith(beginning) and item.suffix == suffix:
+            process = item.name[len(beginning) :].partition("-")[0]
+            if process.isdigit() and not is_running(int(process)):
+                item.unlink(missing_ok=True)
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process of this computer is there, by its id; True where that cannot be asked."""
+    if os.name != "posix":
+        return True  # elsewhere this very question would end the process
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def not_written(path: Path, error: OSError) -> OutputError:
+    """Return the error for a path that the system refuses to write."""
     return OutputError(
         f"cannot be written ({error.strerror or error})",
         where=str(path),
