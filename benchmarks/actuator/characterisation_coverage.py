@@ -1,6 +1,9 @@
 """How often the intervals of the characterisation hold: synthetic tests with the paper's noise, many seeds.
 
-``python benchmarks/actuator/characterisation_coverage.py [SEEDS]``
+``python benchmarks/actuator/characterisation_coverage.py OUT.jsonl [FIRST] [SEEDS]``
+
+One line per seed is appended to OUT.jsonl and seeds that stand there are passed over, so that a run that was stopped
+goes on; the table of everything in the file is printed at the end.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ import json
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,25 +22,57 @@ from torsight.actuator.spring_tests import read_tests
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "actuator"))
 from spring_bench import Spring, true_values, write_bench
 
+_ROWS = 500
 
-def main(seeds: int) -> None:
-    """Print coverage and mean error in sigmas of every value."""
+
+def one(seed: int) -> dict[str, Any]:
+    """Return, for each value of a seed, whether its interval holds and its error in sigmas."""
     true = true_values(Spring())
-    inside = dict.fromkeys(true, 0)
-    sizes: dict[str, list[float]] = {name: [] for name in true}
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(seeds):
-            path = write_bench(Path(folder), rng=np.random.default_rng(seed), rows=500)
-            for name, estimate in characterise(read_tests(path)).estimates.items():
-                low, high = estimate.ci95
-                inside[name] += low <= true[name] <= high
-                sizes[name].append((estimate.value - true[name]) / estimate.sigma)
-    table = {
-        name: {"coverage": inside[name] / seeds, "rms_in_sigmas": float(np.sqrt(np.mean(np.square(sizes[name]))))}
-        for name in true
+        found = characterise(read_tests(write_bench(Path(folder), rng=np.random.default_rng(seed), rows=_ROWS)))
+    values = {}
+    for name, estimate in found.estimates.items():
+        low, high = estimate.ci95
+        values[name] = {
+            "inside": bool(low <= true[name] <= high),
+            "sigmas": (estimate.value - true[name]) / estimate.sigma,
+            "sigma": estimate.sigma,
+        }
+    return {
+        "seed": seed,
+        "values": values,
+        "better_law": found.better_law,
+        "rmse": {name: step.rmse for name, step in found.steps.items()},
     }
-    print(json.dumps({"seeds": seeds, "values": table}, indent=2))
+
+
+def main(path: Path, first: int, seeds: int) -> None:
+    """Characterise the seeds that are not in the file yet; print coverage and error in sigmas of every value."""
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = {line["seed"] for line in known}
+    wanted = range(first, first + seeds)
+    for seed in wanted:
+        if seed not in done:
+            known.append(one(seed))
+            with path.open("a") as file:
+                file.write(json.dumps(known[-1]) + "\n")
+    lines = [line for line in known if line["seed"] in wanted]
+    table = {
+        name: {
+            "coverage": float(np.mean([line["values"][name]["inside"] for line in lines])),
+            "rms_in_sigmas": float(np.sqrt(np.mean([line["values"][name]["sigmas"] ** 2 for line in lines]))),
+            "sigma": float(np.median([line["values"][name]["sigma"] for line in lines])),
+        }
+        for name in lines[0]["values"]
+    }
+    rmse = {name: float(np.median([line["rmse"][name] for line in lines])) for name in lines[0]["rmse"]}
+    better = float(np.mean([line["better_law"] == "liang_rogers" for line in lines]))
+    print(json.dumps({"seeds": len(lines), "values": table, "rmse": rmse, "right_law": better}, indent=2))
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    main(
+        Path(sys.argv[1]),
+        int(sys.argv[2]) if len(sys.argv) > 2 else 0,
+        int(sys.argv[3]) if len(sys.argv) > 3 else 200,
+    )

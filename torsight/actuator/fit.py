@@ -1,9 +1,10 @@
 """Least-squares fit of the actuator to a record, with characterised values as priors.
 
-Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, divided by κ, the residual's variance
-times its correlation time (:mod:`torsight.actuator.weights`), and every value's distance from its prior. κ follows from
-the residual of the fit before, in a few rounds. Intervals come from the curvature at the minimum and so are inflated
-for correlation and misfit alike. Several starts guard against local minima.
+Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, which counts how long errors last
+(:mod:`torsight.actuator.weights`), divided by κ, the variance times correlation time of what is left beyond that, and
+every value's distance from its prior. σ and κ follow from the fit before, in a few rounds. Intervals come from the
+curvature at the minimum and so are inflated for correlation and misfit alike. Several starts guard against local
+minima.
 
 Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
 exact C fixes the scale; where all are uncertain the priors do.
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from torsight.actuator.cycle import Cycle, fitted_cycle
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel, Simulation
-from torsight.actuator.weights import correlation_rows, row_sigma, spikes
+from torsight.actuator.weights import correlation_rows, noisy_drives, row_sigma, spikes
 from torsight.core.errors import NoResultError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_FIRST_KAPPA: Final = 200.0
+_FIRST_KAPPA: Final = 20.0
 _ROUNDS: Final = 3
 _SCREENED: Final = 2
 _SILENT: Final = 0.9
@@ -126,6 +127,14 @@ class _Problem:
     parameters: tuple[Parameter, ...]
     scale: Array
     counted: NDArray[np.bool_]
+    noisy: tuple[Drive, ...]
+
+    def row_sigma(self, u: Array) -> Array:
+        """Return every row's standard deviation at these values."""
+        values = self.values(u)
+        angle = self.model.simulate(self.drive, values).angle_rad
+        off = [self.model.simulate(drive, values).angle_rad - angle for drive in self.noisy]
+        return row_sigma(self.drive, angle, np.array(off).reshape(-1, len(angle)))
 
     @property
     def names(self) -> list[str]:
@@ -198,7 +207,7 @@ def fit_model(
     if use is not None:
         counted &= use
     scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
-    problem = _Problem(model, drive, parameters, scale, counted)
+    problem = _Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
     u, weight, kappa, converged = _solve(problem, list(starts or default_starts(model)), progress)
     return _result(problem, u, weight, kappa, converged=converged)
 
@@ -260,8 +269,7 @@ def _solve(
             ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=evaluations,
         )  # fmt: skip
 
-    angle = problem.model.simulate(drive, problem.values(problem.scaled(starts[0]))).angle_rad
-    sigma = row_sigma(drive, angle)
+    sigma = problem.row_sigma(problem.scaled(starts[0]))
     weight = 1.0 / (sigma * np.sqrt(_FIRST_KAPPA))
     rough = []
     for number, start in enumerate(starts):
@@ -274,9 +282,9 @@ def _solve(
     for number in range(_ROUNDS):
         progress("fit: rounds", number, _ROUNDS)
         angle = problem.model.simulate(drive, problem.values(best.x)).angle_rad
-        sigma = row_sigma(drive, angle)
+        sigma = problem.row_sigma(best.x)
         ratio, rows = _spread(problem, angle, sigma)
-        kappa = max(1.0, ratio) * rows
+        kappa = max(1.0, ratio * rows)
         weight = 1.0 / (sigma * np.sqrt(kappa))
         best = run(best.x, weight, 60)
     progress("fit: rounds", _ROUNDS, _ROUNDS)
@@ -294,7 +302,7 @@ def _result(problem: _Problem, u: Array, weight: Array, kappa: float, *, converg
     values = {**model.nominal(), **problem.values(u)}
     simulation = model.simulate(drive, values)
     residual = np.where(problem.counted, drive.angle_rad - simulation.angle_rad, np.nan)
-    sigma = row_sigma(drive, simulation.angle_rad)
+    sigma = problem.row_sigma(u)
     ratio, rows = _spread(problem, simulation.angle_rad, sigma)
     covariance, known = _covariance(problem, u, weight)
     measured = drive.angle_rad[problem.counted]

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator import kernel
+from torsight.actuator import kernel_laws as laws
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import Effect, chosen_effects
 from torsight.actuator.ports import History, Ports
 from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
+from torsight.actuator.turns import turning_points
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -182,7 +184,7 @@ def run_ports(
     temps = np.stack([np.where(is_a, ports.temp_a_c, ports.temp_b_c), np.where(is_a, ports.temp_b_c, ports.temp_a_c)])
     directions = np.ones((2, len(is_a)), np.int8)
     for row in (0, 1) if ports.passive_share > 0.0 else (0,):
-        directions[row] = kernel.turning_points(temps[row], ports.half, TURN_C)
+        directions[row] = turning_points(temps[row], ports.half, TURN_C)
     per_s = np.zeros(len(ports.time_s))
     per_s[1:] = 1.0 / np.diff(ports.time_s)
     half_turn = 0.5 * ports.rig.theta_p_rad
@@ -223,25 +225,25 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     """Return the kernel's vector of scalars."""
     rig = ports.rig
     grid = ports.grid_rad()
-    p = np.zeros(kernel.N_SCALARS)
-    p[kernel.K_A], p[kernel.K_M], p[kernel.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
+    p = np.zeros(laws.N_SCALARS)
+    p[laws.K_A], p[laws.K_M], p[laws.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
     # A fit may try values out of order: a window never closes.
-    p[kernel.A_START], p[kernel.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
-    p[kernel.M_FINISH], p[kernel.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
-    p[kernel.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
-    p[kernel.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
-    p[kernel.THETA_CR], p[kernel.THETA_P] = rig.theta_cr_rad, rig.theta_p_rad
-    p[kernel.TAU_C], p[kernel.VISCOUS] = rig.tau_c_nm, ports.viscous_nms
-    p[kernel.STATIC_EXCESS], p[kernel.STATIC_TIME] = ports.static_excess, ports.static_time_s
-    p[kernel.PASSIVE_SHARE], p[kernel.TANAKA] = ports.passive_share, float(tanaka)
-    p[kernel.ROOM_C], p[kernel.HOME_HOLD] = ports.room_c, ports.home_hold
-    p[kernel.GRID_START], p[kernel.GRID_STEP] = grid[0], grid[1] - grid[0]
-    p[kernel.HAS_FRICTION] = float(ports.friction_down_nm is not None)
-    p[kernel.HAS_STRAY] = float(ports.stray_nm is not None)
+    p[laws.A_START], p[laws.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
+    p[laws.M_FINISH], p[laws.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
+    p[laws.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
+    p[laws.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
+    p[laws.THETA_CR], p[laws.THETA_P] = rig.theta_cr_rad, rig.theta_p_rad
+    p[laws.TAU_C], p[laws.VISCOUS] = rig.tau_c_nm, ports.viscous_nms
+    p[laws.STATIC_EXCESS], p[laws.STATIC_TIME] = ports.static_excess, ports.static_time_s
+    p[laws.PASSIVE_SHARE], p[laws.TANAKA] = ports.passive_share, float(tanaka)
+    p[laws.ROOM_C], p[laws.HOME_HOLD] = ports.room_c, ports.home_hold
+    p[laws.GRID_START], p[laws.GRID_STEP] = grid[0], grid[1] - grid[0]
+    p[laws.HAS_FRICTION] = float(ports.friction_down_nm is not None)
+    p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or np.any(ports.friction_scale != 1.0)
-    p[kernel.SIMPLE] = float(not moving_load)
-    p[kernel.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
+    p[laws.SIMPLE] = float(not moving_load)
+    p[laws.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
 
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.kernel import turning_points
+from torsight.actuator.turns import turning_points
 from torsight.core.errors import NoResultError
 
 Array = NDArray[np.float64]

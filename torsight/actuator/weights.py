@@ -1,14 +1,18 @@
 """What a row of a record is worth to a fit.
 
-The reading noise of the angle is independent from row to row. Two more errors are not: what noise is left in the
-temperature moves the angle by the slope dφ/dT, and whatever the model lacks is alike over many rows. Both show in the
-residual's correlation time: n rows with that time τ hold n/τ pieces of information, and intervals and the balance
-between record and priors follow from these, not from n.
+The reading noise of the angle is independent from row to row. Other errors are not: what noise is left in the
+temperature lasts for seconds and, once it has driven the one-way transformation, for the whole rest that follows; and
+whatever the model lacks is alike over many rows. So every row gets the variance that independent rows would have to
+have for sums over many of them to be as uncertain as they are: the reading's, and every other error's times the number
+of rows over which it lasts. What the temperature's noise does to the angle is seen by driving the model with
+temperatures that are off by it. What is left in the residual beyond that shows as its variance and correlation time.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,21 +23,60 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
-_STEEPEST: Final = 60.0 * DEG
+LEVEL_SIGMA_RAD: Final = 0.02 * DEG
+"""No level at rest is known better than this: friction gives way a little before it slides, sticks settle."""
+_DRAWS: Final = 16
+_ALIKE_S: Final = 3.0
+_LASTS_S: Final = 2.0 * math.sqrt(math.pi) * _ALIKE_S
+# Of the errors that conditioning states: its windows follow the temperature only to within the noise.
+_UNDERSTATED: Final = 1.6
+_STEADY_C: Final = 1e-3
 _SPIKE: Final = 8.0
 
 
-def row_sigma(drive: Drive, angle_rad: Array) -> Array:
-    """Return each row's standard deviation, rad: reading noise and what is left of the temperature's.
+def noisy_drives(drive: Drive, *, draws: int = _DRAWS) -> tuple[Drive, ...]:
+    """Return drives whose temperatures are off by errors like those that conditioning left; none where it left none."""
+    from scipy.ndimage import gaussian_filter1d
 
-    ``angle_rad`` is the modelled angle, for the slope dφ/dT.
+    if float(np.max(drive.temp_sigma_c)) < _STEADY_C:
+        return ()
+    rng = np.random.default_rng(0)
+    width = _ALIKE_S / float(np.median(np.diff(drive.time_s)))
+    made = []
+    for _ in range(draws):
+        smooth = gaussian_filter1d(rng.standard_normal((2, len(drive))), width, axis=1, mode="nearest")
+        # A filter over this width leaves white noise with this standard deviation.
+        unit = smooth * math.sqrt(2.0 * math.sqrt(math.pi) * width)
+        error = _UNDERSTATED * drive.temp_sigma_c * unit
+        made.append(replace(drive, temp_a_c=drive.temp_a_c + error[0], temp_b_c=drive.temp_b_c + error[1]))
+    return tuple(made)
+
+
+def row_sigma(drive: Drive, angle_rad: Array, off_rad: Array) -> Array:
+    """Return the standard deviation that every row has if all count as independent, rad.
+
+    Parameters
+    ----------
+    drive : Drive
+        The record.
+    angle_rad : (n,) float64
+        The modelled angle: where it stands still an error lasts as long as it does.
+    off_rad : (k, n) float64
+        What errors of the temperature do to the modelled angle; k may be 0.
     """
-    temp = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
-    rise = np.gradient(temp)
-    slope = np.abs(np.gradient(angle_rad)) / np.maximum(np.abs(rise), 1e-4)
-    left = np.minimum(slope, _STEEPEST) * drive.temp_sigma_c
+    interval_s = float(np.median(np.diff(drive.time_s)))
+    lasts = np.full(len(drive), max(1.0, _LASTS_S / interval_s))
+    still = np.concatenate([[True], np.abs(np.diff(angle_rad)) < 1e-9])
+    edges = np.flatnonzero(np.diff(still.astype(np.int8))) + 1
+    level = np.zeros(len(drive))
+    for first, last in pairwise([0, *edges.tolist(), len(drive)]):
+        if still[first]:
+            lasts[first:last] = np.maximum(lasts[first:last], last - first)
+            level[first:last] = LEVEL_SIGMA_RAD
+    driven = np.mean(off_rad**2, axis=0) if len(off_rad) else np.zeros(len(drive))
     reading = np.where(np.isfinite(drive.angle_sigma_rad), drive.angle_sigma_rad, 0.0)
-    return np.asarray(np.hypot(np.maximum(reading, reading_floor(drive)), left))
+    reading = np.maximum(reading, reading_floor(drive))
+    return np.asarray(np.sqrt(reading**2 + (driven + level**2) * lasts))
 
 
 def reading_floor(drive: Drive) -> float:

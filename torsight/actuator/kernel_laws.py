@@ -1,0 +1,109 @@
+# mypy: disable-error-code="no-any-return"
+# Elements of numpy arrays carry no type that mypy could check against float.
+# ruff: noqa: FBT001
+# Compiled functions call each other by position, flags too.
+"""What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
+
+``p`` holds the rig's scalars at the places named here, ``tables`` (3, m) torques over θ^A.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.compiled import inlined
+
+Array = NDArray[np.float64]
+
+# Places in p, the scalars of the rig (SI units, °C).
+K_A: Final = 0
+K_M: Final = 1
+K_S: Final = 2
+A_START: Final = 3
+A_WIDTH: Final = 4
+M_FINISH: Final = 5
+M_WIDTH: Final = 6
+TEMP_PER_TORQUE_A: Final = 7
+TEMP_PER_TORQUE_M: Final = 8
+THETA_CR: Final = 9
+THETA_P: Final = 10
+TAU_C: Final = 11
+VISCOUS: Final = 12
+STATIC_EXCESS: Final = 13
+STATIC_TIME: Final = 14
+PASSIVE_SHARE: Final = 15
+TANAKA: Final = 16
+ROOM_C: Final = 17
+GRID_START: Final = 18
+GRID_STEP: Final = 19
+FIXED_THETA_L: Final = 20
+HAS_FRICTION: Final = 21
+HAS_STRAY: Final = 22
+SIMPLE: Final = 23
+HOME_HOLD: Final = 24
+N_SCALARS: Final = 25
+
+# Rows of the tables.
+FRICTION_DOWN: Final = 0
+FRICTION_UP: Final = 1
+STRAY: Final = 2
+
+_LN100: Final = 4.605170185988092
+
+
+@inlined
+def window_place(heating: bool, temperature: float, torque: float, p: Array) -> float:
+    """Return where in the law's window the wire is: 0 at its start, 1 at its end, in the direction of change."""
+    if heating:
+        return (temperature - p[A_START] - p[TEMP_PER_TORQUE_A] * torque) / p[A_WIDTH]
+    return 1.0 - (temperature - p[M_FINISH] - p[TEMP_PER_TORQUE_M] * torque) / p[M_WIDTH]
+
+
+@inlined
+def share_done(place: float, p: Array) -> float:
+    """Return the share of the transformation that is done at a place in the window."""
+    if place <= 0.0:
+        return 0.0
+    if p[TANAKA] > 0.5:
+        return 1.0 - np.exp(-_LN100 * place)
+    return 1.0 if place >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * place)
+
+
+@inlined
+def from_table(x: float, row: int, p: Array, tables: Array) -> float:
+    """Return a table's value at x, held beyond its ends."""
+    place = (x - p[GRID_START]) / p[GRID_STEP]
+    last = tables.shape[1] - 1
+    if place <= 0.0:
+        return tables[row, 0]
+    if place >= last:
+        return tables[row, last]
+    i = int(place)
+    return tables[row, i] + (place - i) * (tables[row, i + 1] - tables[row, i])
+
+
+@inlined
+def loading_torque(theta: float, p: Array) -> float:
+    """Return the martensite's loading curve."""
+    if theta <= p[THETA_CR]:
+        return p[K_M] * theta
+    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR])
+
+
+@inlined
+def cold_torque(theta: float, theta_max: float, p: Array) -> float:
+    """Return the torque of cold martensite: on its loading curve, or unwound elastically from ``theta_max``."""
+    if theta >= theta_max:
+        return loading_torque(theta, p)
+    return loading_torque(theta_max, p) - p[K_M] * (theta_max - theta)
+
+
+@inlined
+def friction_torque(theta_a: float, up: bool, p: Array, tables: Array) -> float:
+    """Return the friction magnitude at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
+    if p[HAS_FRICTION] > 0.0:
+        return max(0.0, from_table(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables))
+    return p[TAU_C]

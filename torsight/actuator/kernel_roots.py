@@ -1,0 +1,275 @@
+# mypy: disable-error-code="no-any-return"
+# Elements of numpy arrays carry no type that mypy could check against float.
+"""One sample of the stepping rule, compiled: what the active spring carries and makes, and where the two meet.
+
+Load less made torque is monotone in the active spring's angle x, so a bracketed root is the answer and no fixed-point
+iteration is needed. Where it slides on as before and the load is linear, Newton's steps from an extrapolated guess
+come to the same root in two.
+
+``c`` holds what stands during one sample, ``q`` the reference state, ``g`` what goes on from sample to sample, at the
+places named here; ``w`` (3, m) per section of the wire: ξ, ξ0, and the furthest place in the law's window.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.compiled import compiled, inlined
+from torsight.actuator.kernel_laws import (
+    A_WIDTH,
+    HAS_STRAY,
+    K_A,
+    K_M,
+    K_S,
+    M_WIDTH,
+    PASSIVE_SHARE,
+    ROOM_C,
+    STRAY,
+    TAU_C,
+    TEMP_PER_TORQUE_A,
+    TEMP_PER_TORQUE_M,
+    THETA_CR,
+    THETA_P,
+    VISCOUS,
+    cold_torque,
+    friction_torque,
+    from_table,
+    share_done,
+    window_place,
+)
+
+Array = NDArray[np.float64]
+
+# Places in c, q and g.
+TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
+TEMP_PASSIVE, TURN_NOW = 8, 9
+X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
+X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+# 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
+TORQUE_TOLERANCE: Final = 1e-13
+SLIP_TOLERANCE: Final = 4e-13
+
+
+@inlined
+def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
+    """Return the wire's ξ at this torque: each section's law, advanced only."""
+    total = 0.0
+    heating = c[HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        place = window_place(heating, own, torque, p)
+        xi = w[0, j]
+        if place > w[2, j]:
+            done = share_done(place, p)
+            xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
+        total += sections[0, j] * xi
+    return total
+
+
+@compiled
+def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
+    """Set every section to its ξ at this torque and return the wire's."""
+    total = 0.0
+    heating = c[HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        place = window_place(heating, own, torque, p)
+        if place > w[2, j]:
+            done = share_done(place, p)
+            w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
+            w[2, j] = place
+        total += sections[0, j] * w[0, j]
+    return total
+
+
+@inlined
+def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
+    """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
+
+    −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ, mirrored for spring B.
+    """
+    theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
+    friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
+    friction += p[VISCOUS] * abs(x - c[X0]) * c[PER_S]
+    torque = cold_torque(p[THETA_P] - x, c[WOUND], p) + c[CROSS] - sense * friction
+    if p[HAS_STRAY] > 0.0:
+        torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
+    return torque
+
+
+@inlined
+def made_torque(x: float, xi: float, c: Array, q: Array, p: Array) -> float:
+    """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
+
+    That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
+    """
+    stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
+    torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
+    if c[HEATING] > 0.0:
+        return torque
+    return max(torque, cold_torque(x, q[FLOOR], p))
+
+
+@inlined
+def excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+    """Return load less made torque at a trial angle, positive as long as it must slide on."""
+    load = load_torque(x, sense, c[SCALE], c, p, tables)
+    return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p))
+
+
+@compiled
+def slide(
+    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array
+) -> float:
+    """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
+
+    A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
+    """
+    a, fa, b, fb = c[X0], first, c[X0], 0.0
+    bracketed = False
+    step = max(guess, 1e-7)
+    x = a + sense * step
+    for _ in range(120):
+        fx = excess(x, sense, c, q, w, p, tables, sections)
+        if not bracketed:
+            b, fb = x, fx
+            if fx <= TORQUE_TOLERANCE:
+                bracketed = True
+            else:
+                drop = (fa - fx) / step
+                ahead = 1.05 * fx / drop if drop > 0.0 else 2.0 * step
+                a, fa = x, fx
+                step = min(max(ahead, 1e-9), 8.0 * step)
+        else:
+            if (fx > 0.0) == (fb > 0.0):
+                factor = 1.0 - fx / fb
+                fa *= factor if factor > 0.0 else 0.5
+            else:
+                a, fa = b, fb
+            b, fb = x, fx
+        if not bracketed:
+            x = a + sense * step
+            continue
+        if abs(fb) <= TORQUE_TOLERANCE or abs(b - a) < 1e-13 or fa == fb:
+            break
+        x = b - fb * (b - a) / (fb - fa)
+    return b
+
+
+@compiled
+def glide(c: Array, q: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
+    """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
+
+    For a wire of one section under constant friction and Liang–Rogers. Monotone excess: where its root lies on the way
+    that the spring slides, it slides there.
+    """
+    heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
+    own = c[TEMP] - sections[1, 0] - sections[2, 0] * (c[TEMP] - p[ROOM_C])
+    # By how much the window's place moves per torque.
+    per_torque = -p[TEMP_PER_TORQUE_A] / p[A_WIDTH] if heating else p[TEMP_PER_TORQUE_M] / p[M_WIDTH]
+    spread = p[K_M] - p[K_A]
+    x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
+    for _ in range(5):
+        other = p[THETA_P] - x
+        load = cold_torque(other, c[WOUND], p) - sense * p[TAU_C]
+        load_slope = -p[K_S] if other >= c[WOUND] and other > p[THETA_CR] else -p[K_M]
+        place = window_place(heating, own, load, p)
+        if place <= w[2, 0]:
+            return False
+        xi, xi_slope = (0.0 if heating else 1.0), 0.0
+        if place < 1.0:
+            cosine = np.cos(np.pi * place)
+            half = 0.5 * (w[1, 0] if heating else w[1, 0] - 1.0)
+            xi = half * (1.0 + cosine) if heating else 1.0 + half * (1.0 + cosine)
+            xi_slope = -np.pi * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
+        stiffness, stretch = p[K_A] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
+        made = q[TAU_REF] + stiffness * stretch
+        slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * per_torque * load_slope
+        if not heating:
+            least = cold_torque(x, q[FLOOR], p)
+            if made < least:
+                made, slope = least, p[K_S] if x >= q[FLOOR] and x > p[THETA_CR] else p[K_M]
+        if abs(load - made) <= TORQUE_TOLERANCE:
+            if sense * (x - g[X_NOW]) < 0.0:
+                return False
+            g[MOVE_2], g[MOVE] = g[MOVE], abs(x - g[X_NOW])
+            g[X_NOW], g[TAU_NOW], g[XI_NOW] = x, load, xi
+            w[0, 0], w[2, 0] = xi, place
+            return True
+        x -= (load - made) / (load_slope - slope)
+    return False
+
+
+@compiled
+def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, sections: Array) -> float:
+    """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
+    a, fa, b, fb = total, 0.0, total, 0.0
+    xi = total
+    for trial in range(80):
+        law = wire_fraction(made_torque(x, xi, c, q, p), c, p, sections, w)
+        fx = xi - law
+        if trial == 0:
+            if fx == 0.0:
+                return xi
+            fa = fx
+            xi = law
+            continue
+        if trial == 1:
+            b, fb = xi, fx
+        else:
+            if (fx > 0.0) == (fb > 0.0):
+                factor = 1.0 - fx / fb
+                fa *= factor if factor > 0.0 else 0.5
+            else:
+                a, fa = b, fb
+            b, fb = xi, fx
+        if abs(fb) <= 1e-14 or abs(b - a) < 1e-15 or fa == fb:
+            break
+        xi = b - fb * (b - a) / (fb - fa)
+    return b
+
+
+@compiled
+def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Array) -> float:
+    """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
+    a, b = xi_from, xi_to
+    slope = p[K_M] - p[K_A]
+    for _ in range(60):
+        xi = 0.5 * (a + b)
+        torque = q[TAU_REF] + (p[K_A] + xi * slope) * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
+        # While ξ falls the torque grows towards the load, while ξ grows it falls towards it.
+        if (torque - load) * (xi_to - xi_from) > 0.0:
+            a = xi
+        else:
+            b = xi
+    return 0.5 * (a + b)
+
+
+@compiled
+def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
+    """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
+    base = cold_torque(theta, c[WOUND], p)
+    angle = max(0.0, c[WOUND] - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * p[PASSIVE_SHARE]
+    if c[TURN_NOW] != g[TURN_P]:
+        g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
+    heating, xi = g[TURN_P] > 0.0, g[XI_P]
+    low, high = (0.0, xi) if heating else (xi, 1.0)
+    # The law at the torque of a trial ξ, less the trial: falls as the trial grows, in both directions of change.
+    for _ in range(46):
+        trial = 0.5 * (low + high)
+        torque = base + (p[K_A] + trial * (p[K_M] - p[K_A])) * angle * (1.0 - trial)
+        done = share_done(window_place(heating, c[TEMP_PASSIVE], torque, p), p)
+        own = g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done
+        target = min(xi, own) if heating else max(xi, own)
+        if target > trial:
+            low = trial
+        else:
+            high = trial
+    fraction = 0.5 * (low + high)
+    if abs(fraction - xi) > 1e-12:
+        g[XI_P] = fraction
+    fraction = g[XI_P]
+    return (p[K_A] + fraction * (p[K_M] - p[K_A])) * angle * (1.0 - fraction)
