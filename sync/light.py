@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sync.belief import DRIFT_SIGMA_PPM, Belief
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import TemperatureLog
-from torsight.core.storage import read_table
+from torsight.core.storage import number_column, read_table
 from torsight.core.units import PPM
 
 _JITTER_S: Final = 1e-3
@@ -83,7 +83,11 @@ def read_light_events(path: Path) -> LightEvents:
     if not np.isfinite(time_s).all():
         row = int(np.flatnonzero(~np.isfinite(time_s))[0])
         raise InputError("has no time", where=f"{path}, row {row + 2}, column time_s", do="mend that row")
-    on = table["on"].to_numpy() > 0.5 if "on" in table.columns else np.ones(len(time_s), dtype=np.bool_)
+    on = (
+        number_column(table, "on", where=str(path)).to_numpy() > 0.5
+        if "on" in table.columns
+        else np.ones(len(time_s), dtype=np.bool_)
+    )
     order = np.argsort(time_s, kind="stable")
     return LightEvents(time_s[order], np.asarray(on, dtype=np.bool_)[order])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.records import TemperatureLog
-from torsight.core.storage import read_table
+from torsight.core.storage import number_column, read_table
 from torsight.core.tables import require_increasing
 
 
@@ -37,7 +37,8 @@ def read_log(path: Path) -> TemperatureLog:
                 do="give temperatures in °C; 'torsight sync' takes single spikes out",
             )
     heat = {
-        name: table[name].to_numpy(np.float64) > 0.5 if name in table.columns else None for name in ("heat_a", "heat_b")
+        name: number_column(table, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in table.columns else None
+        for name in ("heat_a", "heat_b")
     }
     known = {"time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b"}
     return TemperatureLog(

@@ -47,7 +47,7 @@ def get_number(
     value = table.get(key, default)
     if value is None:
         raise ConfigError(f"has no key '{key}'", where=where, do="add it")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if not is_number(value):
         raise ConfigError(f"'{key}' is not a number", where=where, value=repr(value), limit="a finite number", do=hint)
     if not lower <= value <= upper:
         raise ConfigError(
@@ -58,6 +58,14 @@ def get_number(
             do=hint,
         )
     return float(value)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value of a file is a finite number (a switch is none, nor is what no float can hold)."""
+    try:
+        return not isinstance(value, bool) and isinstance(value, (int, float)) and math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def get_text(

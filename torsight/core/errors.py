@@ -6,7 +6,10 @@ was met, which is allowed and what to do. The command line prints it on one line
 
 from __future__ import annotations
 
-from typing import ClassVar
+import unicodedata
+from typing import ClassVar, Final
+
+_MOST_OF_A_VALUE: Final = 160
 
 
 class TorsightError(Exception):
@@ -47,16 +50,25 @@ class TorsightError(Exception):
     def __str__(self) -> str:
         parts = [f"{self.where}: {self.what}" if self.where else self.what]
         if self.value is not None:
-            parts.append(f"found {self.value}")
+            parts.append(f"found {_short(str(self.value))}")
         if self.limit is not None:
             parts.append(f"allowed {self.limit}")
         if self.do is not None:
             parts.append(self.do)
-        return "; ".join(parts)
+        return _printable("; ".join(parts))
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         # Errors come back from worker processes: keep the keyword-only fields.
         return (_rebuild, (type(self), self.what, self.where, self.value, self.limit, self.do))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _MOST_OF_A_VALUE else f"{text[:_MOST_OF_A_VALUE]}…"
+
+
+def _printable(text: str) -> str:
+    """Keep what a damaged file holds from moving the cursor or colouring the terminal; a message is one line."""
+    return "".join("�" if unicodedata.category(one).startswith("C") else one for one in text)
 
 
 def _rebuild(

@@ -30,6 +30,8 @@ SCHEMA: Final = 1
 CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
 _CSV_BLOCK: Final = 4096
+_PLAIN_CSV: Final = "save it as plain CSV: a header row, commas between columns, '.' as decimal sign, UTF-8"
+_WHOLE_PARQUET: Final = "write it again: it may have been cut off, or be another kind of file"
 
 
 @contextlib.contextmanager
@@ -293,12 +295,16 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     if path.is_dir():
         raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
     try:
-        table = pd.read_parquet(path) if is_parquet(path) else pd.read_csv(path, encoding="utf-8-sig")
+        table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
         raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
-    except (pd.errors.ParserError, UnicodeDecodeError, OSError, ValueError) as error:
+    except (pd.errors.ParserError, UnicodeDecodeError, OSError, ValueError, OverflowError) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise InputError(f"is not a readable table ({first_line})", where=str(path)) from error
+        raise InputError(
+            f"is not a readable table ({first_line})",
+            where=str(path),
+            do=_WHOLE_PARQUET if is_parquet(path) else _PLAIN_CSV,
+        ) from error
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:
@@ -309,18 +315,44 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
                 value=", ".join(table.columns[:12]),
                 do=f"rename '{near[0]}'" if near else "add the column",
             )
-        numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
-        wrong = numbers.isna() & table[name].notna()
-        if wrong.any():
-            row = int(np.flatnonzero(wrong.to_numpy())[0])
-            raise InputError(
-                "is not a number",
-                where=f"{path}, row {row + 2}, column {name}",
-                value=repr(table[name].iloc[row]),
-                limit="a number or an empty field",
-                do="mend that row",
-            )
-        table[name] = numbers
+        if list(table.columns).count(name) > 1:
+            raise InputError("has this column twice", where=f"{path}, column {name}", do="remove one of the two")
+        table[name] = number_column(table, name, where=str(path))
     if len(table) == 0:
         raise InputError("has a header but no rows", where=str(path), do="record it again")
     return table
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    table = pd.read_csv(path, encoding="utf-8-sig")
+    # Equal names come back as "name" and "name.1"; which of the two is meant nobody can tell, so they keep one name.
+    header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
+    if len(header) == len(table.columns) and header.notna().all():
+        table.columns = pd.Index(header)
+    return table
+
+
+def number_column(table: pd.DataFrame, name: str, *, where: str) -> pd.Series[float]:
+    """Return a column of a table as float64, an empty field as NaN.
+
+    Raises
+    ------
+    InputError
+        At the first field that is no number, naming its row.
+    """
+    import pandas as pd
+
+    numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
+    wrong = numbers.isna() & table[name].notna()
+    if wrong.any():
+        row = int(np.flatnonzero(wrong.to_numpy())[0])
+        raise InputError(
+            "is not a number",
+            where=f"{where}, row {row + 2}, column {name}",
+            value=repr(table[name].iloc[row]),
+            limit="a number or an empty field",
+            do="mend that row",
+        )
+    return numbers

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable
-from torsight.core.storage import read_table, write_table
+from torsight.core.storage import number_column, read_table, write_table
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG
 
+MOST_FRAMES: Final = 20_000_000
+"""A larger frame number is a damaged one: no film is that long."""
 _ANGLE = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid")
 _MERGED = ("time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c")
 
@@ -51,9 +53,16 @@ def read_angles(path: Path) -> StickAngles:
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
     frame = table["frame"].to_numpy(np.float64)
-    if not np.all(np.isfinite(frame)):
-        row = int(np.flatnonzero(~np.isfinite(frame))[0])
-        raise InputError("has no frame number", where=f"{path}, row {row + 2}, column frame")
+    bad = ~((frame >= 0) & (frame <= MOST_FRAMES))
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise InputError(
+            "is no frame number",
+            where=f"{path}, row {row + 2}, column frame",
+            value=f"{frame[row]:g}",
+            limit=f"0 to {MOST_FRAMES}",
+            do="track the film again",
+        )
     return StickAngles(
         frame=frame.astype(np.int64),
         time_s=time_s,
@@ -73,7 +82,7 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
         At the first such row.
     """
     bad = ~np.isfinite(time_s)
-    bad[1:] |= ~(np.diff(time_s) > 0)
+    bad[1:] |= ~(time_s[1:] > time_s[:-1])
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
         before = f" after {time_s[row - 1]:g}" if row else ""
@@ -131,7 +140,8 @@ def read_merged(path: Path) -> SyncedTable:
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
     heat = {
-        name: frame[name].to_numpy(np.float64) > 0.5 if name in frame.columns else None for name in ("heat_a", "heat_b")
+        name: number_column(frame, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in frame.columns else None
+        for name in ("heat_a", "heat_b")
     }
     return SyncedTable(
         time_s=time_s,
