@@ -20,10 +20,10 @@ from torsight.core.tracks import MarkerTracks
 from torsight.viewer.live.angle import LiveAngle
 from torsight.viewer.live.disk import LineFile, Recorder
 from torsight.viewer.live.following import LogFollower
-from torsight.viewer.live.intake import WAITING_FRAMES, Intake
+from torsight.viewer.live.intake import WAITING_FRAMES, Intake, Picture
 from torsight.viewer.live.latency import Latency
 from torsight.viewer.live.model import STEP_S, Thinned
-from torsight.viewer.live.session import LogClock
+from torsight.viewer.live.clock import LogClock
 from torsight.viewer.live.sources import open_pictures
 from tracker.orient import orient
 
@@ -35,15 +35,17 @@ class Numbered:
 
     name = "numbered"
     speed: float | None = None
+    pixel_aspect = 1.0
+    ended_because = ""
 
-    def __init__(self, count: int, *, fails_at: int | None = None) -> None:
-        self.count, self.fails_at = count, fails_at
+    def __init__(self, count: int, *, fails_at: int | None = None, waits: bool = False) -> None:
+        self.count, self.fails_at, self.waits = count, fails_at, waits
 
-    def frames(self, _stop: threading.Event) -> Iterator[tuple[float, np.ndarray | None, bool]]:
+    def frames(self, _stop: threading.Event) -> Iterator[Picture]:
         for index in range(self.count):
             if index == self.fails_at:
                 raise InputError("broke off", where=self.name)
-            yield index / 30.0, np.full((4, 4), index % 256, np.uint8), False
+            yield Picture(index / 30.0, np.full((4, 4), index % 256, np.uint8))
 
     def describe(self) -> dict[str, object]:
         return {}
@@ -69,6 +71,18 @@ def test_frames_that_come_too_fast_lose_their_pictures_oldest_first_but_not_thei
     kept = [index for index, _, shade in frames if shade is not None]
     assert kept == list(range(200 - WAITING_FRAMES, 200))
     assert intake.dropped == 200 - WAITING_FRAMES
+
+
+def test_a_source_that_can_wait_loses_nothing() -> None:
+    intake = Intake(Numbered(200, waits=True))
+    intake.hurry()
+    intake.go()
+    intake.start()
+    intake._thread.join(0.3)
+    assert intake.waiting == WAITING_FRAMES
+    frames = taken(intake)
+    assert [(index, shade) for index, _, shade in frames] == [(index, index) for index in range(200)]
+    assert intake.dropped == 0
 
 
 def test_while_the_markers_are_looked_for_the_frames_wait() -> None:

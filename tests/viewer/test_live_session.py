@@ -62,7 +62,7 @@ def test_every_frame_has_its_row_and_its_angle_is_right(
     assert table["frame"].tolist() == list(range(FRAMES))
     np.testing.assert_allclose(table["time_s"], np.arange(FRAMES) / FPS, atol=2e-3)
     measured = table["valid"] > 0.5
-    dropped = json.loads((record[0] / "track.json").read_text(encoding="utf-8"))["frames_dropped"]
+    dropped = json.loads((record[0] / "track.json").read_text(encoding="utf-8"))["frames"]["dropped"]
     assert measured.sum() >= FRAMES - dropped
     # Drawn to a sixteenth of a pixel with white noise of 1.5 grey levels on a stick of 50 px: under 0.1° rms.
     error = (table["angle_deg"] - rig[1])[measured]
@@ -138,7 +138,7 @@ def test_a_film_that_is_still_written_is_followed_to_its_end(rig: tuple[Path, np
     seen = []
 
     def read() -> None:
-        seen.extend(time_s for time_s, luma, _ in pictures.frames(stop) if luma is not None)
+        seen.extend(picture.time_s for picture in pictures.frames(stop) if picture.luma is not None)
 
     reader = threading.Thread(target=read)
     reader.start()
@@ -179,7 +179,7 @@ def test_a_hung_screen_holds_nothing_up_and_catches_up_when_it_goes_on(feed: Fee
     os.kill(feed._process.pid or 0, signal.SIGSTOP)
     try:
         for k in range(3 * MOST_WAITING):
-            feed.put("frame", k / 30.0, k, 1.0, luma, drawn)
+            feed.put("picture", k / 30.0, k, luma, drawn)
         # What is in the pipe and in the thread's hands is not in the queue any more.
         assert MOST_WAITING <= feed.left_out < 3 * MOST_WAITING - MOST_WAITING + 5
     finally:

@@ -13,6 +13,7 @@ from torsight.core.storage import check_keys, missing_file, read_toml
 
 KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "video": ("path", "timestamps", "fps"),
+    "angle": ("file", "film"),
     "camera": ("file",),
     "markers": ("file", "base", "moving", "kind"),
     "temperature": ("path",),
@@ -30,8 +31,9 @@ class Experiment:
 
     Attributes
     ----------
-    video : str
-        Film, folder or glob of pictures; the left one of a stereo pair.
+    video : str or None
+        Film, folder or glob of pictures; the left one of a stereo pair. None where the angles are there already and
+        no film of them.
     video_right : str or None
         The right film of a stereo pair.
     timestamps : Path or None
@@ -50,9 +52,11 @@ class Experiment:
         Folder for the results.
     seed : int
         Seed of every random choice.
+    angle : Path or None
+        Angles that are there already, as those of a live record; nothing is tracked then, and the film is only shown.
     """
 
-    video: str
+    video: str | None
     video_right: str | None
     timestamps: Path | None
     fps: float | None
@@ -64,6 +68,7 @@ class Experiment:
     sync: Mapping[str, Any]
     output: Path
     seed: int
+    angle: Path | None = None
 
     def inputs(self) -> list[Path]:
         """Return every file that the experiment reads (films given as a glob are expanded)."""
@@ -72,14 +77,19 @@ class Experiment:
             if source is not None:
                 path = Path(source)
                 found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
-        optional = (self.timestamps, self.camera, self.markers_file)
+        optional = (self.angle, self.timestamps, self.camera, self.markers_file)
         return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator]
 
     def to_configuration(self) -> dict[str, Any]:
         """Return the configuration as used, in the shape of the TOML file."""
-        video: dict[str, Any] = {"path": self.video if self.video_right is None else [self.video, self.video_right]}
+        path = self.video if self.video_right is None else [self.video, self.video_right]
+        video: dict[str, Any] = {"path": path} if self.angle is None else {}
+        angle = {} if self.angle is None else {"file": str(self.angle)}
+        if self.angle is not None and self.video is not None:
+            angle["film"] = self.video
         content: dict[str, dict[str, Any]] = {
             "video": video,
+            "angle": angle,
             "camera": {} if self.camera is None else {"file": str(self.camera)},
             "markers": dict(self.markers) if self.markers_file is None else {"file": str(self.markers_file)},
             "temperature": {"path": str(self.temperature)},
@@ -112,13 +122,18 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     """Build an experiment from the content of its file; see :func:`read_experiment`."""
     check_keys(content, tuple(KEYS), where=where)
     tables = {
-        name: get_table(content, name, where=where, required=name in ("video", "temperature", "actuator"))
-        for name in KEYS
+        name: get_table(content, name, where=where, required=name in ("temperature", "actuator")) for name in KEYS
     }
     places = {name: f"{where}, [{name}]" for name in KEYS}
     for name, table in tables.items():
         check_keys(table, KEYS[name], where=places[name])
-    left, right = _films(tables["video"], where=places["video"], folder=folder)
+    if ("video" in content) == ("angle" in content):
+        raise ConfigError(
+            "needs one of [video] and [angle]",
+            where=where,
+            value="both" if "video" in content else "none",
+            do="name the film in [video] path, or angles that are there already in [angle] file",
+        )
 
     def named(table: str, key: str) -> Path | None:
         if key not in tables[table]:
@@ -129,6 +144,15 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     if temperature is None or actuator is None:
         missing = places["temperature"] if temperature is None else places["actuator"]
         raise ConfigError("names no file", where=missing, do="add 'path' to [temperature], 'file' to [actuator]")
+    angle = named("angle", "file")
+    if "angle" in content and angle is None:
+        raise ConfigError("names no file", where=places["angle"], do="add 'file', the angle.csv of a record")
+    left: str | None = None
+    right: str | None = None
+    if angle is None:
+        left, right = _films(tables["video"], where=places["video"], folder=folder)
+    elif "film" in tables["angle"]:
+        left, _ = _films({"path": tables["angle"]["film"]}, where=places["angle"], folder=folder)
     fps = tables["video"].get("fps")
     sync = dict(tables["sync"])
     if "led_events" in sync:
@@ -146,6 +170,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
         seed=int(get_number(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0)),
+        angle=angle,
     )
 
 

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
+from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from contextlib import AbstractContextManager
+from torsight.cli.answer import Answer
 
+if TYPE_CHECKING:
+    from torsight.actuator.spec import ActuatorSpec
+    from torsight.core.camera import Camera
     from torsight.viewer.live.feed import Feed
-    from torsight.viewer.live.session import Outcome
+    from torsight.viewer.live.model import ModelWatch
+    from torsight.viewer.live.outcome import Outcome
+    from tracker.hints import MarkerHints
+
+FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
+"""What a live record leaves in its folder."""
 
 
 def live(
@@ -40,34 +49,31 @@ def live(
     ] = None,
     serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
     viewer: Annotated[bool, typer.Option(help="Open the viewer's window.")] = True,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port for viewers; 0 takes a free one.")] = 9876,
-    web_port: Annotated[int, typer.Option(min=0, max=65535, help="Port for the browser; 0 takes a free one.")] = 9090,
-) -> None:
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port for viewers; 9876 where it is free, 0 takes any.")
+    ] = None,
+    web_port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
+    ] = None,
+) -> Answer:
     """Track while it happens: record to disk, show in Rerun; Ctrl-C ends it with everything kept.
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
-    from datetime import datetime
-
-    from torsight.actuator.spec import read_actuator
     from torsight.cli.console import say
-    from torsight.core.camera import read_camera
+    from torsight.core.storage import read_json
+    from torsight.viewer.live.account import write_experiment
     from torsight.viewer.live.feed import Feed
-    from torsight.viewer.live.model import ModelWatch
     from torsight.viewer.live.session import Session
-    from torsight.viewer.live.sources import open_pictures
-    from torsight.viewer.program import free_port
-    from tracker.hints import read_markers
+    from torsight.viewer.live.sources import film_of, open_pictures
+    from torsight.viewer.program import chosen_port
 
     folder = out or Path(f"live-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
-    hints = None if markers is None else read_markers(markers)
-    lens = None if camera is None else read_camera(camera)
-    spec = None if actuator is None else read_actuator(actuator)
+    hints, lens, spec = _read(markers, camera, actuator)
+    ports = chosen_port(port, 9876, option="--port"), chosen_port(web_port, 9090, option="--web-port")
     pictures = open_pictures(source, speed=speed, fps=fps, grows=grows)
     stop = threading.Event()
-    feed = Feed(port or free_port())
-    model = None if spec is None else ModelWatch(spec)
-    try:
+    with _ended_by(stop), _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
         session = Session(
             pictures,
             log=temperature,
@@ -79,19 +85,41 @@ def live(
             offset_s=offset_s,
             say=say,
         )
+        write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s)
         if not temperature.exists():
             say(f"waiting for {temperature}: it is followed as soon as it is there")
-        with (
-            _screens(feed, browser_port=(web_port or free_port()) if serve else None, window=viewer),
-            _ended_by(stop),
-        ):
+        with _screens(feed, browser_port=ports[1] if serve else None, window=viewer):
             outcome = session.run(stop)
-    finally:
-        if model is not None:
-            model.close()
-        feed.close()
     for line in summary(outcome, folder):
         say(line)
+    files = [folder / name for name in FILES]
+    return Answer(read_json(folder / "live.json"), files=[path for path in files if path.exists()])
+
+
+def _read(
+    markers: Path | None, camera: Path | None, actuator: Path | None
+) -> tuple[MarkerHints | None, Camera | None, ActuatorSpec | None]:
+    from torsight.actuator.spec import read_actuator
+    from torsight.core.camera import read_camera
+    from tracker.hints import read_markers
+
+    return (
+        None if markers is None else read_markers(markers),
+        None if camera is None else read_camera(camera),
+        None if actuator is None else read_actuator(actuator),
+    )
+
+
+@contextlib.contextmanager
+def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
+    """Give the model beside the record, where its values are known; it ends with the block."""
+    if spec is None:
+        yield None
+        return
+    from torsight.viewer.live.model import ModelWatch
+
+    with contextlib.closing(ModelWatch(spec)) as watch:
+        yield watch
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
@@ -99,9 +127,10 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
     from torsight.core.wording import estimate
 
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
+    lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     lines = [
         "",
-        f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped",
+        f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped{lost}",
         f"Temperature rows  {outcome.log_rows}",
     ]
     if outcome.measured:
@@ -109,67 +138,64 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
         lines.append(f"Range of motion   {span:.1f}° (from {outcome.low_deg:.1f}° to {outcome.high_deg:.1f}°)")
     if outcome.friction is not None:
         lines.append(f"Friction torque   {estimate(outcome.friction)}, plain model")
-    times = outcome.latency
-    lines.append(f"Latency           median {times['median_ms']:.1f} ms, 99 % under {times['p99_ms']:.1f} ms")
+    for name, times in (("recorded", outcome.latency), ("logged", outcome.latency_logged)):
+        if times.get("frames"):
+            words = f"median {times['median_ms']:.1f} ms, 99 % under {times['p99_ms']:.1f} ms until the angle is {name}"
+            lines.append(f"Latency           {words}")
     if outcome.left_out:
         lines.append(f"Not shown         {outcome.left_out} entries that the viewer could not take in time")
-    lines.append(f"Record            {folder}")
+    lines.append(f"Record            {folder}; to the report: torsight run {folder / 'experiment.toml'}")
     return lines
 
 
-def _ended_by(stop: threading.Event) -> AbstractContextManager[None]:
+@contextlib.contextmanager
+def _ended_by(stop: threading.Event) -> Iterator[None]:
     """Let Ctrl-C and a request to end set ``stop``, while the block lasts."""
-    import contextlib
     import signal
 
-    @contextlib.contextmanager
-    def block() -> Iterator[None]:
-        kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-        for number in kept:
-            signal.signal(number, lambda *_: stop.set())
-        try:
-            yield
-        finally:
-            for number, handler in kept.items():
-                signal.signal(number, handler)
-
-    return block()
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in kept:
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        yield
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
 
 
-def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> AbstractContextManager[None]:
+@contextlib.contextmanager
+def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[None]:
     """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
-    import contextlib
     from urllib.parse import quote
 
     from torsight.cli.console import say
-    from torsight.viewer.program import Viewer, free_port
+    from torsight.viewer.program import Viewer, free_port, has_display
 
     screens: list[Viewer] = []
 
     def start() -> None:
         # A viewer that finds nothing to connect to does not try again.
         if not feed.wait_until_open():
+            say("the view cannot be served; the record goes on without it")
             return
         if browser_port is not None:
             arguments = ["--serve-web", "--web-viewer-port", str(browser_port), feed.address]
             screens.append(Viewer(arguments, port=free_port()))
             say(f"In a browser      http://127.0.0.1:{browser_port}?url={quote(feed.address, safe='')}")
-        elif window:
+        elif window and has_display():
             screens.append(Viewer(["--connect", feed.address], port=free_port()))
+        elif window:
+            say("No display here   --serve shows it in a browser, --no-viewer leaves this out")
         say(f"For any viewer    rerun {feed.address}")
 
-    @contextlib.contextmanager
-    def block() -> Iterator[None]:
-        starter = threading.Thread(target=start, daemon=True)
-        starter.start()
-        try:
-            yield
-        finally:
-            starter.join(timeout=1.0)
-            for screen in screens:
-                if not screen.running:
-                    say(f"The viewer ended  {screen.why_ended()}")
-                if browser_port is not None or not screen.running:
-                    screen.end()
-
-    return block()
+    starter = threading.Thread(target=start, daemon=True)
+    starter.start()
+    try:
+        yield
+    finally:
+        starter.join(timeout=1.0)
+        for screen in screens:
+            if not screen.running:
+                say(f"The viewer ended  {screen.why_ended()}")
+            if browser_port is not None or not screen.running:
+                screen.end()

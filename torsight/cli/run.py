@@ -139,10 +139,13 @@ def _check(experiment: Experiment) -> None:
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
     from torsight.core.camera import read_camera
+    from torsight.core.tables import read_angles
     from tracker.hints import read_markers
 
     read_temperature_log(experiment.temperature)
     read_actuator(experiment.actuator)
+    if experiment.angle is not None:
+        read_angles(experiment.angle)
     if experiment.camera is not None:
         read_camera(experiment.camera)
     if experiment.markers_file is not None or experiment.markers:
@@ -155,24 +158,10 @@ def _stages(
     from torsight.cli.discover import discover_to_folder
     from torsight.cli.fit import fit_to_folder
     from torsight.cli.sync import sync_to_folder
-    from torsight.cli.track import track_to_folder
 
     merged = folder / "merged.csv"
     return [
-        (
-            "track",
-            lambda: track_to_folder(
-                experiment.video,
-                right=experiment.video_right,
-                camera=experiment.camera,
-                markers=experiment.markers_file or (experiment.markers or None),
-                timestamps=experiment.timestamps,
-                fps=experiment.fps,
-                out=folder,
-                resume=resume,
-                progress=progress,
-            ),
-        ),
+        ("track", lambda: _angles(experiment, folder, resume=resume, progress=progress)),
         (
             "sync",
             lambda: sync_to_folder(
@@ -193,11 +182,32 @@ def _stages(
     ]
 
 
+def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
+    """Track the film, or take over angles that are there already."""
+    from torsight.cli.takeover import take_over
+    from torsight.cli.track import track_to_folder
+
+    if experiment.angle is not None:
+        take_over(experiment.angle, out=folder)
+    elif experiment.video is not None:
+        track_to_folder(
+            experiment.video,
+            right=experiment.video_right,
+            camera=experiment.camera,
+            markers=experiment.markers_file or (experiment.markers or None),
+            timestamps=experiment.timestamps,
+            fps=experiment.fps,
+            out=folder,
+            resume=resume,
+            progress=progress,
+        )
+
+
 def _show(experiment: Experiment, folder: Path) -> None:
     from torsight.report import write_report
     from torsight.viewer import write_recording
 
-    write_recording(folder, film=Path(experiment.video))
+    write_recording(folder, film=None if experiment.video is None else Path(experiment.video))
     write_report(folder)
 
 

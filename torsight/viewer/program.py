@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import socket
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from torsight.core.errors import NoResultError
+from torsight.core.errors import ConfigError, NoResultError
 
 LOOPBACK: Final = "127.0.0.1"
 _TROUBLE: Final = (
@@ -46,6 +48,33 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
+
+
+def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
+    """Return the port that was asked for (0: any free one), else the usual one where it is free, else any.
+
+    Raises
+    ------
+    ConfigError
+        When another program has the port that was asked for.
+    """
+    if wanted == 0:
+        return free_port()
+    port = usual if wanted is None else wanted
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((LOOPBACK, port))
+        return port
+    if wanted is None:
+        return free_port()
+    raise ConfigError("is taken by another program", where=option, value=wanted, do="choose another port; 0 takes any")
+
+
+def has_display() -> bool:
+    """Return whether a window can be opened here."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def step_back(process: int = 0) -> None:

@@ -14,6 +14,8 @@ from tracker.rays import carry, meet_plane, undistort
 _BASE_WEIGHT = 0.05
 """Share of a new frame in the base stick's running direction."""
 
+_Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
 
 class LiveAngle:
     """Turns the markers of one frame after the other into the unwrapped angle.
@@ -22,10 +24,12 @@ class LiveAngle:
     ----------
     camera : Camera or None
         With a pose, rays are met with the sticks' planes; without, the picture is the plane of motion.
+    pixel_aspect : float
+        Width of a pixel over its height.
     """
 
-    def __init__(self, camera: Camera | None) -> None:
-        self._maps = _maps(camera)
+    def __init__(self, camera: Camera | None, *, pixel_aspect: float = 1.0) -> None:
+        self._maps = _maps(camera, pixel_aspect)
         self._heights = (
             None
             if camera is None or camera.pose is None
@@ -96,19 +100,18 @@ class LiveAngle:
         return np.column_stack([points, np.where(np.isfinite(points[:, 0]), height, np.nan)])
 
 
-def _maps(camera: Camera | None) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]:
+def _maps(
+    camera: Camera | None, pixel_aspect: float
+) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]:
     if camera is None or camera.pose is None:
-        return (_upwards, _upwards)
+        upwards = np.array([pixel_aspect, -1.0])
+        return (lambda pixels: pixels * upwards,) * 2
     pose, intrinsics = camera.pose, camera.intrinsics
 
-    def onto(z_mm: float) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def onto(z_mm: float) -> _Map:
         return lambda pixels: meet_plane(undistort(pixels, intrinsics), pose, z_mm=z_mm)
 
     return onto(pose.base_z_mm), onto(pose.moving_z_mm)
-
-
-def _upwards(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(pixels * np.array([1.0, -1.0]))
 
 
 def _direction(

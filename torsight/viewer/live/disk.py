@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FLUSH_S: Final = 0.25
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
+EVENTS: Final = ("time_s", "frame", "kind", "text")
 
 
 class LineFile:
@@ -84,7 +85,7 @@ class LineFile:
 
 
 class Recorder:
-    """``angle.csv``, ``markers.csv`` and ``temps.csv`` of a live record, in the columns of ``torsight track``.
+    """``angle.csv``, ``markers.csv``, ``temps.csv`` and ``events.csv`` of a live record, in the columns of ``track``.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ class Recorder:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"cannot be made ({error.strerror or error})", where=str(folder)) from error
-        for name in ("angle.csv", "markers.csv", "temps.csv"):
+        for name in ("angle.csv", "markers.csv", "temps.csv", "events.csv"):
             _refuse_existing(folder / name)
         columns = ["frame", "time_s"]
         for name in MARKERS:
@@ -109,6 +110,7 @@ class Recorder:
         self._in_space = in_space
         self._angle = LineFile(folder / "angle.csv", ANGLE)
         self._markers = LineFile(folder / "markers.csv", columns)
+        self._events = LineFile(folder / "events.csv", EVENTS)
         self._temperatures: LineFile | None = None
 
     def frame(
@@ -143,20 +145,29 @@ class Recorder:
         for line in lines:
             self._temperatures.add_line(line)
 
+    def event(self, time_s: float, frame: int, kind: str, text: str) -> None:
+        """Append one event."""
+        quoted = text.replace('"', '""')
+        self._events.add_line(f'{time_s:.10g},{frame},{kind},"{quoted}"')
+
     def flush_due(self) -> None:
         """Hand to the system what has waited for a quarter of a second."""
-        for file in (self._angle, self._markers, self._temperatures):
-            if file is not None:
-                file.flush_due()
+        for file in self._files():
+            file.flush_due()
 
     def close(self) -> None:
         """Close the tables."""
-        for file in (self._angle, self._markers, self._temperatures):
-            if file is not None:
-                file.close()
+        for file in self._files():
+            file.close()
+
+    def _files(self) -> list[LineFile]:
+        files = [self._angle, self._markers, self._events]
+        return files if self._temperatures is None else [*files, self._temperatures]
 
 
-def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swapped: int) -> Orientation | None:
+def finish(
+    folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swapped: int, pixel_aspect: float = 1.0
+) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
     Parameters
@@ -169,6 +180,8 @@ def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swa
         Size of the pictures.
     swapped : int
         How many of the first rows call the base stick moving, because no stick had moved yet.
+    pixel_aspect : float
+        Width of a pixel over its height.
 
     Returns
     -------
@@ -200,8 +213,8 @@ def finish(folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swa
         valid=valid,
         size_px=size_px,
     )
-    orientation = orient(tracks, camera)
-    write_table(path, marker_columns(tracks, orientation.position_mm))
+    orientation = orient(tracks, camera, pixel_aspect=pixel_aspect)
+    write_table(path, marker_columns(orientation.with_errors(tracks), orientation.position_mm))
     write_angles(folder / "angle.csv", orientation.angles)
     return orientation
 
@@ -215,10 +228,3 @@ def _exists(path: Path) -> ConfigError:
     return ConfigError(
         "is there already", where=str(path), do="choose another --out folder; a record is not written over"
     )
-
-
-def write_account(folder: Path, name: str, content: dict[str, Any]) -> None:
-    """Write one of the record's JSON files."""
-    from torsight.core.storage import write_json
-
-    write_json(folder / name, content)

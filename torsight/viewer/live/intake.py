@@ -7,16 +7,43 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-WAITING_FRAMES: Final = 6
-"""Frames that may wait for the tracker; the oldest of more gives up its picture."""
+from torsight.viewer.live.priority import INTAKE, served_first
+
+WAITING_FRAMES: Final = 30
+"""Frames that may wait for the tracker, which catches up many times faster than they come; then the oldest gives up its
+picture, unless the source can wait."""
 
 WAITING_AT_START: Final = 400
 """Frames that may wait while the markers are looked for, which takes a second or two."""
+
+
+class Picture(NamedTuple):
+    """What a source gives.
+
+    Attributes
+    ----------
+    time_s : float
+        On the source's clock, from its first picture.
+    luma : (h, w) uint8 or None
+        Brightness; None where it could not be decoded.
+    damaged : bool
+        Whether the picture is not whole.
+    arrived_s : float or None
+        ``time.perf_counter()`` when it was there; None: when it is given, or, for a film, when it is due.
+    missed : int
+        How many pictures the source lost just before this one.
+    """
+
+    time_s: float
+    luma: NDArray[np.uint8] | None
+    damaged: bool = False
+    arrived_s: float | None = None
+    missed: int = 0
 
 
 @dataclass(slots=True, eq=False)
@@ -35,6 +62,8 @@ class LiveFrame:
         ``time.perf_counter()`` when it was there.
     damaged, dropped : bool
         Why there is no (whole) picture.
+    missed : int
+        How many pictures the source lost just before this one.
     """
 
     index: int
@@ -43,6 +72,7 @@ class LiveFrame:
     arrived_s: float
     damaged: bool = False
     dropped: bool = False
+    missed: int = 0
 
 
 class Pictures(Protocol):
@@ -51,16 +81,24 @@ class Pictures(Protocol):
     name: str
     speed: float | None
     """Factor on the film's own pace; None where pictures come when they come."""
+    waits: bool
+    """Whether pictures that are not taken yet stay where they are, as those of a file do."""
+    pixel_aspect: float
+    """Width of a pixel over its height."""
+    ended_because: str
+    """Why there are no more pictures, where that is not as it should be; else empty."""
 
-    def frames(self, stop: threading.Event) -> Iterator[tuple[float, NDArray[np.uint8] | None, bool]]:
-        """Give time (s), luma and whether it is damaged, until the end or until ``stop``."""
+    def frames(self, stop: threading.Event) -> Iterator[Picture]:
+        """Give the pictures, until the end or until ``stop``."""
 
     def describe(self) -> dict[str, Any]:
         """Return what is known of the source, for ``track.json``."""
 
 
 class Intake:
-    """Reads pictures in a thread of its own and hands them on; drops the oldest picture rather than fall behind.
+    """Reads pictures in a thread of its own and hands them on.
+
+    Where a source cannot wait, the oldest picture is dropped rather than fall behind; its frame keeps number and time.
 
     Parameters
     ----------
@@ -89,7 +127,7 @@ class Intake:
         self._go.set()
 
     def hurry(self) -> None:
-        """Keep few frames waiting from now on: the markers are found, and what waited has been taken."""
+        """Keep few frames waiting from now on: the markers are found."""
         self._patience = WAITING_FRAMES
 
     def stop(self) -> None:
@@ -108,7 +146,10 @@ class Intake:
         with self._changed:
             if not self._frames and not self._ended:
                 self._changed.wait(wait_s)
-            return self._frames.popleft() if self._frames else None
+            if not self._frames:
+                return None
+            self._changed.notify_all()
+            return self._frames.popleft()
 
     @property
     def waiting(self) -> int:
@@ -127,27 +168,66 @@ class Intake:
                 self._changed.notify_all()
 
     def _read_all(self) -> None:
-        speed = self.pictures.speed
-        begin: float | None = None
-        first_s = 0.0
-        for index, (time_s, luma, damaged) in enumerate(self.pictures.frames(self._stop)):
-            if speed is not None and index > 0:
-                if begin is None:
+        pace = _Pace(self.pictures.speed)
+        with served_first(INTAKE):
+            for index, picture in enumerate(self.pictures.frames(self._stop)):
+                if index == 1 and self.pictures.waits:
+                    # A film stands at its first frame until that is measured.
                     self._go.wait()
-                    begin = time.perf_counter()
-                if self._stop.wait(max(0.0, begin + (time_s - first_s) / speed - time.perf_counter())):
+                due_s = pace.due_s(picture.time_s)
+                if due_s is not None and self._stop.wait(max(0.0, due_s - time.perf_counter())):
                     return
-            elif index == 0:
-                first_s = time_s
-            self._put(LiveFrame(index, time_s, luma, time.perf_counter(), damaged=damaged))
-            if self._stop.is_set():
-                return
+                arrived_s = picture.arrived_s or due_s or time.perf_counter()
+                frame = LiveFrame(
+                    index, picture.time_s, picture.luma, arrived_s, damaged=picture.damaged, missed=picture.missed
+                )
+                pace.hold(self._put(frame))
+                if self._stop.is_set():
+                    return
 
-    def _put(self, frame: LiveFrame) -> None:
+    def _put(self, frame: LiveFrame) -> float:
+        """Let a frame wait for the tracker, and return for how long (s) there was no room for it."""
         with self._changed:
+            begin_s = time.perf_counter()
+            while self.pictures.waits and len(self._frames) >= self._patience and not self._stop.is_set():
+                self._changed.wait(0.1)
+                frame.arrived_s = time.perf_counter()
+            held_s = max(0.0, frame.arrived_s - begin_s)
             self._frames.append(frame)
-            with_picture = [one for one in self._frames if one.luma is not None]
-            for late in with_picture[: max(0, len(with_picture) - self._patience)]:
-                late.luma, late.dropped = None, True
-                self.dropped += 1
+            if not self.pictures.waits:
+                self._drop_beyond(self._patience)
             self._changed.notify_all()
+        return held_s
+
+    def _drop_beyond(self, count: int) -> None:
+        """Take the oldest pictures of more than so many that wait; their frames stay."""
+        with_picture = [one for one in self._frames if one.luma is not None]
+        for late in with_picture[: max(0, len(with_picture) - count)]:
+            late.luma, late.dropped = None, True
+            self.dropped += 1
+
+
+class _Pace:
+    """When each frame of a film is due: as its clock says, from the second frame on."""
+
+    def __init__(self, speed: float | None) -> None:
+        self._speed = speed
+        self._begin: tuple[float, float] | None = None
+        self._first_s: float | None = None
+
+    def due_s(self, time_s: float) -> float | None:
+        """Return the instant of a frame; None where pictures come when they come."""
+        if self._speed is None:
+            return None
+        if self._first_s is None:
+            self._first_s = time_s
+            return time.perf_counter()
+        if self._begin is None:
+            self._begin = (time.perf_counter(), self._first_s)
+        begin, first_s = self._begin
+        return begin + (time_s - first_s) / self._speed
+
+    def hold(self, seconds: float) -> None:
+        """Put off every frame to come: the last one found no room for so long."""
+        if self._begin is not None:
+            self._begin = (self._begin[0] + seconds, self._begin[1])

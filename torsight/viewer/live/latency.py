@@ -8,19 +8,27 @@ import numpy as np
 
 _BIN_S: Final = 1e-4
 _BINS: Final = 20_000
+CELLS: Final = _BINS + 1
+"""Numbers of 64 bits that the counts take; the last one is the longest duration in nanoseconds."""
 
 
 class Latency:
-    """Counts durations in bins of 0.1 ms up to two seconds."""
+    """Counts durations in bins of 0.1 ms up to two seconds.
 
-    def __init__(self) -> None:
-        self._count = np.zeros(_BINS, np.int64)
-        self._most_s = 0.0
+    Parameters
+    ----------
+    shared : buffer, optional
+        :data:`CELLS` whole numbers of 64 bits that another process counts in; it alone adds.
+    """
+
+    def __init__(self, shared: Any = None) -> None:
+        cells = np.zeros(CELLS, np.int64) if shared is None else np.frombuffer(shared, np.int64)
+        self._count, self._most_ns = cells[:-1], cells[-1:]
 
     def add(self, duration_s: float) -> None:
         """Count one duration."""
-        self._count[min(int(duration_s / _BIN_S), _BINS - 1)] += 1
-        self._most_s = max(self._most_s, duration_s)
+        self._count[min(max(int(duration_s / _BIN_S), 0), _BINS - 1)] += 1
+        self._most_ns[0] = max(int(self._most_ns[0]), round(duration_s * 1e9))
 
     def percentile_ms(self, percent: float) -> float:
         """Return the duration that this share does not exceed, ms; NaN where nothing was counted."""
@@ -29,6 +37,10 @@ class Latency:
             return float("nan")
         place = int(np.searchsorted(np.cumsum(self._count), percent / 100.0 * total))
         return min((place + 1) * _BIN_S, max(self._most_s, _BIN_S)) * 1e3
+
+    @property
+    def _most_s(self) -> float:
+        return float(self._most_ns[0]) * 1e-9
 
     def to_json(self) -> dict[str, Any]:
         """Return count, median, 99 % and the longest."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 from array import array
 from collections.abc import Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -173,15 +174,35 @@ class ModelWatch:
             self._ask()
         return news
 
+    def last(self, limit_s: float) -> list[ModelNews]:
+        """Return what there is still to be had of a record that has ended, a last fit included, within a time."""
+        end = time.monotonic() + limit_s
+        found: list[ModelNews] = []
+        if self._job is not None:
+            wait([self._job], timeout=limit_s)
+            found += [news for news in (self.poll(),) if news is not None]
+        for _ in range(2):
+            # The first round may be one that poll had asked for; what was fitted then is not asked again.
+            self._fit_next = not any(news.friction for news in found)
+            self._ask(whole=self._fit_next)
+            if self._job is None:
+                break
+            wait([self._job], timeout=max(0.0, end - time.monotonic()))
+            if not self._job.done():
+                break
+            news, self._job = self._result(), None
+            found += [news] if news is not None else []
+        return found
+
     def close(self) -> None:
         """End the process; a job that runs is given up."""
         for process in list(getattr(self._pool, "_processes", None) or {}):
             self._pool._processes[process].terminate()  # noqa: SLF001 - the pool has no other way not to wait
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _ask(self) -> None:
-        columns = self._columns()
-        if columns is None:
+    def _ask(self, *, whole: bool = False) -> None:
+        columns = self._columns(again=whole)
+        if self._job is not None or columns is None:
             return
         try:
             self._job = self._pool.submit(model_of, self._spec, columns, self._values, friction=self._fit_next)
@@ -214,24 +235,36 @@ class ModelWatch:
             trouble=news.trouble,
         )
 
-    def _columns(self) -> tuple[Array, ...] | None:
-        """Return the record so far as far as both angle and temperatures reach."""
+    def _columns(self, *, again: bool) -> tuple[Array, ...] | None:
+        """Return the record as far as both angle and temperatures reach; None where there is no more than last time."""
         if min(len(self._angles), len(self._temperatures)) < LEAST_ROWS:
             return None
         time_s, angle, sigma = self._angles.columns()
         log_s, *temperatures = self._temperatures.columns()
         inside = (time_s >= log_s[0]) & (time_s <= log_s[-1])
-        if inside.sum() < LEAST_ROWS or time_s[inside][-1] <= self._known_s:
+        if inside.sum() < LEAST_ROWS or (not again and time_s[inside][-1] <= self._known_s):
             return None
         at_s = time_s[inside]
         return (at_s, angle[inside], sigma[inside], *(np.interp(at_s, log_s, one) for one in temperatures))
 
 
 def _quiet() -> None:
-    """Leave Ctrl-C, and the processor where it is short, to the program that measures."""
+    """Leave Ctrl-C, and the processor where it is short, to the program that measures; end when it is killed."""
     import signal
+    import threading
 
     from torsight.viewer.program import step_back
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     step_back()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    import os
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(0)

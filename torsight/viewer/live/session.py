@@ -6,22 +6,25 @@ import gc
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from torsight.core.errors import NoResultError
+from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.wording import estimate, number
-from torsight.viewer.live.disk import Recorder, finish, write_account
+from torsight.viewer.live.account import write_track_account
+from torsight.viewer.live.clock import LogClock
+from torsight.viewer.live.disk import Recorder, finish
 from torsight.viewer.live.following import LogFollower
-from torsight.viewer.live.intake import Intake, LiveFrame, Pictures
+from torsight.viewer.live.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures
 from torsight.viewer.live.latency import Latency
+from torsight.viewer.live.outcome import Outcome
+from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.overlay import overlay
 
@@ -35,23 +38,10 @@ PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
 MODEL_EVERY_S: Final = 1.0
+LAST_FIT_S: Final = 20.0
+"""How long the end of a record waits for the friction of all of it."""
 SHOWN_PX: Final = 640
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
-
-
-@dataclass(slots=True)
-class Outcome:
-    """How a live record ended, for the summary."""
-
-    frames: int = 0
-    measured: int = 0
-    dropped: int = 0
-    left_out: int = 0
-    log_rows: int = 0
-    low_deg: float = math.inf
-    high_deg: float = -math.inf
-    friction: dict[str, Any] | None = None
-    latency: dict[str, Any] = field(default_factory=dict)
 
 
 class Session:
@@ -95,21 +85,25 @@ class Session:
         self._feed, self._model, self._say = feed, model, say
         self._folder = folder
         self._events: list[dict[str, Any]] = []
-        self._now_s = 0.0
+        self.now_s = 0.0
+        """Time of the last frame."""
         self._frame = 0
         self._size_px: tuple[int, int] = (0, 0)
         self._intake = Intake(pictures)
-        self._tracker = LiveTracker(hints, camera, name=pictures.name, tell=self._tell)
+        self._tracker = LiveTracker(
+            hints, camera, name=pictures.name, tell=self._tell, pixel_aspect=pictures.pixel_aspect
+        )
         self._recorder = Recorder(folder, in_space=camera is not None and camera.pose is not None)
-        self._follower = LogFollower(log, lambda words: self._tell(self._now_s, self._frame, "log", words))
+        self._follower = LogFollower(log, lambda words: self._tell(self.now_s, self._frame, "log", words))
         self._clock = LogClock(offset_s)
         self._latency = Latency()
-        self._due = dict.fromkeys(("picture", "log", "model", "dropped"), -math.inf)
+        self._due = dict.fromkeys(("picture", "beside", "log", "model", "dropped"), -math.inf)
         self._told_dropped = 0
         self._angle_deg = math.nan
         self._temperatures: dict[str, float] = {}
         self._trouble = ""
         self._steady = False
+        self._closed = False
 
     def run(self, stop: threading.Event) -> Outcome:
         """Measure until the source ends or ``stop`` is set, then make the record whole.
@@ -126,16 +120,11 @@ class Session:
         gc.freeze()
         self._intake.start()
         try:
-            while not stop.is_set():
-                frame = self._intake.take(0.05)
-                if frame is not None:
-                    self._take(frame)
-                elif self._intake.ended:
-                    break
-                self._recorder.flush_due()
-                if self._intake.waiting == 0:
-                    self._caught_up()
-                    self._beside()
+            with served_first(TRACKING) as first, quick_turns():
+                self.outcome.served_first = first
+                self._watch(stop)
+            self._tell_the_end()
+            self._last_news()
             if self._intake.error is not None:
                 raise self._intake.error
         finally:
@@ -151,12 +140,25 @@ class Session:
             )
         return self.outcome
 
+    def _watch(self, stop: threading.Event) -> None:
+        """Take frame after frame until the source ends or ``stop`` is set."""
+        while not stop.is_set():
+            frame = self._intake.take(0.05)
+            if frame is not None:
+                self._take(frame)
+            elif self._intake.ended:
+                break
+            self._recorder.flush_due()
+            self._settle()
+            if self._intake.waiting == 0 or time.perf_counter() > self._due["beside"]:
+                self._due["beside"] = time.perf_counter() + LOG_EVERY_S
+                self._beside()
+
     # --- each frame -------------------------------------------------------------------------------------------------
 
     def _take(self, frame: LiveFrame) -> None:
-        self._now_s, self._frame = frame.time_s, frame.index
-        if frame.luma is not None:
-            self._size_px = (frame.luma.shape[1], frame.luma.shape[0])
+        self.now_s, self._frame = frame.time_s, frame.index
+        self._look_at_size(frame)
         seen = self._tracker.step(frame)
         self._recorder.frame(
             frame.index,
@@ -171,37 +173,42 @@ class Session:
         self._intake.go()
         if self._steady and not frame.dropped:
             self._latency.add(time.perf_counter() - frame.arrived_s)
-        self._count(frame, seen)
+        self._angle_deg = seen.angle_rad / DEG
+        self.outcome.count(seen.angle_rad, dropped=frame.dropped, missed=frame.missed)
         if self._model is not None and math.isfinite(seen.angle_rad):
             self._model.angle(frame.time_s, seen.angle_rad, seen.sigma_rad)
 
-    def _count(self, frame: LiveFrame, seen: Seen) -> None:
-        outcome = self.outcome
-        self._angle_deg = seen.angle_rad / DEG
-        outcome.frames += 1
-        outcome.dropped += frame.dropped
-        if math.isfinite(seen.angle_rad):
-            degrees = seen.angle_rad / DEG
-            outcome.measured += 1
-            outcome.low_deg, outcome.high_deg = min(outcome.low_deg, degrees), max(outcome.high_deg, degrees)
+    def _look_at_size(self, frame: LiveFrame) -> None:
+        if frame.luma is None:
+            return
+        size_px = (frame.luma.shape[1], frame.luma.shape[0])
+        if size_px != self._size_px and self._camera is not None:
+            from tracker.orient import check_size
+
+            check_size(size_px, self._camera)
+        self._size_px = size_px
 
     def _show(self, frame: LiveFrame, seen: Seen) -> None:
         if self._feed is None:
             return
-        luma, drawn = None, None
+        counts = self._steady and not frame.dropped
+        self._feed.put("angle", frame.time_s, frame.index, seen.angle_rad / DEG, frame.arrived_s if counts else None)
         if frame.luma is not None and frame.arrived_s >= self._due["picture"]:
             self._due["picture"] = frame.arrived_s + 1.0 / PICTURES_HZ
             # Every second or third pixel of a large picture is enough to look at.
             stride = max(1, math.ceil(frame.luma.shape[1] / SHOWN_PX))
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
             drawn = overlay(seen.position_px, seen.angle_rad, names=MARKERS, scale=1.0 / stride)
-        self._feed.put("frame", frame.time_s, frame.index, seen.angle_rad / DEG, luma, drawn)
+            self._feed.put("picture", frame.time_s, frame.index, luma, drawn)
 
-    def _caught_up(self) -> None:
+    def _settle(self) -> None:
         """Count latency from where the markers are found and the frames that waited for it have been taken."""
-        if not self._steady and self._tracker.found:
-            self._steady = True
+        if self._steady or not self._tracker.found:
+            return
+        waits = self._intake.pictures.waits
+        if waits or self._intake.waiting == 0:
             self._intake.hurry()
+            self._steady = self._intake.waiting <= (WAITING_FRAMES if waits else 0)
 
     # --- beside the frames ------------------------------------------------------------------------------------------
 
@@ -216,18 +223,17 @@ class Session:
                 self._news(self._model.poll())
             if self._feed is not None:
                 self._feed.put("summary", self._words())
-        if self.outcome.dropped > self._told_dropped and now >= self._due["dropped"]:
+        if now >= self._due["dropped"]:
             self._due["dropped"] = now + 5.0
-            self._told_dropped = self.outcome.dropped
-            self._tell(self._now_s, self._frame, "dropped", f"{self._told_dropped} frames dropped so far")
+            self._tell_dropped()
 
     def _poll_log(self, *, early: bool = False) -> None:
         rows = self._follower.poll()
         if rows:
             self._recorder.log(self._follower.header, [row.text for row in rows])
         self.outcome.log_rows += len(rows)
-        self._clock.rows([row.values for row in rows], now_s=None if early else self._now_s)
-        due = self._clock.due(self._now_s)
+        self._clock.rows([row.values for row in rows], now_s=None if early else self.now_s)
+        due = self._clock.due(self.now_s)
         if not due:
             return
         times = np.array([time_s for time_s, _ in due])
@@ -240,17 +246,37 @@ class Session:
             for time_s, row in due:
                 self._model.temperature(time_s, tuple(row[1:]))
 
+    def _last_news(self) -> None:
+        if self._model is not None and self.outcome.measured:
+            for news in self._model.last(LAST_FIT_S):
+                self._news(news)
+        if self._feed is not None:
+            self._feed.put("summary", self._words())
+
     def _news(self, news: ModelNews | None) -> None:
         if news is None:
             return
         self._trouble = news.trouble
+        self.outcome.half_cycles = max(self.outcome.half_cycles, news.half_cycles)
         if self._feed is not None and len(news.time_s):
             self._feed.put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
             known = np.isfinite(news.residual_rad)
             self._feed.put("series", "residual/before", news.time_s[known], news.residual_rad[known] / DEG)
         if news.friction is not None:
             self.outcome.friction = news.friction
-            self._tell(self._now_s, self._frame, "friction", f"friction torque so far {estimate(news.friction)}")
+            self._tell(self.now_s, self._frame, "friction", f"friction torque so far {estimate(news.friction)}")
+
+    def _tell_dropped(self) -> None:
+        outcome = self.outcome
+        if outcome.dropped + outcome.missed > self._told_dropped:
+            self._told_dropped = outcome.dropped + outcome.missed
+            lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
+            self._tell(self.now_s, self._frame, "dropped", f"{outcome.dropped} frames dropped so far{lost}")
+
+    def _tell_the_end(self) -> None:
+        self._tell_dropped()
+        if self._intake.pictures.ended_because:
+            self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
 
     def _words(self) -> str:
         """Return how things stand, in Markdown."""
@@ -270,6 +296,8 @@ class Session:
 
     def _tell(self, time_s: float, frame: int, kind: str, text: str) -> None:
         self._events.append({"time_s": time_s, "frame": frame, "kind": kind, "text": text})
+        if not self._closed:
+            self._recorder.event(time_s, frame, kind, text)
         self._say(f"{time_s:9.2f} s  {kind}: {text}")
         if self._feed is not None:
             level = "WARN" if kind in _WARNINGS else "INFO"
@@ -279,64 +307,42 @@ class Session:
 
     def _end(self) -> None:
         """Close what is open, and make the record what ``torsight track`` would have made of a film."""
+        outcome, pictures = self.outcome, self._intake.pictures
         self._follower.close()
         self._recorder.close()
-        self.outcome.latency = self._latency.to_json()
+        self._closed = True
+        outcome.latency = self._latency.to_json()
         if self._feed is not None:
-            self.outcome.left_out = self._feed.left_out
-        orientation = finish(self._folder, camera=self._camera, size_px=self._size_px, swapped=self._tracker.swapped)
-        report = {} if orientation is None else orientation.report
-        about = {"source": self._intake.pictures.describe(), "frames": self.outcome.frames, **report}
-        about["frames_dropped"] = self.outcome.dropped
-        write_account(self._folder, "track.json", {**about, "events": self._events})
-        write_account(
+            outcome.left_out = self._feed.left_out
+            outcome.latency_logged = self._feed.latency.to_json()
+        orientation = finish(
             self._folder,
-            "live.json",
+            camera=self._camera,
+            size_px=self._size_px,
+            swapped=self._tracker.swapped,
+            pixel_aspect=pictures.pixel_aspect,
+        )
+        write_track_account(
+            self._folder,
+            source=pictures.describe(),
+            outcome=outcome,
+            orientation=orientation,
+            events=self._events,
+        )
+        write_json(
+            self._folder / "live.json",
             {
-                "latency": self.outcome.latency,
-                "frames": self.outcome.frames,
-                "frames_dropped": self.outcome.dropped,
-                "entries_not_shown": self.outcome.left_out,
-                "log_rows": self.outcome.log_rows,
+                "latency": outcome.latency,
+                "latency_logged": outcome.latency_logged,
+                "measuring_served_first": outcome.served_first,
+                "frames": outcome.frames,
+                "frames_dropped": outcome.dropped,
+                "frames_missed": outcome.missed,
+                "entries_not_shown": outcome.left_out,
+                "log_rows": outcome.log_rows,
                 "log_lines_refused": self._follower.refused,
                 "offset_s": self._clock.offset_s,
-                "friction": self.outcome.friction,
+                "half_cycles": outcome.half_cycles,
+                "friction": outcome.friction,
             },
         )
-
-
-class LogClock:
-    """From the log's clock to the film's while both run.
-
-    A row cannot arrive before it was written: the largest difference between a row's stamp and the film's time at its
-    arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are taken
-    to be of the film's clock until a row arrives.
-
-    Parameters
-    ----------
-    offset_s : float or None
-        Log's time less film's time, where it is known.
-    """
-
-    def __init__(self, offset_s: float | None) -> None:
-        self.offset_s = 0.0 if offset_s is None else offset_s
-        self._fixed = offset_s is not None
-        self._heard = False
-        self._waiting: deque[tuple[float, ...]] = deque()
-
-    def rows(self, rows: list[tuple[float, ...]], *, now_s: float | None) -> None:
-        """Take rows that arrived at film time ``now_s``; None: they were there before."""
-        self._waiting.extend(row for row in rows if math.isfinite(row[0]))
-        if self._fixed or now_s is None or not rows:
-            return
-        newest = rows[-1][0] - now_s
-        self.offset_s = newest if not self._heard else max(self.offset_s, newest)
-        self._heard = True
-
-    def due(self, now_s: float) -> list[tuple[float, tuple[float, ...]]]:
-        """Return the rows whose time has come, with their times on the film's clock."""
-        found = []
-        while self._waiting and self._waiting[0][0] - self.offset_s <= now_s + 1e-9:
-            row = self._waiting.popleft()
-            found.append((row[0] - self.offset_s, row))
-        return found

@@ -91,15 +91,19 @@ class LiveTracker:
         Of the source, for messages.
     tell : callable
         Takes the events.
+    pixel_aspect : float
+        Width of a pixel over its height.
     """
 
-    def __init__(self, hints: MarkerHints | None, camera: Camera | None, *, name: str, tell: Tell) -> None:
+    def __init__(
+        self, hints: MarkerHints | None, camera: Camera | None, *, name: str, tell: Tell, pixel_aspect: float = 1.0
+    ) -> None:
         self.swapped = 0
         """How many of the first rows call the base stick moving."""
         self._hints = hints
         self._name = name
         self._tell = tell
-        self._angle = LiveAngle(camera)
+        self._angle = LiveAngle(camera, pixel_aspect=pixel_aspect)
         self._follower: Follower | None = None
         self._looked_s = -math.inf
         self._away = np.zeros(4, np.int64)

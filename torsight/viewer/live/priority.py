@@ -1,0 +1,71 @@
+"""Which threads get a processor first: those that measure, then the one that logs, then everything else.
+
+Where the system allows it (root, or a limit on real-time priority) a measuring thread is scheduled before all ordinary
+ones, so that a viewer that draws, or another program, costs it no waiting; elsewhere things stay as they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+INTAKE: Final = 21
+TRACKING: Final = 20
+LOGGING: Final = 10
+"""Real-time priorities: above every ordinary thread, far below those of the system itself."""
+
+SWITCH_S: Final = 0.0005
+"""How long a thread may keep the interpreter while a measuring one waits for it."""
+
+
+@contextlib.contextmanager
+def served_first(level: int) -> Iterator[bool]:
+    """Schedule the calling thread before ordinary ones while the block lasts, and give whether the system allows it.
+
+    Parameters
+    ----------
+    level : int
+        Real-time priority; processes that are started in the block do not inherit it.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        yield False
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(level))
+    except OSError:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, *before)
+
+
+@contextlib.contextmanager
+def quick_turns() -> Iterator[None]:
+    """Let threads of this process take turns at the interpreter more often while the block lasts."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+def step_back_others() -> None:
+    """Let all threads of this process but the calling one run only where nothing that measures needs the processor."""
+    import threading
+
+    from torsight.viewer.program import step_back
+
+    own = threading.get_native_id()
+    with contextlib.suppress(OSError):
+        for entry in Path("/proc/self/task").iterdir():
+            if int(entry.name) != own:
+                step_back(int(entry.name))
