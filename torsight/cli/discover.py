@@ -41,6 +41,8 @@ def discover(
         f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see "
         f"(noise floor {report.noise_floor_deg:.2f}°)"
     )
+    if report.next_experiment is not None:
+        say(f"Next experiment   {report.next_experiment.text}")
     for note in report.notes:
         say(f"Note              {note}")
     say(f"Results           {out}")
@@ -50,7 +52,10 @@ def discover(
 def discover_to_folder(
     merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> DiscoveryReport:
-    """Discover and write ``discovery.json``, ``model.json``, ``curves.csv`` and ``report.html``; return the report."""
+    """Discover and write ``discovery.json``, ``model.json``, ``curves.csv`` and ``report.html``; return the report.
+
+    For an ambiguous answer ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
+    """
     from torsight.actuator import read_actuator
     from torsight.actuator.fitted import write_model
     from torsight.core.storage import write_json, write_table
@@ -61,6 +66,9 @@ def discover_to_folder(
     spec = read_actuator(actuator)
     report = find(read_merged(merged), spec, seed=seed, progress=progress, where=str(merged))
     write_table(out / "curves.csv", report.curves)
+    (out / "next_experiment.csv").unlink(missing_ok=True)
+    if report.next_experiment is not None:
+        write_table(out / "next_experiment.csv", report.next_experiment.columns)
     write_model(out / "model.json", report.model)
     write_json(out / "discovery.json", report.to_json())
     write_report(out)

@@ -24,9 +24,10 @@ from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.decide import covariance
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.interface import Closure
+from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
-from torsight.discovery.search import Contender
+from torsight.discovery.search import Contender, Settings
 from torsight.discovery.validate import HeldOut
 
 Array = NDArray[np.float64]
@@ -63,10 +64,10 @@ def discover(
     require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress)
-    return _report(problem, findings, seed=seed)
+    return _report(problem, findings, seed=seed, progress=progress)
 
 
-def _report(problem: ActuatorProblem, findings: Findings, *, seed: int) -> DiscoveryReport:
+def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:
     field, decision = findings.field, findings.decision
     base, chosen = field.base, decision.chosen
     spread = covariance(field, chosen)
@@ -96,13 +97,23 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int) -> Disco
         plain_parameters=plain | fixed,
         pulls=pulls,
         plain_pulls=plain_pulls,
-        next_experiment=None,
+        next_experiment=_next(problem, findings, progress=progress),
         notes=_notes(findings, pulls, plain_pulls),
         evidence=_evidence(findings),
         curves=curve_columns(problem, base.fit, model, blocks),
         model=model,
         covariance=spread,
     )
+
+
+def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
+    """Return the experiment that would tell rivals apart; None where there are none."""
+    decision = findings.decision
+    if not decision.rivals:
+        return None
+    rivals = (decision.chosen, *decision.rivals)
+    needed = Settings().rival_gain
+    return next_experiment(problem, findings.field, rivals, needed_gain=needed, progress=progress)
 
 
 def _model(problem: ActuatorProblem, chosen: Contender) -> FittedModel:

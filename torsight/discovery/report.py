@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
 from torsight.core.parameter import Estimate, Parameter
+from torsight.discovery.next_experiment import NextExperiment
 
 Array = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ class DiscoveryReport:
         Of the extended and of the plain model.
     pulls, plain_pulls : tuple of Pull
         How far either fit moved the characterised values.
-    next_experiment : mapping or None
+    next_experiment : NextExperiment or None
         Temperature programme that best separates the alternatives.
     notes : tuple of str
         What a person should know.
@@ -136,7 +137,7 @@ class DiscoveryReport:
     plain_parameters: Mapping[str, Estimate]
     pulls: tuple[Pull, ...]
     plain_pulls: tuple[Pull, ...]
-    next_experiment: Mapping[str, Any] | None
+    next_experiment: NextExperiment | None
     notes: tuple[str, ...]
     evidence: Mapping[str, Any]
     curves: Mapping[str, NDArray[np.generic]]
@@ -160,7 +161,7 @@ class DiscoveryReport:
             "plain_pulls": [pull.to_json() for pull in self.plain_pulls],
             "notes": list(self.notes),
             "evidence": dict(self.evidence),
-            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
+            "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
         }
 
 
