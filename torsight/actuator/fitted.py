@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, isfinite
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.spec import actuator_from
-from torsight.core.errors import InputError, TorsightError
+from torsight.core.config import get_number, get_table, get_text
+from torsight.core.errors import ConfigError, InputError, TorsightError
 from torsight.core.records import TemperatureLog
-from torsight.core.storage import read_json, write_json
+from torsight.core.storage import check_keys, read_json, write_json
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
 KIND: Final = "torsight actuator model"
+_MOST_CYCLES: Final = 1_000_000
+_MOST_TURNS: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,24 +170,51 @@ def read_model(path: Path) -> FittedModel:
             do="name a model.json of 'torsight fit' or 'torsight discover'",
         )  # fmt: skip
     try:
-        model = ActuatorModel(
-            actuator_from(content["actuator"], where=f"{path}, actuator"),
-            tuple(content["effects"]),
-            content["phase_law"],
-            content["theta_l_deg"],
-        )
-        values = {str(name): float(value) for name, value in content["values"].items()}
-        missing = {parameter.name for parameter in model.parameters} - set(values)
-        if missing:
-            raise InputError("lacks a value", where=f"{path}, values", value=", ".join(sorted(missing)))
-        return FittedModel(
-            model=model,
-            values=values,
-            cycles=(int(content["cycles"]["a"]), int(content["cycles"]["b"])),
-            closure=content["closure"],
-            account=content["account"],
-            turns=int(content["turns"]),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        detail = str(error) if isinstance(error, TorsightError) else f"{type(error).__name__}: {error}"
-        raise InputError(f"is damaged ({detail})", where=str(path), do="fit the record again") from error
+        return _model_from(content)
+    except TorsightError as error:
+        raise InputError(f"is damaged ({error})", where=str(path), do="fit the record again") from error
+
+
+def _model_from(content: Mapping[str, Any]) -> FittedModel:
+    where = "model"
+    effects, law = content.get("effects"), get_text(content, "phase_law", where=where, choices=get_args(PhaseLaw))
+    if not isinstance(effects, list) or not all(isinstance(name, str) for name in effects):
+        raise ConfigError("'effects' is not a list of names", where=where, value=repr(effects))
+    theta_l_deg = None
+    if content.get("theta_l_deg") is not None:
+        theta_l_deg = get_number(content, "theta_l_deg", where=where, lower=0.0, upper=2e4)
+    spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
+    model = ActuatorModel(spec, tuple(effects), cast("PhaseLaw", law), theta_l_deg)
+    cycles = get_table(content, "cycles", where=where, required=True)
+    counts = tuple(_whole(cycles, name, 0, _MOST_CYCLES, where="cycles") for name in ("a", "b"))
+    closure = get_table(content, "closure", where=where) if content.get("closure") is not None else None
+    return FittedModel(
+        model=model,
+        values=_values(get_table(content, "values", where=where, required=True), model),
+        cycles=(counts[0], counts[1]),
+        closure=closure,
+        account=get_table(content, "account", where=where),
+        turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
+    )
+
+
+def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
+    """Return the fitted values, each within the bounds that its fit had."""
+    parameters = {parameter.name: parameter for parameter in model.all_parameters}
+    check_keys(table, tuple(parameters), where="values")
+    missing = [name for name, parameter in parameters.items() if name not in table and not parameter.fixed]
+    if missing:
+        raise ConfigError("lacks a value", where="values", value=", ".join(missing))
+    values = {}
+    for name in table:
+        lower, upper = parameters[name].lower, parameters[name].upper
+        slack = 1e-6 * max(abs(bound) for bound in (lower, upper, 1.0) if isfinite(bound))
+        values[name] = get_number(table, name, where="values", lower=lower - slack, upper=upper + slack)
+    return values
+
+
+def _whole(table: Mapping[str, Any], key: str, lower: int, upper: int, *, where: str) -> int:
+    value = get_number(table, key, where=where, lower=lower, upper=upper)
+    if value != int(value):
+        raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
+    return int(value)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import Simulation
+from torsight.core.errors import InputError
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem, rest_mask
 from torsight.discovery.drivers import actuator_drivers
@@ -47,12 +48,31 @@ def actuator_closure(
 
 
 def correction_rad(closure: Mapping[str, Any], drive: Drive, simulation: Simulation) -> Array:
-    """Return what a learned stand-in of a model file adds to a simulated angle (n,), rad."""
-    bases = tuple(
-        Basis(str(item["driver"]), tuple(float(knot) for knot in item["knots"]), bool(item["signed"]))
-        for item in closure["bases"]
-    )
-    return np.asarray(_features(bases, drive, simulation) @ np.array(closure["weights_deg"], np.float64) * DEG)
+    """Return what a learned stand-in of a model file adds to a simulated angle (n,), rad.
+
+    Raises
+    ------
+    InputError
+        When the file's stand-in is damaged: a number that is none, an unknown variable, too many or too few weights.
+    """
+    try:
+        bases = tuple(
+            Basis(str(item["driver"]), tuple(float(knot) for knot in item["knots"]), bool(item["signed"]))
+            for item in closure["bases"]
+        )
+        weights_deg = np.array(closure["weights_deg"], np.float64)
+        features = _features(bases, drive, simulation)
+        correction = np.asarray(features @ weights_deg * DEG)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        raise _damaged(f"{type(error).__name__}: {error}") from error
+    numbers = [knot for basis in bases for knot in basis.knots] + weights_deg.ravel().tolist()
+    if correction.shape != (len(drive),) or not np.isfinite(numbers).all():
+        raise _damaged("numbers that are not finite, or weights in rows")
+    return correction
+
+
+def _damaged(detail: str) -> InputError:
+    return InputError(f"the model's learned stand-in is damaged ({detail})", where="closure", do="fit the record again")
 
 
 def _features(bases: tuple[Basis, ...], drive: Drive, simulation: Simulation) -> Array:
