@@ -193,6 +193,9 @@ def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
     rest = angle[:count]
     middle = float(np.median(rest))
     inside = rest[np.abs(rest - middle) <= band]
+    if not len(inside):
+        # A record that starts in the middle of a motion has no rest to take the mean of.
+        inside = rest[:1]
     mean_sigma = max(float(np.median(sigma[:count])), 1.2 * spread)
     return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
 
