@@ -8,7 +8,7 @@ are for work; the others are looked at for the report only.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -140,31 +140,44 @@ class Record:
     truth: Mapping[str, float]
     size_deg: float
     details: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    sizes_deg: Mapping[str, float] = field(default_factory=dict)
 
 
 def suite(part: str) -> list[Case]:
-    """Return the cases of a part: ``work`` (small), ``report`` (60 clean, 12 × 6 single, 20 double, 20 outside)."""
+    """Return the cases of a part: ``work`` (small), ``report`` (60 clean, 12 × 6 single, 20 double, 20 outside).
+
+    Kinds and effects alternate, so that any first so many cases are a fair sample of the whole.
+    """
     report = part == "report"
     seed = REPORT_FROM if report else 0
-    counts = (60, 6, 20, 20) if report else (12, 2, 8, 11)
-    cases = [Case("clean", seed + i, model_error=i % 2 == 1) for i in range(counts[0])]
-    for j, name in enumerate(LIBRARY):
-        cases += [Case("single", seed + 1000 + 20 * j + i, (name,), model_error=i % 2 == 1) for i in range(counts[1])]
+    counts = (60, 6, 20, 20) if report else (12, 4, 12, 22)
+    clean = [Case("clean", seed + i, model_error=i % 2 == 1) for i in range(counts[0])]
+    single = [
+        Case("single", seed + 1000 + 20 * j + i, (name,), model_error=(i + j) % 2 == 1)
+        for i in range(counts[1])
+        for j, name in enumerate(LIBRARY)
+    ]
     rng = np.random.default_rng(seed)
     names = list(LIBRARY)
+    double = []
     for i in range(counts[2]):
         pair = tuple(names[k] for k in sorted(rng.choice(len(names), 2, replace=False).tolist()))
-        cases.append(Case("double", seed + 2000 + i, pair, model_error=i % 2 == 1))
-    for i in range(counts[3]):
-        cases.append(Case("outside", seed + 3000 + i, (list(OUTSIDE)[i % len(OUTSIDE)],), model_error=i % 2 == 1))
-    return cases
+        double.append(Case("double", seed + 2000 + i, pair, model_error=i % 2 == 1))
+    nameless = list(OUTSIDE)
+    outside = [
+        Case("outside", seed + 3000 + i, (nameless[i % len(nameless)],), model_error=i % 2 == 1)
+        for i in range(counts[3])
+    ]
+    kinds = (clean, single, double, outside)
+    places = [((i + 0.5) / len(cases), k, case) for k, cases in enumerate(kinds) for i, case in enumerate(cases)]
+    return [case for _, _, case in sorted(places, key=lambda item: item[:2])]
 
 
 def make_record(case: Case) -> Record:
     """Run the rig of a case.
 
     The size of an effect is how far the plain model with the rig's own values misses the angle at the temperatures that
-    the sensors read (95 % of the time less). Draws in which an effect alone is outside 0.5 to 20° are drawn again.
+    the sensors read (95 % of the time less). Where an effect alone is outside 0.5 to 20°, its strength is scaled.
     """
     rng = np.random.default_rng(case.seed)
     values = draw_values(declared_from({}, where="suite"), given={}, rng=rng)
@@ -172,13 +185,18 @@ def make_record(case: Case) -> Record:
     error = {"kinetics_shape": {"bend": _either(rng, rng.uniform(0.005, 0.015))}} if case.model_error else {}
     noise_seed = int(rng.integers(2**31))
     details: dict[str, dict[str, object]] = {}
+    sizes_deg: dict[str, float] = {}
     for name in case.effects:
-        for _ in range(40):
-            details[name] = _drawn(name, rng, record.duration_s)
+        details[name] = _drawn(name, rng, record.duration_s)
+        for _ in range(4):
             alone = _record(_run(values, record, later, {name: details[name]}, noise_seed), values, {}, noise_seed)
+            sizes_deg[name] = alone.size_deg
             if _SIZE_DEG[0] <= alone.size_deg <= _SIZE_DEG[1]:
                 break
-    return _record(_run(values, record, later, error | details, noise_seed), values, details, noise_seed)
+            wanted_deg = _log_uniform(rng, 2.0 * _SIZE_DEG[0], 0.75 * _SIZE_DEG[1])
+            details[name] = _scaled(name, details[name], wanted_deg / max(alone.size_deg, 0.1))
+    whole = _record(_run(values, record, later, error | details, noise_seed), values, details, noise_seed)
+    return replace(whole, sizes_deg=sizes_deg)
 
 
 def _size_deg(table: SyncedTable, spec: ActuatorSpec, truth: Mapping[str, float]) -> float:
@@ -195,6 +213,20 @@ def _drawn(name: str, rng: np.random.Generator, duration_s: float) -> dict[str, 
     if name == "marker_slip":
         made["time_s"] = float(made["time_s"]) * duration_s
     return made
+
+
+def _scaled(name: str, details: Mapping[str, object], factor: float) -> dict[str, object]:
+    """Return an effect whose strength (its first number, from where the effect vanishes) is scaled."""
+    strength = next(iter(details))
+    if name == "marker_slip":
+        strength = "step_deg"
+    elif name == "end_stop":
+        strength = "stiffness_mnm_per_rad"
+    null = 1.0 if name == "sensor_gain" else 0.0
+    limited = min(max(factor, 0.1), 5.0)
+    most = 0.9 if name in {"position_friction", "direction_friction"} else np.inf
+    scaled = null + limited * (float(str(details[strength])) - null)
+    return {**details, strength: float(np.clip(scaled, -most, most))}
 
 
 def _protocols(rng: np.random.Generator) -> tuple[Protocol, Protocol]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,10 @@ from torsight.core.records import SyncedTable, TemperatureLog
 Array = NDArray[np.float64]
 
 ROW_RATE_HZ: Final = 5.0
-"""A record that is faster than this is thinned to about four rows per second for a fit."""
+"""A record that is faster than this is thinned to about so many rows per second for a fit."""
+_ROW_STEP_C: Final = 0.25
+"""Faster heatings and coolings keep more rows: so that in 99 % of them a temperature changes by less than this, and a
+row's mean angle lies within 0.1° of the angle at its instant but where motion starts or stops within it."""
 MAX_GAP_S: Final = 5.0
 """Temperatures are bridged by a line over gaps up to this; rows in longer gaps do not count."""
 
@@ -29,7 +33,7 @@ MAX_GAP_S: Final = 5.0
 _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Sensors:
     """The temperatures as logged, for effects that must go back to them.
 
@@ -48,6 +52,11 @@ class Sensors:
     rows: NDArray[np.int64]
     _known: dict[float, tuple[Array, Array]] = field(default_factory=dict)
 
+    @cached_property
+    def _plain(self) -> tuple[Array, Array]:
+        a, b = (condition(self.time_s, temp).temp_c[self.rows] for temp in self.temps_c)
+        return a, b
+
     def lag_correction(self, lag_s: float) -> tuple[Array, Array]:
         """Return, for the kept rows, what the wires' temperatures differ from the sensors' by with this time constant.
 
@@ -63,11 +72,10 @@ class Sensors:
     def _at(self, lag_s: float) -> tuple[Array, Array]:
         if lag_s not in self._known:
             a, b = (
-                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows]
-                - condition(self.time_s, temp).temp_c[self.rows]
+                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows] - plain
                 if lag_s > 0.0
                 else np.zeros(len(self.rows))
-                for temp in self.temps_c
+                for temp, plain in zip(self.temps_c, self._plain, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
@@ -248,7 +256,8 @@ def _driven(
     smooth = condition(time_s, filled_a), condition(time_s, filled_b)
     noise = max(smooth[0].noise_c, smooth[1].noise_c)
     cycles = half_cycles(smooth[0].temp_c, smooth[1].temp_c, heat_a=heat_a, heat_b=heat_b, noise_c=noise, where=where)
-    rows = _kept_rows(time_s, row_rate_hz)
+    fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in smooth)
+    rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
     thinned = HalfCycles(cycles.active[rows], cycles.half[rows], cycles.springs)
     sigma = np.where(cycles.active == 0, smooth[0].sigma_c, smooth[1].sigma_c)
     coldest = [float(np.quantile(item.temp_c, 0.02)) for item in smooth]

@@ -14,9 +14,10 @@ import numpy as np
 
 from torsight.discovery.fitting import EffectSet, space_of
 from torsight.discovery.null import gain_threshold
+from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
 from torsight.discovery.solver import Array
-from torsight.discovery.stand_in import predictable
+from torsight.discovery.stand_in import LEAST_PULLED, predictable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,14 +79,17 @@ def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = 
 
 
 def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool:
-    """Return whether a fit leaves more than anything but a missing effect could, by a floor measured at rests."""
+    """Return whether a fit leaves, or has moved, more than anything but a missing effect could."""
     problem, valid = field.fitter.problem, field.fitter.problem.valid
     lasts = np.gradient(problem.time_s)[valid]
     residual = (problem.observed - contender.fit.solution.prediction)[valid]
     left = float(np.sqrt(np.average(residual**2, weights=lasts)))
     floor = float(np.sqrt(np.average(field.floor[valid] ** 2, weights=lasts)))
     least = max(settings.least_unknown * problem.resolution, settings.over_floor_unknown * floor)
-    return bool(field.stretches.rest.any()) and left > least
+    if bool(field.stretches.rest.any()) and left > least:
+        return True
+    # Several characterised values at odds with the record at once are no accident: they imitate something.
+    return contender.prior - prior_count(problem) >= LEAST_PULLED
 
 
 class _Judge:
@@ -98,6 +102,7 @@ class _Judge:
         self._can_hold_out = can_hold_out
         rows = field.fitter.weight > 0.0
         self._floor = float(np.dot(field.fitter.weight[rows], field.floor[rows] ** 2))
+        self._expected = self._floor + prior_count(field.fitter.problem)
 
     def earned(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
@@ -108,16 +113,23 @@ class _Judge:
         return True
 
     def _better(self, contender: Contender, without: Contender) -> bool:
-        if without.cost - contender.cost < self._threshold:
+        gain = without.cost - contender.cost
+        if gain < self._threshold:
             return False
+        # What takes several values back to where they were measured need not show in the residual they had imitated.
+        by_priors = without.prior - contender.prior >= 0.5 * gain
         removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
-        if removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
+        if not by_priors and removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
             return False
-        if not self._can_hold_out:
-            return True
+        return not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors)
+
+    def _predicts_better(self, contender: Contender, without: Contender, *, by_priors: bool) -> bool:
         keep = 1.0 - self._settings.least_held_out_gain
-        if contender.held_out.information >= keep * without.held_out.information:
+        score, score_without = contender.held_out.score, without.held_out.score
+        if score >= keep * score_without:
             return False
+        if by_priors and score_without - score >= self._settings.share_of_rest * (score_without - self._expected):
+            return True
         before = self._over_time(without.held_out.residual)
         after = self._over_time(contender.held_out.residual)
         rest = before - self._over_time(self._field.floor)
@@ -142,7 +154,7 @@ class _Judge:
         """
         if contender not in self._shares:
             explained = self._field.base.cost - contender.cost
-            left = max(0.0, contender.cost - self._floor)
+            left = max(0.0, contender.cost - self._expected)
             if self._can_hold_out and left > 0.0 and not self._field.stretches.rest.any():
                 left = min(left, predictable(self._field, contender, seed=self._seed))
             self._shares[contender] = explained / (explained + left) if explained > 0.0 else 0.0
@@ -156,7 +168,8 @@ class _Judge:
         """Return whether a set explains enough to be called by its name."""
         if not contender.effects:
             return True
-        near = self.over_floor(contender) <= self._settings.near_floor
+        pulled = contender.prior - prior_count(self._field.fitter.problem) >= self._threshold
+        near = self.over_floor(contender) <= self._settings.near_floor and not pulled
         return near or self.share(contender) >= self._settings.share_explained
 
     def rivals(self, chosen: Contender) -> list[Contender]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate, Problem
-from torsight.discovery.solver import Array, Solution, Space, solve
+from torsight.discovery.solver import Array, Solution, Space, jacobian, solve
 
 EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""
@@ -95,8 +96,12 @@ class Fitter:
         weight: Array | None = None,
         max_iterations: int = 12,
         keep: int = 2,
+        near: Fit | None = None,
     ) -> Fit:
-        """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end."""
+        """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end.
+
+        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail.
+        """
         parameters = self.parameters(effects)
         space = self.space(effects)
         used = self.weight if weight is None else weight
@@ -104,7 +109,7 @@ class Fitter:
         def model(x: Array) -> Array:
             return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
 
-        def run(start: Array, iterations: int, known: Solution | None = None) -> Solution:
+        def run(start: Array, iterations: int, guess: Array | None = None, known: Solution | None = None) -> Solution:
             return solve(
                 model,
                 start,
@@ -113,13 +118,37 @@ class Fitter:
                 space=space,
                 max_iterations=iterations,
                 known=known,
+                guess=guess,
+                rough=known is None,
             )
 
         points = [np.array([start[p.name] for p in parameters]) for start in starts]
-        scouts = sorted((run(point, _SCOUT_ITERATIONS) for point in points), key=lambda found: found.cost)
+        guesses = [self._guess(start, parameters, near) for start in starts]
+        scouted = [run(point, _SCOUT_ITERATIONS, guess) for point, guess in zip(points, guesses, strict=True)]
+        scouts = sorted(scouted, key=lambda found: found.cost)
         kept = _distinct(scouts, space)[:keep]
-        solutions = [run(scout.x, max_iterations, scout) for scout in kept]
+        solutions = [run(scout.x, max_iterations, known=scout) for scout in kept]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
+
+    def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Array | None:
+        """Return derivatives at a start from the smaller fit whose parameters it shares."""
+        for fit in (near, self.nominal):
+            if fit is not None and all(start[name] == value for name, value in fit.values.items()):
+                return _columns(fit, parameters)
+        return None
+
+    @cached_property
+    def nominal(self) -> Fit:
+        """The base model at the priors' means, not fitted."""
+        values = {p.name: p.value for p in self.problem.parameters}
+        x = np.array(list(values.values()))
+        at_x = self.problem.predict(values, ())
+
+        def model(moved: Array) -> Array:
+            return self.problem.predict(dict(zip(values, moved.tolist(), strict=True)), ())
+
+        derivative = jacobian(model, x, at_x=at_x, space=self.space(()))
+        return Fit((), self.problem.parameters, Solution(x, at_x, derivative, np.inf, np.inf, converged=False))
 
     def base(self) -> Fit:
         """Fit the base model alone, from the priors' means."""
@@ -132,14 +161,17 @@ class Fitter:
     def extend(self, parent: Fit, name: str, *, weight: Array | None = None) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
 
-        The second matters where a strong effect has pulled the base parameters far off.
+        The second matters where an effect has pulled the base parameters off along a valley in which the record is
+        explained as well: from the means the search comes down into the valley where the priors are content.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
-        starts.append({**starts[0], **away})
-        found = self.fit(effects, starts, weight=weight, max_iterations=20)
+        found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent)
+        starts = [{**start, **away} for start in starts]
+        other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1)
+        found = min(found, other, key=lambda fit: fit.cost)
         if self.candidates[name].propose is not None:
             found = self._proposed_again(found, name, weight=weight)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
@@ -151,7 +183,8 @@ class Fitter:
         without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
         left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
         points = candidate.starting_points(self.problem.time_s, left)
-        again = self.fit(found.effects, [{**found.values, **point} for point in points], weight=weight)
+        starts = [{**found.values, **point} for point in points]
+        again = self.fit(found.effects, starts, weight=weight, near=found)
         return min(found, again, key=lambda fit: fit.cost)
 
     def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:
@@ -174,6 +207,14 @@ class Fitter:
             known=fit.solution,
         )
         return Fit(fit.effects, fit.parameters, solution)
+
+
+def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Array:
+    """Return a fit's derivatives for these parameters, NaN for those that it does not have."""
+    place = {p.name: j for j, p in enumerate(fit.parameters)}
+    derivative = fit.solution.jacobian
+    missing = np.full(len(derivative), np.nan)
+    return np.column_stack([derivative[:, place[p.name]] if p.name in place else missing for p in parameters])
 
 
 def space_of(parameters: Sequence[Parameter], *, scales: Mapping[str, float] | None = None) -> Space:

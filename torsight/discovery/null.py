@@ -28,7 +28,7 @@ def gain_threshold(
 ) -> float:
     """Return the gain that the best of all further candidates exceeds by chance with probability 1 − ``level``."""
     root = np.sqrt(fitter.weight)
-    known = _orthonormal(_with_priors(fit, root), rank_from=1e-9)
+    known = _known(fit, root)
     bases = [basis for basis in _directions(fitter, fit, root, known) if basis.shape[1]]
     if not bases:
         return LEAST_GAIN
@@ -37,17 +37,20 @@ def gain_threshold(
     for first in range(0, _DRAWS, 50):
         count = min(50, _DRAWS - first)
         noise = np.stack([_draw(rng, stretches, scales, len(root)) for _ in range(count)], axis=1) * root[:, None]
+        noise = np.vstack([noise, rng.standard_normal((len(known) - len(root), count))])
         gains = np.array([np.sum((basis.T @ noise) ** 2, axis=0) for basis in bases])
         best[first : first + count] = gains.max(axis=0)
     return max(LEAST_GAIN, float(np.quantile(best, level)))
 
 
-def _with_priors(fit: Fit, root: Array) -> Array:
-    """Return the weighted Jacobian; columns that a prior holds are shrunk by what it holds."""
+def _known(fit: Fit, root: Array) -> Array:
+    """Return orthonormal directions (n + m, k) that the fit's own parameters can make.
+
+    Below the weighted samples stand the priors, one row each: to move a value explains samples and costs its prior.
+    """
     space = space_of(fit.parameters)
-    weighted = fit.solution.jacobian * root[:, None]
-    strength = np.sum(weighted**2, axis=0)
-    return np.asarray(weighted[:, strength > space.prior_information])
+    rows = np.vstack([fit.solution.jacobian * root[:, None], np.diag(1.0 / space.prior_sigma)])
+    return _orthonormal(rows, rank_from=1e-9)
 
 
 def linear_gain(fitter: Fitter, fit: Fit, name: str, starts: Sequence[Mapping[str, float]]) -> float:
@@ -57,8 +60,10 @@ def linear_gain(fitter: Fitter, fit: Fit, name: str, starts: Sequence[Mapping[st
     can imitate it.
     """
     root = np.sqrt(fitter.weight)
-    known = _orthonormal(_with_priors(fit, root), rank_from=1e-9)
-    residual = np.nan_to_num(fitter.residual(fit)) * root
+    known = _known(fit, root)
+    off = -space_of(fit.parameters).prior_residual(fit.solution.x)
+    residual = np.concatenate([np.nan_to_num(fitter.residual(fit)) * root, off])
+    residual -= known @ (known.T @ residual)
     bases = [_effect_basis(fitter, fit, name, start, root, known) for start in starts]
     return max((float(np.sum((basis.T @ residual) ** 2)) for basis in bases), default=0.0)
 
@@ -75,6 +80,7 @@ def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array) -> list[Arr
 def _effect_basis(fitter: Fitter, fit: Fit, name: str, start: Mapping[str, float], root: Array, known: Array) -> Array:
     """Return orthonormal directions in which an effect can move the prediction and the fit cannot."""
     columns = _effect_columns(fitter, fit, fitter.ordered((*fit.effects, name)), start) * root[:, None]
+    columns = np.vstack([columns, np.zeros((len(known) - len(root), columns.shape[1]))])
     columns -= known @ (known.T @ columns)
     return _orthonormal(columns, rank_from=1e-3)
 

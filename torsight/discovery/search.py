@@ -19,6 +19,7 @@ from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
 from torsight.discovery.null import linear_gain
+from torsight.discovery.priors import prior_cost
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import HeldOut, held_out_by_refit
 
@@ -85,6 +86,11 @@ class Contender:
         """Prediction of every block from the others."""
         return held_out_by_refit(self.fitter, self.fit)
 
+    @cached_property
+    def prior(self) -> float:
+        """What the distance of its values from their priors costs."""
+        return prior_cost(self.fitter.problem, self.fit)
+
     @property
     def effects(self) -> EffectSet:
         """Ids of the effects."""
@@ -92,8 +98,8 @@ class Contender:
 
     @property
     def cost(self) -> float:
-        """The objective at the search's weights."""
-        return self.fit.cost
+        """The objective at the search's weights, with priors that allow for a wrong value."""
+        return self.fit.solution.data_cost + self.prior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +206,7 @@ class Search:
         own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
         base = {p.name: single.values[p.name] for p in self._problem.parameters}
         starts = [{**parent.values, **own}, {**parent.values, **base, **own}]
-        return self._fitter.fit(self._fitter.ordered((*parent.effects, name)), starts, keep=1)
+        return self._fitter.fit(self._fitter.ordered((*parent.effects, name)), starts, keep=1, near=parent)
 
     def _ranked(self, size: int) -> list[Fit]:
         return sorted((f for f in self._fits.values() if len(f.effects) == size), key=lambda f: (f.cost, f.effects))
@@ -266,14 +272,24 @@ class Search:
 
         A larger set may get out of a valley in which a smaller one sits; what it gains by that is not its effect's.
         """
-        found: list[Fit] = in_parallel(list(self._fits), self._from_larger)
-        self._fits = {fit.effects: fit for fit in found}
+        found: list[Fit] = in_parallel(self._leading(), self._from_larger)
+        self._fits |= {fit.effects: fit for fit in found}
+        if max(len(effects) for effects in self._fits) > 1:
+            return
         base = self._fits[()]
         names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
         again: list[Fit] = in_parallel(names, lambda name: self._fitter.extend(base, name))
         for fit in again:
             if fit.cost < self._fits[fit.effects].cost:
                 self._fits[fit.effects] = fit
+
+    def _leading(self) -> list[EffectSet]:
+        """Return the sets on which a decision may turn: the best of every size, and all parts of the best of all."""
+        best = set(self._best().effects)
+        leading = [fit.effects for fit in self._fits.values() if set(fit.effects) <= best]
+        for size in range(1, self._settings.most_effects + 1):
+            leading += [fit.effects for fit in self._ranked(size)[:2]]
+        return sorted(set(leading))
 
     def _from_larger(self, effects: EffectSet) -> Fit:
         """Return the set's fit, or a better one that starts where the best larger sets have led."""

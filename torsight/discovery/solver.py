@@ -24,10 +24,10 @@ _TOLERANCE: Final = 1e-4
 """A step that promises less than this share of the cost, or of one unit of information, ends the search."""
 
 
-_TRUSTED: Final = 0.75
+_TRUSTED: Final = 0.6
 """Share of the promised decrease from which a step is taken to prove the derivatives."""
 _NEAR: Final = 0.1
-_FAR: Final = 1.0
+_FAR: Final = 2.0
 """Way in parameter scales below which derivatives are not, and beyond which they are taken anew."""
 
 
@@ -71,6 +71,8 @@ class Solution:
         The objective, and its first sum.
     converged : bool
         False where the evaluations ran out first.
+    moved : float
+        Way in parameter scales since the derivatives were taken.
     """
 
     x: Array
@@ -79,12 +81,17 @@ class Solution:
     cost: float
     data_cost: float
     converged: bool
+    moved: float = 0.0
 
 
-def jacobian(function: Callable[[Array], Array], x: Array, *, at_x: Array, space: Space) -> Array:
-    """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``."""
-    columns = np.empty((len(at_x), len(x)))
+def jacobian(
+    function: Callable[[Array], Array], x: Array, *, at_x: Array, space: Space, guess: Array | None = None
+) -> Array:
+    """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``; columns of a guess are kept."""
+    columns = np.full((len(at_x), len(x)), np.nan) if guess is None else guess.copy()
     for j, scale in enumerate(space.scale):
+        if len(columns) and not np.isnan(columns[0, j]):
+            continue
         step = STEP_SHARE * scale
         if x[j] + step > space.upper[j]:
             step = -min(step, max(x[j] - space.lower[j], 1e-12 * scale))
@@ -109,6 +116,8 @@ def solve(
     space: Space,
     max_iterations: int = 12,
     known: Solution | None = None,
+    guess: Array | None = None,
+    rough: bool = False,
 ) -> Solution:
     """Find the optimum next to ``start``.
 
@@ -126,9 +135,13 @@ def solve(
         Accepted steps at most.
     known : Solution, optional
         A solution of the same function from which to begin instead (at other weights); nothing is evaluated twice.
+    guess : (n, m) array, optional
+        Derivatives to begin with, where they are known from a smaller model; NaN columns are worked out.
+    rough : bool
+        Leave the derivatives at the end as they are.
     """
     y = np.where(weight > 0.0, observed, 0.0)
-    slopes = _Slopes(function, space, start, known)
+    slopes = _Slopes(function, space, start, known=known, guess=guess)
     cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
     for _ in range(max_iterations):
@@ -156,23 +169,34 @@ def solve(
         damping = max(damping * (0.1 if kept > 0.5 else 2.0), 1e-6)
         slopes.move(trial, at_trial, trusted=kept > _TRUSTED)
         cost, data_cost = trial_cost, trial_data
-    slopes.refresh()
-    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged)
+    if not rough:
+        slopes.refresh()
+    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved)
 
 
 class _Slopes:
     """The model at a point with its derivatives, by differences or (after a step that went as promised) by update."""
 
-    def __init__(self, function: Callable[[Array], Array], space: Space, start: Array, known: Solution | None) -> None:
+    def __init__(
+        self,
+        function: Callable[[Array], Array],
+        space: Space,
+        start: Array,
+        *,
+        known: Solution | None,
+        guess: Array | None,
+    ) -> None:
         self._function = function
         self._space = space
-        self._moved = 0.0
+        self.moved = 0.0
         if known is not None:
-            self.x, self.at_x, self.jacobian = known.x, known.prediction, known.jacobian
+            self.x, self.at_x, self.jacobian, self.moved = known.x, known.prediction, known.jacobian, known.moved
         else:
             self.x = space.clip(np.asarray(start, np.float64))
             self.at_x = function(self.x)
-            self.jacobian = jacobian(function, self.x, at_x=self.at_x, space=space)
+            self.jacobian = jacobian(function, self.x, at_x=self.at_x, space=space, guess=guess)
+            # Derivatives of a smaller model are taken anew as soon as they fail.
+            self.moved = 0.0 if guess is None else _NEAR
 
     def move(self, x: Array, at_x: Array, *, trusted: bool) -> None:
         """Go to another point; Broyden's update where the derivatives have proven right, differences elsewhere."""
@@ -180,18 +204,18 @@ class _Slopes:
         moved = float(np.max(np.abs(step)))
         missed = at_x - self.at_x - self.jacobian @ (x - self.x)
         self.x, self.at_x = x, at_x
-        self._moved += moved
-        if trusted and self._moved < _FAR:
+        self.moved += moved
+        if trusted and self.moved < _FAR:
             self.jacobian = self.jacobian + np.outer(missed, step / (step @ step) / self._space.scale)
         else:
             self.refresh()
 
     def refresh(self) -> bool:
         """Take the derivatives anew; return False where they had been taken near enough."""
-        if self._moved < _NEAR:
+        if self.moved < _NEAR:
             return False
         self.jacobian = jacobian(self._function, self.x, at_x=self.at_x, space=self._space)
-        self._moved = 0.0
+        self.moved = 0.0
         return True
 
 

@@ -1,10 +1,11 @@
 """A learned stand-in for a missing effect without a name, and what it depends on.
 
 Residual and features are fitted together with the model's own derivatives, so that the closure takes only what the
-parameters cannot imitate (the same as making both orthogonal to the Jacobian, with the priors counted in). Whatever is
-claimed is claimed on blocks that were not in the fit. Drivers enter one after the other, the best on unseen blocks
-first, as long as each beats its own features taken from other blocks (shifted by whole blocks, which keeps their form
-and breaks their bond to the residual).
+parameters cannot imitate (the same as making both orthogonal to the Jacobian, with the priors counted in): where the
+fit had pulled values far from their priors to imitate it, they may go back. Whatever is claimed is claimed on blocks
+that were not in the fit. Drivers enter one after the other, the best on unseen blocks first, as long as each beats its
+own features taken from other blocks (shifted by whole blocks, which keeps their form and breaks their bond to the
+residual).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from torsight.discovery.features import Basis, bases_of
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Closure
+from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
@@ -27,6 +29,8 @@ LEAST_GAIN: Final = 0.25
 """Share of the residual on unseen blocks that a closure must remove."""
 LEAST_SIZE: Final = 3.0
 """Resolutions (root mean square) by which it must move the model."""
+LEAST_PULLED: Final = 20.0
+"""Excess of the priors' cost from which the values are taken to imitate something."""
 _LEAST_STEP: Final = 0.04
 _MOST_DRIVERS: Final = 4
 
@@ -39,15 +43,14 @@ class _Blocks:
     vector: Array
     square: Array
 
-    def held_out(self, index: NDArray[np.int64], prior: Array) -> float:
-        """Return the information left on blocks that are each predicted from the others."""
-        matrix = self.matrix[:, index[:, None], index[None, :]]
-        vector = self.vector[:, index]
-        total, side = matrix.sum(axis=0) + np.diag(prior[index]), vector.sum(axis=0)
+    def held_out(self, prior: Array, centre: Array) -> float:
+        """Return the information left on blocks that are each predicted from the others, and what the values cost."""
+        total, side = self.matrix.sum(axis=0) + np.diag(prior), self.vector.sum(axis=0) + prior * centre
         left = 0.0
-        for own, own_side, square in zip(matrix, vector, self.square, strict=True):
+        for own, own_side, square in zip(self.matrix, self.vector, self.square, strict=True):
             c = np.linalg.solve(total - own, side - own_side)
             left += float(square - 2.0 * c @ own_side + c @ own @ c)
+            left += float(prior @ (c - centre) ** 2) / len(self.square)
         return left
 
 
@@ -59,8 +62,9 @@ def learn_closure(field: Field, contender: Contender, *, seed: int, least_gain: 
     found = _learn(field, contender, seed=seed)
     if found is None:
         return None
+    problem = field.fitter.problem
     gain = 1.0 - found.left[-1] / found.alone
-    if gain < least_gain or found.size * np.sqrt(gain) < LEAST_SIZE * field.fitter.problem.resolution:
+    if gain < least_gain or (least_gain > 0.0 and found.size * np.sqrt(gain) < LEAST_SIZE * problem.resolution):
         return None
     used = {name: found.groups[name] for name in found.chosen}
     coefficients = found.design.coefficients(used)
@@ -105,9 +109,13 @@ def _learn(field: Field, contender: Contender, *, seed: int) -> _Learned | None:
     bases = bases_of(problem.drivers, weight)
     groups = {name: np.column_stack([b.columns(problem.drivers) for b in own]) for name, own in bases.items()}
     space = space_of(fit.parameters)
-    known = _Group(fit.solution.jacobian, space.prior_information + 1e-4 / space.scale**2)
-    # A hat function's height is expected to be of the residual's own size.
-    design = _Design(problem.block, labels, weight, residual, known, 1.0 / (2.0 * size) ** 2)
+    held = space.prior_information > 0.0
+    back = np.where(held, np.where(held, space.prior_mean, 0.0) - fit.solution.x, 0.0)
+    known = _Group(fit.solution.jacobian, space.prior_information + 1e-4 / space.scale**2, back)
+    # A hat function's height is expected to be of the residual's size, or of what pulled values had imitated.
+    hidden = fit.solution.jacobian @ back if contender.prior - prior_count(problem) >= LEAST_PULLED else 0.0 * residual
+    height = float(np.sqrt(np.average(residual**2 + hidden**2, weights=weight)))
+    design = _Design(problem.block, labels, weight, residual, known, 1.0 / (2.0 * height) ** 2)
     alone = design.score({})
     chosen, left = _forward(design, groups, alone, seed=seed)
     return _Learned(design, bases, groups, size, alone, tuple(chosen), tuple(left)) if chosen else None
@@ -124,6 +132,7 @@ def _shares(chosen: Sequence[str], alone: float, left: Sequence[float]) -> tuple
 class _Group:
     columns: Array
     prior: Array
+    centre: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,19 +161,25 @@ class _Design:
             matrix[i] = weighted.T @ columns[rows]
             vector[i] = weighted.T @ self.residual[rows]
             square[i] = float(self.weight[rows] @ self.residual[rows] ** 2)
-        return _Blocks(matrix, vector, square).held_out(np.arange(size), prior)
+        return _Blocks(matrix, vector, square).held_out(prior, self._centre(size))
+
+    def _centre(self, size: int) -> Array:
+        """Return where the priors want the coefficients: the parameters back at their means, the features at zero."""
+        return np.concatenate([self.known.centre, np.zeros(size - len(self.known.centre))])
 
     def coefficients(self, groups: Mapping[str, Array]) -> Array:
         """Return the features' coefficients from the whole record, the parameters' shares first."""
         columns, prior = self._stacked(groups)
         weighted = columns * self.weight[:, None]
-        return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(prior), weighted.T @ self.residual))
+        side = weighted.T @ self.residual + prior * self._centre(len(prior))
+        return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(prior), side))
 
     def held_out_residual(self, groups: Mapping[str, Array]) -> Array:
         """Return the residual of each block, predicted from the others."""
         columns, prior = self._stacked(groups)
         weighted = columns * self.weight[:, None]
-        total, side = weighted.T @ columns + np.diag(prior), weighted.T @ self.residual
+        total = weighted.T @ columns + np.diag(prior)
+        side = weighted.T @ self.residual + prior * self._centre(len(prior))
         left = np.empty_like(self.residual)
         for label in self.labels:
             rows = self.block == label

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.discovery.fitting import Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
+from torsight.discovery.priors import prior_cost
 from torsight.discovery.solver import Array
 
 
@@ -26,6 +27,8 @@ class HeldOut:
         Measured less predicted; NaN where a sample does not count.
     information : float
         Sum of squares times weights.
+    prior : float
+        What the distance of the values fitted without a block costs, mean over the blocks.
     rms : float
         Root mean square over the samples that count.
     folds : tuple of (int, mapping)
@@ -35,7 +38,13 @@ class HeldOut:
     residual: Array
     information: float
     rms: float
+    prior: float = 0.0
     folds: tuple[tuple[int, dict[str, float]], ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Information left on unseen blocks and what the values cost."""
+        return self.information + self.prior
 
 
 def block_labels(problem: Problem) -> NDArray[np.int64]:
@@ -58,7 +67,8 @@ def held_out_by_refit(fitter: Fitter, fit: Fit) -> HeldOut:
         rows = (problem.block == label) & problem.valid
         left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
     folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
-    return replace(_score(problem, fitter.weight, left), folds=folds)
+    prior = float(np.mean([prior_cost(problem, fold) for fold in fits]))
+    return replace(_score(problem, fitter.weight, left), prior=prior, folds=folds)
 
 
 def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:
