@@ -121,7 +121,9 @@ class Oracle:
         self.last = spring
         other = 1 - spring
         theta_l = max(0.0, self.wound[spring] - v.theta_cr) * (1.0 - v.e_s / v.e_m)
-        tau = min(v.martensite(theta, self.wound[spring]), v.martensite(v.theta_p - theta, self.wound[other]) + v.tau_c)
+        theta, tau = self._let_go(theta, v.martensite(theta, self.wound[spring]), self.wound[other])
+        self.wound[other] = max(self.wound[other], v.theta_p - theta)
+        self.theta_a = theta if spring == 0 else v.theta_p - theta
         ref, xi, xi_0, before = Reference(theta, tau, 1.0), 1.0, 1.0, 1
         angles = []
         for temp, direction in zip(temps, turns(temps), strict=True):
@@ -140,6 +142,19 @@ class Oracle:
             angles.append(self.theta_a - 0.5 * v.theta_p)
         self.tau = tau
         return angles
+
+    def _let_go(self, theta: float, tau: float, wound: float) -> tuple[float, float]:
+        """Where the springs come to rest before anything is heated: elastic on one side, martensite on the other."""
+        v = self.v
+        for way in (-1.0, 1.0):
+
+            def over(angle: float, way: float = way) -> float:
+                return v.martensite(v.theta_p - angle, wound) - way * v.tau_c - tau - v.k(v.e_m) * (angle - theta)
+
+            if way * over(theta) > 1e-12:
+                end = bisect(over, theta, theta + way * 8.0)
+                return end, tau + v.k(v.e_m) * (end - theta)
+        return theta, tau
 
     def _law(self, temp: float, direction: int, tau: float, xi: float, xi_0: float) -> float:
         v = self.v

@@ -99,6 +99,17 @@ def test_kernel_agrees_with_the_second_implementation(tau_c_mnm, room_c):
     assert np.abs(phi - expected).max() < 1e-6
 
 
+def test_a_spring_heated_twice_gives_way_before_the_other_one_is_heated():
+    """Its second cooling ends above its loading curve; as cold martensite it lies on it, and friction cannot hold."""
+    halves = [(0, [(80.0, 3.0)]), (0, [(76.0, 3.0)]), (1, [(78.0, 2.0)])]
+    log, temps = programme(halves)
+    expected = by_oracle(halves, temps, 170.0, Values(tau_c=0.5e-3))
+    phi = simulated(log, 170.0, tau_c_mnm=0.5).phi_rad
+    assert np.abs(phi - expected).max() < 1e-6
+    starts = np.cumsum([len(own) for own in temps])[:-1]
+    assert np.abs(phi[starts] - phi[starts - 1]).max() > 5.0 * DEG
+
+
 @given(
     peaks=st.lists(st.floats(50.0, 85.0), min_size=2, max_size=3),
     reheat=st.tuples(st.floats(52.0, 66.0), st.floats(30.0, 48.0), st.floats(60.0, 80.0)),

@@ -7,9 +7,12 @@ import pytest
 from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log, prepare_table, start_angle
+from torsight.actuator.model import ActuatorModel
 from torsight.actuator.segments import half_cycles
+from torsight.actuator.spec import reference_spec
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.records import SyncedTable
+from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.units import DEG
 
 HALVES = [(0, [(75.0, 0.2)]), (1, [(60.0, 0.3)]), (0, [(58.0, 0.1)]), (1, [(80.0, 0.5)])]
 
@@ -97,3 +100,20 @@ def test_too_few_rows(rows):
     nothing = np.zeros(rows)
     with pytest.raises(InputError, match="too short"):
         prepare_table(SyncedTable(np.arange(rows, dtype=float), nothing, nothing, nothing, nothing))
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.1])
+def test_rows_of_a_fast_record_stand_for_its_angle(pace):
+    """Means over rows against the model at the rows' instants, from the paper's pace to ten times as fast."""
+    time_s = np.arange(0.0, 900.0 * pace, 1.0 / 66.0)
+    u = time_s / pace
+    own = np.where(u < 600.0, 23.0 + 53.0 * np.minimum(u / 500.0, 1.0), 23.0 + 53.0 * np.exp(-(u - 600.0) / 45.0))
+    room = np.full(len(time_s), 23.0)
+    model = ActuatorModel(reference_spec())
+    dense = model.simulate(model.prepare_log(TemperatureLog(time_s, own, room), start_angle_rad=3.0)).angle_rad
+    drive = model.prepare(SyncedTable(time_s, dense, np.full(len(time_s), 1e-3), own, room))
+    assert len(drive) < 0.7 * len(time_s)
+    away = np.abs(model.simulate(drive).angle_rad - drive.angle_rad)
+    assert np.sqrt(np.mean(away**2)) < 0.05 * DEG
+    # Two corners of the motion lie within a row each.
+    assert np.sort(away)[-5] < 0.1 * DEG

@@ -126,19 +126,15 @@ def _recoverable(wound: float, scale: float, p: Array) -> float:
 
 
 @compiled
-def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, g: Array, q: Array, w: Array,
-                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+def _start_half_cycle(who: int, theta_a: float, theta_l_scale: float, g: Array, q: Array, w: Array, wound: Array,
+                      p: Array) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left."""
     before = int(g[WHO])
     if before >= 0:
         wound[before] = _wound_for(g[X_NOW], g[TAU_NOW], p)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
-    sign = 1.0 if who == 0 else -1.0
-    limit = cold_torque(p[THETA_P] - x, wound[1 - who], p) + scale * friction_torque(theta_a, who == 1, p, tables)
-    if p[HAS_STRAY] > 0.0:
-        limit += sign * from_table(theta_a, STRAY, p, tables)
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
-    g[TAU_NOW] = min(cold_torque(x, wound[who], p), limit)
+    g[TAU_NOW] = cold_torque(x, wound[who], p)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], theta_l_scale, p)
@@ -276,10 +272,10 @@ def run(
     wound = _home(theta_start, friction_scale[0], p, tables)
     plain = p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[TANAKA] == 0.0 and sections.shape[1] == 1
     for k in range(n):
-        fresh = True
-        if k == 0 or half[k] != half[k - 1]:
+        fresh, starts = True, k == 0 or half[k] != half[k - 1]
+        if starts:
             scale = theta_l_scale[half[k]]
-            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
+            _start_half_cycle(active[k], theta_a, scale, g, q, w, wound, p)
         elif directions[0, k] != directions[0, k - 1]:
             _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
         else:
@@ -300,6 +296,9 @@ def run(
         # Only where load and friction are the plain model's, and after a sample that slid.
         easy = plain and not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
         slid = (easy and glide(c, q, g, w, p, sections)) or _settle(g, c, q, w, p, tables, sections)
+        if starts and slid and g[XI_NOW] == 1.0:
+            # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
+            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW], 0.0
         g[REST_S] = 0.0 if slid or k == 0 else g[REST_S] + 1.0 / per_s[k]
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0

@@ -158,8 +158,11 @@ def _placed(heatings: list[Heating], temps: tuple[Array, Array], *, margin_c: fl
     placed = heatings[:1]
     for before, item in pairwise(heatings):
         own = temps[item.spring][before.top : item.top + 1]
-        low = np.flatnonzero(own <= own.min() + margin_c)
-        placed.append(Heating(item.spring, before.top + int(low[-1]), item.top, item.base_c, item.top_c))
+        low = int(np.flatnonzero(own <= own.min() + margin_c)[-1])
+        # Within the margin the rise has begun already: back to its foot.
+        while low > 0 and own[low - 1] < own[low]:
+            low -= 1
+        placed.append(Heating(item.spring, before.top + low, item.top, item.base_c, item.top_c))
     return placed
 
 
