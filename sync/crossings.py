@@ -16,12 +16,20 @@ from torsight.core.units import DEG
 _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94])
 """Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
 _WHOLE: Final = 0.955
+_CUT_SHORT: Final = 0.85
+"""Shares of a stroke that are used: of a whole one, and of one that was cut short, whose end falls on a corner of the
+temperature if the motion is a little late."""
 _CURVE_SIGMA_C: Final = 60.0
 _STRESS_SIGMA_C_PER_DEG: Final = 0.04
 _SHAPE_SIGMA_C_PER_DEG: Final = 0.04
 _FAR_SCATTER_C_PER_DEG: Final = 0.003
 _SCATTER_REACH: Final = 0.2
 _SCATTER_SHAPE: Final = 0.7
+_NEAR_SCATTER_C_PER_DEG: Final = (0.2, 0.03)
+_NEAR_DEG: Final = 3.0
+"""Near a usual start the way there matters (how far a heating had come): another scatter for a cooling, a heating."""
+_TREND: Final = 1.0
+"""A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke."""
 _FARTHEST_DEG: Final = 40.0
 """Strokes that begin further from the others of their kind pass their levels under another stress: not comparable."""
 
@@ -34,8 +42,8 @@ class Crossings:
     ----------
     time_s, time_sigma_s : (n,) float64
         Film time of each passing.
-    spring_b : (n,) bool
-        Which spring drives.
+    spring_b, heating : (n,) bool
+        Which spring drives, and whether it is heated.
     stroke, kind, cell : (n,) int64
         Number of the stroke; of its kind (spring, heating or cooling); of the level of its kind.
     shared : (n,) float64
@@ -51,6 +59,7 @@ class Crossings:
     time_s: NDArray[np.float64]
     time_sigma_s: NDArray[np.float64]
     spring_b: NDArray[np.bool_]
+    heating: NDArray[np.bool_]
     stroke: NDArray[np.int64]
     kind: NDArray[np.int64]
     cell: NDArray[np.int64]
@@ -85,7 +94,8 @@ def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None])
             kinds.setdefault((flank.spring, flank.heating), []).append(index)
     rows = _Rows([], [], [], [], [], [], [], [])
     for number, ((spring, heating), members) in enumerate(kinds.items()):
-        level_rad = max(strokes[index].length_rad for index in members) * _SHARES
+        longest_rad = max(strokes[index].length_rad for index in members)
+        level_rad = longest_rad * _SHARES
         usual_rad = _crowded(np.array([strokes[index].sign * strokes[index].start_rad for index in members]))
         for index in members:
             stroke = strokes[index]
@@ -93,7 +103,8 @@ def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None])
             if abs(far_deg) > _FARTHEST_DEG:
                 continue
             at_s, sigma_s = stroke.crossing_s(level_rad)
-            usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < _WHOLE * stroke.length_rad))
+            share = _WHOLE if stroke.length_rad > _WHOLE * longest_rad else _CUT_SHORT
+            usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
             count = len(usable)
             rows.time_s.append(at_s[usable])
             rows.sigma_s.append(sigma_s[usable])
@@ -123,17 +134,23 @@ def _with_covariances(rows: _Rows) -> Crossings:
     common += far_both * (_STRESS_SIGMA_C_PER_DEG**2 * stress + _SHAPE_SIGMA_C_PER_DEG**2 * same_cell)
     # A stroke misses the curve of its kind as a whole, and smoothly along its way.
     along = np.exp(-0.5 * ((share[:, None] - share[None, :]) / _SCATTER_REACH) ** 2)
-    scatter = (stroke[:, None] == stroke[None, :]) * (1.0 + _SCATTER_SHAPE**2 * along)
+    same_stroke = stroke[:, None] == stroke[None, :]
+    scatter = same_stroke * (1.0 + _SCATTER_SHAPE**2 * along)
+    when = 2.0 * (time_s - time_s.min()) / max(float(np.ptp(time_s)), 1e-9) - 1.0
+    trend = (kind[:, None] == kind[None, :]) * (when[:, None] * when[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
+    near_c = np.minimum(np.abs(far_deg), _NEAR_DEG) * np.take(_NEAR_SCATTER_C_PER_DEG, heating.astype(np.int64))
+    common += near_c[:, None] * near_c[None, :] * scatter
     return Crossings(
         time_s=time_s,
         time_sigma_s=np.concatenate(rows.sigma_s),
         spring_b=np.concatenate(rows.spring_b),
+        heating=heating,
         stroke=stroke,
         kind=kind,
         cell=cell,
         shared=same_cell.sum(axis=1),
         common_c2=common + _FAR_SCATTER_C_PER_DEG**2 * far_both * scatter,
-        scatter=scatter,
+        scatter=scatter + _TREND**2 * trend,
         middle_s=float(0.5 * (time_s.min() + time_s.max())),
     )
 

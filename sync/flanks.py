@@ -15,6 +15,8 @@ from torsight.core.records import TemperatureLog
 _MIN_RISE_C: Final = 12.0
 _MIN_SHARE: Final = 0.3
 """A rise smaller than this share of the largest one is the other spring's warmth."""
+_WINDOW_S: Final = 2.0
+_HEATING_SHARE: Final = 0.03
 
 Spring = Literal["a", "b"]
 
@@ -54,25 +56,53 @@ class Flank:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogPicture:
-    """The log as even signals, with its flanks in the order of time."""
+    """The log as even signals, with its flanks in the order of time.
+
+    Attributes
+    ----------
+    springs : mapping
+        Each spring's temperature.
+    heated : mapping
+        The same, smoothed over a time that is short against a heating: noise of a reading is an error of the clock
+        that differs from one offset to the next, and looks like evidence for the luckier one.
+    flanks : tuple of Flank
+        In order.
+    """
 
     springs: dict[Spring, EvenSignal]
+    heated: dict[Spring, EvenSignal]
     flanks: tuple[Flank, ...]
 
 
 def picture_log(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogPicture:
     """Smooth both temperatures, their slopes over a window of its own, and find their flanks."""
-    springs: dict[Spring, EvenSignal] = {}
     readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
-    for name, temperature in readings:
-        signal = even_signal(log.time_s, temperature, window_s=2.0, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
-        if signal is not None:
-            springs[name] = signal
+    springs = _even(log, readings, window_s=_WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
     threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
     flanks = [flank for name, signal in springs.items() for flank in _flanks(name, signal, threshold_c)]
-    return LogPicture(springs=springs, flanks=_until_the_next(sorted(flanks, key=lambda flank: flank.begin_s)))
+    heatings_s = [flank.end_s - flank.begin_s for flank in flanks if flank.heating]
+    window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), _WINDOW_S, 20.0)) if heatings_s else _WINDOW_S
+    heated = springs if window_s == _WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
+    return LogPicture(springs, heated, _until_the_next(sorted(flanks, key=lambda flank: flank.begin_s)))
+
+
+def _even(
+    log: TemperatureLog,
+    readings: tuple[tuple[Spring, NDArray[np.float64]], ...],
+    *,
+    window_s: float,
+    max_gap_s: float,
+    slope_window_s: float | None = None,
+) -> dict[Spring, EvenSignal]:
+    signals = {
+        name: even_signal(
+            log.time_s, temperature, window_s=window_s, max_gap_s=max_gap_s, slope_window_s=slope_window_s
+        )
+        for name, temperature in readings
+    }
+    return {name: signal for name, signal in signals.items() if signal is not None}
 
 
 def _until_the_next(flanks: list[Flank]) -> tuple[Flank, ...]:

@@ -7,7 +7,7 @@ what the frames between them do not show counts as an error of the time.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ def _with(
     return near_s + root_s, noise_rad * gain / speed, _UNSEEN * abs(straight_s - root_s), step_s
 
 
-def _root(coefficient: NDArray[np.float64], reach: float) -> float:
+def _root(coefficient: NDArray[np.floating[Any]], reach: float) -> float:
     """Return the root of a parabola nearest to 0, in units of the step; NaN where there is none within reach."""
     level, slope, bend = (float(value) for value in coefficient)
     if abs(bend) * reach < 1e-6 * abs(slope):

@@ -17,6 +17,7 @@ into densities of time and keeps the fit from hiding on a plateau of the tempera
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -34,6 +35,11 @@ from sync.signals import EvenSignal
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _TYPICAL_SCATTER_C: Final = 0.05
 _FEWEST: Final = 6
+_WITH_RATE: Final = 2.0
+_ORDINARY_SCATTER_C: Final = 0.03
+"""Thresholds that scatter by more than this have a cause that nobody knows. It may go with the rate of heating, as a
+friction does that grows with speed, and an offset does the same: a scatter that goes with the rate, up to this many
+times as large as the rest of it, is then allowed."""
 _RATE_POINTS: Final = 40
 _RATE_POWERS: Final = 3
 _NOISE_FACTOR: Final = 1.5
@@ -59,9 +65,10 @@ def _wire(
     n = len(crossings)
     temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
     known = np.zeros(n, dtype=np.bool_)
-    springs: tuple[tuple[Spring, NDArray[np.bool_]], ...] = (("a", ~crossings.spring_b), ("b", crossings.spring_b))
-    for name, pick in springs:
-        signal = picture.springs.get(name)
+    names: tuple[Spring, ...] = ("a", "b")
+    for name, heating in itertools.product(names, (True, False)):
+        pick = (crossings.spring_b == (name == "b")) & (crossings.heating == heating)
+        signal = (picture.heated if heating else picture.springs).get(name)
         if signal is None or not pick.any():
             continue
         value, slope, there = signal.at(at_s[pick])
@@ -170,31 +177,90 @@ def scan(
 def _linear(
     crossings: Crossings, wire: _Wire, point: NDArray[np.float64], prior: Belief, *, every: int = 1
 ) -> list[Belief]:
-    """Solve with the temperatures taken as straight lines around a point, once for each scatter."""
+    """Solve with the temperatures taken as straight lines around a point, for each pair of scatters."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
     jacobian = rate[:, None] * wire.columns[keep]
     # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J.
     data = wire.temp_c[keep] - jacobian @ point - 50.0
-    precision = np.linalg.inv(prior.covariance)
     density = _density(crossings.stroke[keep], crossings.kind[keep], rate)
     common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
+    heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
-    parts: list[Belief] = []
-    for scatter_c in SCATTERS_C[::every]:
-        factor = cho_factor(common + scatter_c**2 * scatter, lower=True)
-        solved = cho_solve(factor, np.column_stack([jacobian, data]))
-        information = jacobian.T @ solved[:, :-1] + precision
-        right = precision @ prior.mean - jacobian.T @ solved[:, -1]
-        mean = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
-        residual = data + jacobian @ mean
-        deviation = mean - prior.mean
-        fit = float(residual @ cho_solve(factor, residual) + deviation @ precision @ deviation)
-        log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
-        log_det += float(np.linalg.slogdet(information)[1] - np.linalg.slogdet(precision)[1])
-        belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
-        parts.append(Belief(mean, np.linalg.inv(information), density + belief_in_scatter - 0.5 * (fit + log_det)))
-    return parts
+    with_rate = _with_rate(crossings.kind[keep], rate, heating)
+    # Heatings and coolings have nothing in common but the clock: each has a scatter of its own.
+    halves = [
+        [
+            _half(common, scatter + _cause(scatter_c) ** 2 * with_rate, jacobian, data, rows, scatter_c)
+            for scatter_c in SCATTERS_C[::every]
+        ]
+        for rows in (np.flatnonzero(heating), np.flatnonzero(~heating))
+        if len(rows)
+    ]
+    return _combined(halves, prior, log_weight=density)
+
+
+def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
+    total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
+    away = np.where(heating, rate - total[kind], 0.0)
+    spread = float(np.sqrt(np.mean(away[heating] ** 2))) if heating.any() else 0.0
+    return np.outer(away, away) / max(spread, 1e-12) ** 2
+
+
+def _cause(scatter_c: float) -> float:
+    """Return how much of a scatter may go with the rate, as a multiple of the rest."""
+    beyond = (scatter_c / _ORDINARY_SCATTER_C) ** 4
+    return _WITH_RATE * beyond / (1.0 + beyond)
+
+
+@dataclass(frozen=True, slots=True)
+class _Half:
+    """What the heatings, or the coolings, say for one scatter, before any prior: information, right side, the rest."""
+
+    information: NDArray[np.float64]
+    right: NDArray[np.float64]
+    square: float
+    log_weight: float
+
+
+def _half(
+    common: NDArray[np.float64],
+    scatter: NDArray[np.float64],
+    design: NDArray[np.float64],
+    data: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    scatter_c: float,
+) -> _Half:
+    pick = np.ix_(rows, rows)
+    factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
+    solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
+    log_det = len(rows) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
+    belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
+    return _Half(
+        information=design[rows].T @ solved[:, :-1],
+        right=-(design[rows].T @ solved[:, -1]),
+        square=float(data[rows] @ solved[:, -1]),
+        log_weight=belief_in_scatter - 0.5 * log_det,
+    )
+
+
+def _combined(halves: Sequence[Sequence[_Half]], prior: Belief, *, log_weight: float) -> list[Belief]:
+    """Return the beliefs for every pair of scatters."""
+    pairs = list(itertools.product(*halves))
+    precision = np.linalg.inv(prior.covariance)
+    pull = precision @ prior.mean
+    information = np.stack([sum((half.information for half in pair), start=precision) for pair in pairs])
+    right = np.stack([sum((half.right for half in pair), start=pull) for pair in pairs])
+    covariance = np.linalg.inv(information)
+    mean = np.einsum("kij,kj->ki", covariance, right)
+    square = np.array([sum(half.square for half in pair) for pair in pairs]) + float(prior.mean @ pull)
+    fit = square - np.einsum("ki,ki->k", mean, right)
+    log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
+    weight = np.array([sum(half.log_weight for half in pair) for pair in pairs])
+    total = log_weight + weight - 0.5 * (fit + log_det)
+    likely = np.flatnonzero(total > total.max() - 40.0)
+    return [Belief(mean[k], covariance[k], float(total[k])) for k in likely]
 
 
 def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[np.float64]) -> float:
