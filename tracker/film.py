@@ -220,7 +220,7 @@ class _Reader:
                 damaged = False
                 self.in_damage = False
             damaged = damaged or bool(frame.is_corrupt)
-            yield frame.pts, _luma(frame, rotation=rotation), damaged
+            yield frame.pts, luma_of(frame, rotation=rotation), damaged
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
         packets = container.demux(stream)
@@ -268,7 +268,7 @@ class _Reader:
             heapq.heappop(self._waiting)
 
 
-def _luma(frame: Any, *, rotation: int) -> NDArray[np.uint8]:
+def luma_of(frame: Any, *, rotation: int) -> NDArray[np.uint8]:
     """Return the brightness of a frame, a view of the decoder's memory where possible."""
     name = str(frame.format.name)
     plane = frame.planes[0]

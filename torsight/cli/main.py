@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 COMMANDS: Final = (
     "init",
+    "doctor",
     "demo",
     "run",
     "track",

@@ -1,0 +1,185 @@
+"""The doctor's figures against closed forms and films of known make, its verdicts, and the codes that it ends with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.bad_inputs import ACTUATOR, make_world
+from tests.tracker.films import Rig, write_film
+from torsight.actuator.spec import reference_spec
+from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
+from torsight.cli.checkup.log import check_log, check_programme, driven_by
+from torsight.cli.checkup.rig import distinct_rates, half_cycles_of, limits_of
+from torsight.cli.doctor import told
+from torsight.cli.main import main
+from torsight.core.errors import ConfigError, InputError
+
+ROOM_C = 23.0
+
+
+def ramp(
+    time_s: np.ndarray, start_s: float, peak_c: float, rate_c_s: float, *, hold_c: float = 0.0, hold_s: float = 0.0
+) -> np.ndarray:
+    """Temperature that rises at a rate, with a hold on the way, and falls at the same rate."""
+    corners = [(start_s, ROOM_C)]
+    for target in (hold_c, peak_c) if hold_s else (peak_c,):
+        corners.append((corners[-1][0] + (target - corners[-1][1]) / rate_c_s, target))
+        if target == hold_c and hold_s:
+            corners.append((corners[-1][0] + hold_s, target))
+    corners.append((corners[-1][0] + (peak_c - ROOM_C) / rate_c_s, ROOM_C))
+    times, temps = zip(*corners, strict=True)
+    return np.interp(time_s, times, temps, left=ROOM_C, right=ROOM_C)
+
+
+def write_log(path: Path, ramps: list[tuple[str, dict[str, float]]], *, length_s: float, step_s: float = 0.25) -> Path:
+    time_s = np.arange(0.0, length_s, step_s)
+    temps = {spring: np.full_like(time_s, ROOM_C) for spring in "ab"}
+    for spring, about in ramps:
+        temps[spring] = np.maximum(temps[spring], ramp(time_s, **about))
+    columns = np.column_stack([time_s, temps["a"], temps["b"]])
+    np.savetxt(path, columns, fmt="%.4f", delimiter=",", header="time_s,temp_a_c,temp_b_c", comments="")
+    return path
+
+
+def four(rates: tuple[float, float, float, float], *, peaks: tuple[float, ...] = (80.0,) * 4) -> list:
+    """Four half-cycles, A and B in turn."""
+    made, start_s = [], 30.0
+    for spring, rate, peak in zip("abab", rates, peaks, strict=True):
+        made.append((spring, {"start_s": start_s, "peak_c": peak, "rate_c_s": rate}))
+        start_s += 2.0 * (peak - ROOM_C) / rate + 20.0
+    return made
+
+
+def test_the_temperatures_of_motion_are_those_of_the_reference_rig() -> None:
+    limits = limits_of(reference_spec())
+    assert limits is not None
+    assert round(limits.onset_c, 1) == 47.6
+    assert round(limits.full_c, 1) == 70.0
+    assert round(limits.range_deg, 1) == 465.8
+    assert round(limits.start_deg, 1) == 177.6
+
+
+def test_half_cycles_rates_and_holds_are_read_from_the_log(tmp_path: Path) -> None:
+    programme = [
+        ("a", {"start_s": 20.0, "peak_c": 80.0, "rate_c_s": 0.5}),
+        ("b", {"start_s": 290.0, "peak_c": 62.0, "rate_c_s": 0.2, "hold_c": 55.0, "hold_s": 60.0}),
+    ]
+    check = check_log(write_log(tmp_path / "temps.csv", programme, length_s=800.0))
+    assert check.reading is not None
+    spec, limits = reference_spec(), limits_of(reference_spec())
+    assert limits is not None
+    cycles = half_cycles_of(driven_by(check.reading, spec, limits, where="log"), limits)
+    assert [cycle.spring for cycle in cycles] == ["a", "b"]
+    assert [cycle.peak_c for cycle in cycles] == pytest.approx([80.0, 62.0], abs=0.1)
+    assert [cycle.rate_c_s for cycle in cycles] == pytest.approx([0.5, 0.2], rel=0.05)
+    assert cycles[0].holds_s == ()
+    assert cycles[1].holds_s == pytest.approx((60.0,), abs=4.0)
+    assert distinct_rates(cycles) == pytest.approx([0.2, 0.5], rel=0.05)
+
+
+def test_one_rate_takes_up_a_clock_offset_and_a_lag_and_two_rates_show_both(tmp_path: Path) -> None:
+    """On ramps of one slope a time shift is a shift of temperature, which the transformation temperatures take up."""
+    slow = check_log(write_log(tmp_path / "slow.csv", four((0.2,) * 4), length_s=2500.0, step_s=0.5))
+    both = check_log(write_log(tmp_path / "both.csv", four((0.2, 0.2, 0.6, 0.6)), length_s=1800.0, step_s=0.5))
+    told_slow = check_programme(slow, reference_spec(), where="slow")[1]["discovery"]
+    told_both = check_programme(both, reference_spec(), where="both")[1]["discovery"]
+    assert "clock_offset" in told_slow["hidden"]
+    assert {"clock_offset", "sensor_lag"} <= set(told_both["visible"])
+    for name in ("clock_offset", "sensor_lag"):
+        assert told_slow["left_deg"][name] < 0.25 * told_both["left_deg"][name]
+    # the other spring stays at room temperature in both: it has nothing to transform
+    assert "heat_crosstalk" in told_slow["hidden"]
+    assert "heat_crosstalk" in told_both["hidden"]
+
+
+def test_a_programme_that_never_moves_anything_is_to_be_done_again(tmp_path: Path) -> None:
+    check = check_log(write_log(tmp_path / "temps.csv", four((0.5,) * 4, peaks=(44.0,) * 4), length_s=500.0))
+    findings, _ = check_programme(check, reference_spec(), where="temps.csv")
+    assert verdict(findings) == "do again"
+    assert exit_code(findings) == 4
+    assert "47.6 °C" in ordered(findings)[0].text
+
+
+def test_a_film_is_known_as_well_as_its_noise_allows(tmp_path: Path) -> None:
+    """Cramér–Rao for a disc whose rim is sharp but for the pixel itself: σ_x = (σ/C) / √(π r)."""
+    rig = Rig(lambda t: 60.0 - 60.0 * t, frames=45, texture=0.0)
+    check = check_film(str(write_film(rig, tmp_path / "film.mkv")))
+    tracked = check.content["tracked"]
+    lengths = [rig.base_px[1] - rig.base_px[0], rig.moving_px[1] - rig.moving_px[0]]
+    sigma_px = rig.noise / (rig.stick - rig.dot) / np.sqrt(np.pi * rig.radius_px)
+    bound_deg = np.rad2deg(sigma_px * np.sqrt(2.0) * np.hypot(1.0 / lengths[0], 1.0 / lengths[1]))
+    assert tracked["noise"]["angle_sigma_deg"]["bound"] == pytest.approx(bound_deg, rel=0.25)
+    assert tracked["markers"]["radius_px"] == pytest.approx(rig.radius_px, abs=0.3)
+    assert tracked["noise"]["marker_contrast_grey"] == pytest.approx(rig.stick - rig.dot, rel=0.1)
+    assert tracked["noise"]["picture_noise_grey"] == pytest.approx(rig.noise, rel=0.25)
+    assert check.content["motion"]["rate_deg_s"] == pytest.approx(60.0, rel=0.05)
+    assert check.content["motion"]["step_deg"] == pytest.approx(2.0, rel=0.05)
+    assert check.duration_s == pytest.approx(1.5, abs=1e-3)
+    assert verdict(check.findings) == "good"
+
+
+def test_what_limits_most_comes_first() -> None:
+    small, large = Finding("film", "limits", "small", angle_deg=0.1), Finding("log", "limits", "large", angle_deg=3.0)
+    findings = [Finding("film", "fine", "fine"), small, large, Finding("film", "note", "note", angle_deg=9.0)]
+    assert [item.text for item in ordered(findings)] == ["large", "small", "note", "fine"]
+    assert verdict(findings) == "usable"
+    assert exit_code(findings) == 0
+    assert told(ordered(findings))[0].split() == ["Verdict", "usable"]
+
+
+def test_the_exit_code_is_the_one_of_the_refusal() -> None:
+    assert exit_code([Finding("log", "stops", "x", error=InputError("x"))]) == 3
+    wrong = [
+        Finding("log", "stops", "x", error=InputError("x")),
+        Finding("camera", "stops", "y", error=ConfigError("y")),
+    ]
+    assert exit_code(wrong) == 2
+    assert exit_code([Finding("record", "stops", "x")]) == 4
+
+
+def doctor(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict, str]:
+    with pytest.raises(SystemExit) as end:
+        main(["doctor", *words, "--json"])
+    out, err = capsys.readouterr()
+    return int(end.value.code or 0), json.loads(out), err
+
+
+def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_world(tmp_path / "world")
+    world = tmp_path / "world"
+    (world / "actuator.toml").write_text(ACTUATOR.replace("E_A_gpa = 60.0", "E_A_gpa = 60e9"))
+    code, answer, err = doctor(str(world / "experiment.toml"), capsys=capsys)
+    assert code == answer["exit_code"] == 2
+    assert answer["result"]["verdict"] == "do again"
+    stops = [item for item in answer["result"]["findings"] if item["level"] == "stops"]
+    # an actuator in the wrong unit, and a film without markers
+    assert {item["about"] for item in stops} == {"actuator", "film"}
+    assert "GPa" in err
+    assert "marker" in err
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"),
+    [("nothing.toml", 3, "no such file"), ("nothing.mp4", 3, "no such file"), ("board.toml", 2, "is neither")],
+)
+def test_what_cannot_be_looked_at_is_refused(
+    name: str, code: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "board.toml").write_text('kind = "chessboard"\n')
+    found, answer, err = doctor(str(tmp_path / name), capsys=capsys)
+    assert found == code
+    assert words in err
+    assert words in answer["error"]["message"]
+
+
+def test_an_actuator_that_claims_to_be_exact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "actuator.toml").write_text(ACTUATOR.partition("[uncertainty]")[0])
+    code, answer, _ = doctor(str(tmp_path / "actuator.toml"), capsys=capsys)
+    assert code == 0
+    assert answer["result"]["verdict"] == "usable"
+    assert "A_s_c" in answer["result"]["findings"][0]["text"]

@@ -1,0 +1,192 @@
+"""Which files belong together, and what each of them and all of them together allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.actuator.spec import ActuatorSpec, read_actuator
+from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.log import LogCheck, check_log, check_programme
+from torsight.cli.experiment import read_experiment
+from torsight.core.camera import read_camera
+from torsight.core.errors import ConfigError, TorsightError
+from torsight.core.progress import Progress, silent
+from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, missing_file, read_toml
+from tracker.hints import read_markers
+
+_TOML_KINDS: Final = {"video": "experiment", "material": "actuator", "intrinsics": "camera", "moving": "markers"}
+"""A table or key that tells what a TOML file is."""
+_SHORT: Final = 0.98
+
+
+@dataclass(slots=True)
+class Inputs:
+    """Files that belong together; None where one is not given.
+
+    Attributes
+    ----------
+    films : list of str
+        None, one, or two of a stereo pair.
+    timestamps, log, actuator, camera : Path or None
+        The files.
+    markers : Path or mapping or None
+        File or table of the markers' positions.
+    fps : float or None
+        Frame rate of pictures.
+    settings : mapping
+        Table ``[sync]`` of the experiment.
+    """
+
+    films: list[str] = field(default_factory=list)
+    timestamps: Path | None = None
+    log: Path | None = None
+    actuator: Path | None = None
+    camera: Path | None = None
+    markers: Path | Mapping[str, Any] | None = None
+    fps: float | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
+    """Return what the names on the command line stand for.
+
+    Raises
+    ------
+    ConfigError
+        When a TOML file is of no known kind, or the experiment is wrong.
+    InputError
+        When a file is missing.
+    """
+    found = Inputs(fps=fps)
+    for name in names:
+        path = Path(name)
+        suffix = path.suffix.lower()
+        if suffix == ".toml":
+            kind = _kind(path)
+            if kind == "experiment":
+                return _of_experiment(path)
+            setattr(found, kind, path)
+        elif suffix in (*CSV_SUFFIXES, *PARQUET_SUFFIXES):
+            found.log = path
+        else:
+            if not any(character in name for character in "*?[") and not path.exists():
+                raise missing_file(path)
+            found.films.append(name)
+    return found
+
+
+def _kind(path: Path) -> str:
+    content = read_toml(path)
+    for key, kind in _TOML_KINDS.items():
+        if key in content:
+            return kind
+    raise ConfigError(
+        "is neither an experiment nor an actuator, a camera or markers",
+        where=str(path),
+        value=", ".join(content) or "nothing",
+        limit="[video], [material], [intrinsics], or base and moving",
+        do="name one of these files",
+    )
+
+
+def _of_experiment(path: Path) -> Inputs:
+    experiment = read_experiment(path)
+    return Inputs(
+        films=[name for name in (experiment.video, experiment.video_right) if name is not None],
+        timestamps=experiment.timestamps,
+        log=experiment.temperature,
+        actuator=experiment.actuator,
+        camera=experiment.camera,
+        markers=experiment.markers_file or experiment.markers or None,
+        fps=experiment.fps,
+        settings=experiment.sync,
+    )
+
+
+def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Finding], dict[str, Any]]:
+    """Look at everything that is given; return the findings and the measured figures."""
+    findings: list[Finding] = []
+    content: dict[str, Any] = {}
+    camera = _read(findings, "camera", inputs.camera, read_camera)
+    hints = _read(findings, "markers", inputs.markers, read_markers)
+    spec = _read(findings, "actuator", inputs.actuator, read_actuator)
+    if spec is not None:
+        findings += _look_at_priors(spec)
+        content["actuator"] = {"uncertain": list(spec.uncertainty)}
+    log = LogCheck() if inputs.log is None else check_log(inputs.log)
+    findings += log.findings
+    if inputs.log is not None:
+        content["log"] = log.content
+    if spec is not None and log.reading is not None:
+        more, programme = check_programme(log, spec, where=str(inputs.log), progress=progress)
+        findings += more
+        content["programme"] = programme
+    if len(inputs.films) == 2 and (camera is None or camera.right is None):
+        error = ConfigError(
+            "two films need a camera file with a second camera",
+            where=str(inputs.camera or "experiment"),
+            limit="[right.intrinsics] and [right.from_left]",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
+        findings.append(refusal("camera", error))
+    stereo = len(inputs.films) == 2
+    for number, film in enumerate(inputs.films):
+        check = check_film(
+            film,
+            about="right film" if number else "film",
+            fps=inputs.fps,
+            timestamps=inputs.timestamps,
+            hints=None if number else hints,
+            camera=None if stereo else camera,
+            progress=progress,
+        )
+        findings += check.findings
+        content["film_right" if number else "film"] = check.content
+        if number == 0:
+            findings += _look_at_overlap(check.duration_s, log, inputs.settings)
+    return findings, content
+
+
+def _read(findings: list[Finding], about: str, source: Any, reader: Any) -> Any:
+    """Read a file; a refusal becomes a finding, so that the others are looked at all the same."""
+    if source is None:
+        return None
+    try:
+        return reader(source)
+    except TorsightError as error:
+        findings.append(refusal(about, error))
+        return None
+
+
+def _look_at_priors(spec: ActuatorSpec) -> list[Finding]:
+    """Say which values count as exact."""
+    characterised = [name for name in spec.values if name.split("_")[0] in ("E", "A", "M", "theta")]
+    exact = [name for name in characterised if name not in spec.uncertainty and name != "theta_p_deg"]
+    if not exact:
+        return []
+    text = f"{', '.join(exact)} have no uncertainty and are taken as exact: their errors would look like an effect."
+    level = "limits" if len(exact) == len(characterised) - 1 else "note"
+    return [Finding("actuator", level, text, "give one standard deviation of each in [uncertainty]")]
+
+
+def _look_at_overlap(film_s: float, log: LogCheck, settings: Mapping[str, Any]) -> list[Finding]:
+    """Compare the lengths of film and log, and their ends where the offset is given."""
+    if film_s == 0.0 or log.reading is None:
+        return []
+    offset = settings.get("offset_s")
+    if isinstance(offset, (int, float)) and not isinstance(offset, bool):
+        time_s = log.reading.log.time_s
+        first, last = float(time_s[0]) - offset, float(time_s[-1]) - offset
+        covered = max(0.0, min(film_s, last) - max(0.0, first))
+    else:
+        covered = min(film_s, log.duration_s)
+    if covered >= _SHORT * film_s:
+        return []
+    text = f"the log ({log.duration_s:.0f} s) covers at most {covered:.0f} s of the film ({film_s:.0f} s)."
+    if covered == 0.0:
+        return [Finding("record", "stops", text, "check [sync] offset_s: temperature time = film time + offset")]
+    return [Finding("record", "limits", text, "let the log run before the film starts and after it ends")]

@@ -1,0 +1,71 @@
+"""One thing that was found, and the verdict over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from torsight.core.errors import TorsightError
+
+LEVELS: Final = ("fine", "note", "limits", "stops")
+"""How much a finding matters: not at all, worth knowing, limits the result, there will be no result."""
+_VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops": "do again"}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was found.
+
+    Attributes
+    ----------
+    about : str
+        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``experiment`` or ``record``.
+    level : str
+        One of :data:`LEVELS`.
+    text : str
+        What was found, as a sentence.
+    do : str
+        What to do about it; empty where there is nothing to do.
+    angle_deg : float or None
+        Error of the angle that it makes, where that can be told; the larger ones come first.
+    error : TorsightError or None
+        The refusal that ``torsight run`` would end with.
+    """
+
+    about: str
+    level: str
+    text: str
+    do: str = ""
+    angle_deg: float | None = None
+    error: TorsightError | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the finding for a script."""
+        content = {"about": self.about, "level": self.level, "text": self.text, "do": self.do}
+        return {**content, "angle_deg": self.angle_deg}
+
+
+def refusal(about: str, error: TorsightError) -> Finding:
+    """Return an error that was met as a finding that stops the run."""
+    return Finding(about, "stops", str(error), error=error)
+
+
+def ordered(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings by how much they matter: level first, then the error of the angle; else as found."""
+    return sorted(findings, key=lambda item: (-LEVELS.index(item.level), -(item.angle_deg or 0.0)))
+
+
+def verdict(findings: Sequence[Finding]) -> str:
+    """Return ``good``, ``usable`` or ``do again``."""
+    worst = max((LEVELS.index(item.level) for item in findings), default=0)
+    return _VERDICTS[LEVELS[worst]]
+
+
+def exit_code(findings: Sequence[Finding]) -> int:
+    """Return the code that a run would end with: of the first refusal, 4 where nothing could come out, else 0."""
+    stopping = [item for item in findings if item.level == "stops"]
+    if not stopping:
+        return 0
+    codes = [item.error.exit_code for item in stopping if item.error is not None]
+    return min(codes, default=4)

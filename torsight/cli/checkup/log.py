@@ -1,0 +1,199 @@
+"""A temperature log, and what it will do to the actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sync import LogReading, read_temperature_log
+from torsight.actuator.conditioning import measure_noise, resolution
+from torsight.actuator.drive import Drive
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
+from torsight.cli.checkup.separable import Separable, separable
+from torsight.core.errors import TorsightError
+from torsight.core.progress import Progress, silent
+from torsight.core.records import SyncedTable
+from torsight.core.units import DEG
+from torsight.core.wording import effect_name, listed
+
+_HARMLESS: Final = ("decimal_comma", "separator", "comment", "header", "units", "encoding")
+_SLOW_S: Final = 1.0
+_NOISY_C: Final = 0.3
+_FEW: Final = 4
+"""Half-cycles with motion below which what is held out says little."""
+
+
+@dataclass(slots=True)
+class LogCheck:
+    """What was found about a log; see :class:`torsight.cli.checkup.film.FilmCheck`."""
+
+    findings: list[Finding] = field(default_factory=list)
+    content: dict[str, Any] = field(default_factory=dict)
+    duration_s: float = 0.0
+    reading: LogReading | None = None
+
+
+def check_log(path: Path) -> LogCheck:
+    """Look at a log by itself: rate, gaps, repairs, ranges, noise."""
+    check = LogCheck()
+    try:
+        check.reading = read_temperature_log(path)
+    except TorsightError as error:
+        check.findings.append(refusal("log", error))
+        return check
+    log = check.reading.log
+    step = np.diff(log.time_s)
+    usual = float(np.median(step))
+    check.duration_s = float(log.time_s[-1] - log.time_s[0] + usual)
+    ranges = {}
+    for name, temp_c in (("temp_a_c", log.temp_a_c), ("temp_b_c", log.temp_b_c)):
+        good = np.isfinite(temp_c)
+        ranges[name] = {
+            "min": float(np.nanmin(temp_c)),
+            "max": float(np.nanmax(temp_c)),
+            "noise": measure_noise(log.time_s[good], temp_c[good])[0],
+            "resolution": resolution(temp_c[good]),
+        }
+    check.content = {
+        "rows": len(log),
+        "duration_s": check.duration_s,
+        "interval_s": {"median": usual, "max": float(step.max())},
+        "ranges": ranges,
+        "heating_switches": log.heat_a is not None and log.heat_b is not None,
+        "repairs": [repair.to_json() for repair in check.reading.repairs],
+        "restarts": len(check.reading.restarts),
+    }
+    _look_at_rows(check, usual)
+    return check
+
+
+def _look_at_rows(check: LogCheck, usual_s: float) -> None:
+    reading = check.reading
+    assert reading is not None  # noqa: S101 - for the type checker
+    for repair in reading.repairs:
+        level = "note" if repair.kind not in ("gap", "stuck", "restart") else "limits"
+        check.findings.append(Finding("log", level, repair.text.rstrip(".") + "."))
+    if usual_s > _SLOW_S:
+        text = f"has a row every {usual_s:.2g} s: corners of the temperature, where a heating ends, fall between rows."
+        check.findings.append(Finding("log", "limits", text, "log once a second or faster"))
+    if not check.content["heating_switches"]:
+        text = "has no heating switches (heat_a, heat_b): which spring is driven is read from the temperatures."
+        check.findings.append(Finding("log", "fine", text))
+
+
+def check_programme(
+    check: LogCheck, spec: ActuatorSpec, *, where: str, progress: Progress = silent
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Look at what the log does to the actuator: full heatings, rates, holds, and what discovery can tell."""
+    reading = check.reading
+    limits = limits_of(spec)
+    if limits is None:
+        text = "by these values the actuator never moves: friction holds it, or nothing can be recovered."
+        return [Finding("actuator", "stops", text, "check theta_p_deg, theta_cr_deg, tau_c_mnm and the moduli")], {}
+    content: dict[str, Any] = {
+        "moves_from_c": limits.onset_c,
+        "fully_heated_at_c": limits.full_c,
+        "fully_cooled_at_c": limits.cooled_c,
+        "range_deg": limits.range_deg,
+    }
+    if reading is None:
+        return [], content
+    try:
+        drive = driven_by(reading, spec, limits, where=where)
+    except TorsightError as error:
+        return [refusal("log", error)], content
+    cycles = half_cycles_of(drive, limits)
+    findings = _look_at_cycles(cycles, limits)
+    content["half_cycles"] = [cycle.to_json() for cycle in cycles]
+    if not any(cycle.peak_c > limits.onset_c for cycle in cycles):
+        return findings, content
+    angle_deg = ActuatorModel(spec).simulate(drive).angle_rad / DEG
+    active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    steepest = steepest_deg_per_c(angle_deg, active_c)
+    content["steepest_deg_per_c"] = steepest
+    content["expected_rate_deg_s"] = float(np.nanquantile(np.abs(np.gradient(angle_deg, drive.time_s)), 0.99))
+    left_deg = float(np.median(drive.temp_sigma_c)) * steepest
+    noise_c = drive.noise_c
+    if noise_c > 0.0:
+        level = "limits" if noise_c > _NOISY_C else "fine"
+        text = (
+            f"noise of {noise_c:.2g} °C; after it is taken out, what remains moves the angle by {left_deg:.2g}° where "
+            f"it is steepest ({steepest:.0f}° per °C)."
+        )
+        findings.append(Finding("log", level, text, "" if level == "fine" else "shield the sensors", left_deg))
+    told = separable(spec, drive, progress=progress)
+    content["discovery"] = told.to_json()
+    return [*findings, *_look_at_separable(told, cycles)], content
+
+
+def driven_by(reading: LogReading, spec: ActuatorSpec, limits: Limits, *, where: str) -> Drive:
+    """Return the drive of the log with the actuator at home before the first heating."""
+    model = ActuatorModel(spec)
+    log = reading.log
+
+    def prepared(start_deg: float) -> Drive:
+        angle = np.full(len(log), start_deg * DEG)
+        sigma = np.full(len(log), 1e-3)
+        table = SyncedTable(log.time_s, angle, sigma, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b)
+        return model.prepare(table, where=where)
+
+    drive = prepared(limits.start_deg)
+    return drive if drive.cycles.springs[0] == 0 else prepared(-limits.start_deg)
+
+
+def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding]:
+    """Say whether the springs heat and cool as far as the model needs, and how many half-cycles there are."""
+    findings: list[Finding] = []
+    moving = [cycle for cycle in cycles if cycle.peak_c > limits.onset_c]
+    peaks = ", ".join(f"{cycle.spring.upper()} {cycle.peak_c:.1f}" for cycle in cycles)
+    if not moving:
+        text = f"no heating reaches {limits.onset_c:.1f} °C, where the actuator begins to move (peaks: {peaks} °C)."
+        return [Finding("log", "stops", text, f"heat to {limits.full_c:.0f} °C and more")]
+    full = [cycle for cycle in cycles if cycle.peak_c >= limits.full_c]
+    text = (
+        f"{len(cycles)} half-cycles, peaks {peaks} °C; {len(full)} of them complete the transformation "
+        f"({limits.full_c:.1f} °C), {len(moving) - len(full)} end in it."
+    )
+    level = "limits" if not full else "fine"
+    advice = f"heat at least once to {limits.full_c:.0f} °C" if not full else ""
+    findings.append(Finding("log", level, text, advice))
+    warm = [cycle for cycle in cycles[:-1] if cycle.end_c > limits.cooled_c]
+    if warm:
+        text = (
+            f"{len(warm)} half-cycles end before their spring has cooled to {limits.cooled_c:.1f} °C, where it is "
+            "martensite again, as the model takes it."
+        )
+        findings.append(Finding("log", "limits", text, "let each spring cool for longer"))
+    if len(moving) < _FEW:
+        text = f"only {len(moving)} half-cycles move: an effect is accepted on half-cycles that the fit has not seen."
+        findings.append(Finding("record", "limits", text, "record four and more, both springs, at two rates"))
+    return findings
+
+
+def _look_at_separable(told: Separable, cycles: Sequence[HalfCycle]) -> list[Finding]:
+    """Say in words what discovery will and will not be able to tell, and why."""
+    rates = distinct_rates(cycles)
+    findings = [
+        Finding(
+            "record",
+            "fine" if told.visible else "limits",
+            f"discovery would see {listed([effect_name(name) for name in told.visible]) or 'no effect'} at usual size.",
+        )
+    ]
+    if told.hidden:
+        names = listed([effect_name(name) for name in told.hidden])
+        text = f"{names} would be too small to see, or be taken up by the characterised values."
+        findings.append(Finding("record", "note", text, "add half-cycles, rates, and incomplete heatings"))
+    if told.alike:
+        pairs = "; ".join(f"{effect_name(one)} and {effect_name(other)}" for one, other in told.alike)
+        same = " All heatings have one rate." if len(rates) < 2 else ""
+        advice = "heat at two rates that differ by three times, hold once in mid-stroke, end one heating early"
+        findings.append(Finding("record", "limits", f"not to be told apart: {pairs}.{same}", advice))
+    return findings

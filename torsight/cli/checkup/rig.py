@@ -1,0 +1,163 @@
+"""A temperature log against the actuator that it drives: does it heat fully, at which rates, with which holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.closed_form import stable_cycle
+from torsight.actuator.drive import Drive
+from torsight.actuator.spec import ActuatorSpec
+from torsight.actuator.springs import Rig
+from torsight.core.units import DEG
+
+Array = NDArray[np.float64]
+
+_HOLD_S: Final = 20.0
+_HOLD_C: Final = 0.5
+"""A hold: the driven spring's temperature stays within this band for that long."""
+_RATE_RATIO: Final = 1.3
+"""Heating rates closer than this count as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Temperatures at which a complete, stable cycle of this actuator moves, °C; angles in degrees.
+
+    Attributes
+    ----------
+    onset_c, full_c : float
+        Where motion begins while heating, and where the transformation is complete.
+    cooled_c : float
+        Where the cooled spring is martensite again, so that the next half-cycle starts as the model takes it.
+    range_deg : float
+        Range of motion.
+    start_deg : float
+        Angle before A is heated; before B it is the negative.
+    """
+
+    onset_c: float
+    full_c: float
+    cooled_c: float
+    range_deg: float
+    start_deg: float
+
+
+def limits_of(spec: ActuatorSpec) -> Limits | None:
+    """Return where an actuator moves, by the closed forms; None where it never does."""
+    rig = Rig.from_values(spec.values)
+    cycle = stable_cycle(rig)
+    if math.isnan(cycle.xi_12) or cycle.theta_1_rad - cycle.theta_2_rad < DEG:
+        return None
+    per_torque_a = rig.stress_per_torque / rig.c_austenite
+    per_torque_m = rig.stress_per_torque / rig.c_martensite
+    torque_12 = rig.loading_torque(rig.theta_p_rad - cycle.theta_1_rad) + rig.tau_c_nm
+    torque_2 = rig.loading_torque(rig.theta_p_rad - cycle.theta_2_rad) + rig.tau_c_nm
+    # (13) solved for the temperature at which the transformation has come to ξ12
+    way = math.acos(min(1.0, max(-1.0, 2.0 * cycle.xi_12 - 1.0))) / math.pi
+    half_turn = 0.5 * rig.theta_p_rad
+    return Limits(
+        onset_c=rig.a_start_c + way * (rig.a_finish_c - rig.a_start_c) + per_torque_a * torque_12,
+        full_c=rig.a_finish_c + per_torque_a * torque_2,
+        cooled_c=rig.m_finish_c + per_torque_m * rig.loading_torque(cycle.theta_3_rad),
+        range_deg=2.0 * max(cycle.theta_1_rad - half_turn, half_turn - cycle.theta_2_rad) / DEG,
+        start_deg=(cycle.theta_1_rad - half_turn) / DEG,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class HalfCycle:
+    """One heating and cooling as the log shows it.
+
+    Attributes
+    ----------
+    spring : str
+        ``"a"`` or ``"b"``.
+    start_c, peak_c, end_c : float
+        Temperature of the driven spring before, at the top, and lowest after it.
+    rate_c_s : float
+        Median rate of its heating within the range of motion.
+    holds_s : tuple of float
+        Lengths of holds within the range of motion, below the top.
+    """
+
+    spring: str
+    start_c: float
+    peak_c: float
+    end_c: float
+    rate_c_s: float
+    holds_s: tuple[float, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the half-cycle for a script."""
+        return {
+            "spring": self.spring,
+            "start_c": self.start_c,
+            "peak_c": self.peak_c,
+            "end_c": self.end_c,
+            "rate_c_s": self.rate_c_s,
+            "holds_s": list(self.holds_s),
+        }
+
+
+def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
+    """Return what the log does to the driven spring, half-cycle by half-cycle."""
+    found = []
+    for number, spring in enumerate(drive.cycles.springs):
+        rows = drive.cycles.half == number
+        temp_c = (drive.temp_a_c if spring == 0 else drive.temp_b_c)[rows]
+        time_s = drive.time_s[rows]
+        top = int(np.argmax(temp_c))
+        moving = (temp_c[:top] > limits.onset_c) & (temp_c[:top] < limits.full_c)
+        rate = np.gradient(temp_c, time_s)[:top] if top > 1 else np.zeros(top)
+        rising = rate[moving & (rate > 0)] if (moving & (rate > 0)).any() else rate[rate > 0]
+        found.append(
+            HalfCycle(
+                spring="ab"[spring],
+                start_c=float(temp_c[0]),
+                peak_c=float(temp_c[top]),
+                end_c=float(temp_c[top:].min()),
+                rate_c_s=float(np.median(rising)) if len(rising) else 0.0,
+                holds_s=tuple(_holds(time_s, temp_c, limits)),
+            )
+        )
+    return found
+
+
+def _holds(time_s: Array, temp_c: Array, limits: Limits) -> list[float]:
+    """Return lengths of the stretches within the range of motion in which the temperature stands."""
+    inside = (temp_c > limits.onset_c) & (temp_c < limits.full_c - _HOLD_C)
+    found: list[float] = []
+    first = 0
+    for row in range(1, len(temp_c) + 1):
+        standing = row < len(temp_c) and inside[row] and np.ptp(temp_c[first : row + 1]) < _HOLD_C
+        if standing and inside[first]:
+            continue
+        length_s = float(time_s[row - 1] - time_s[first])
+        if length_s >= _HOLD_S and inside[first]:
+            found.append(length_s)
+        first = row
+    return found
+
+
+def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
+    """Return heating rates that differ from each other, °C/s."""
+    kept: list[float] = []
+    for rate in sorted(cycle.rate_c_s for cycle in cycles if cycle.rate_c_s > 0.0):
+        if not kept or rate > _RATE_RATIO * kept[-1]:
+            kept.append(rate)
+    return kept
+
+
+def steepest_deg_per_c(angle_deg: Array, temp_c: Array) -> float:
+    """Return by how much the angle moves per °C where it is steepest."""
+    step_c = np.diff(temp_c)
+    moving = np.abs(step_c) > 1e-3
+    if not moving.any():
+        return 0.0
+    return float(np.nanquantile(np.abs(np.diff(angle_deg)[moving] / step_c[moving]), 0.98))

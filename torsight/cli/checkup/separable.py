@@ -1,0 +1,106 @@
+"""What discovery will be able to tell from a temperature programme, before anything is filmed.
+
+Every effect of the library is put into the model at its usual size; the plain model, and the model with every other
+effect, take up what they can with their free parameters, within the priors (linear in the parameters). What is left is
+weighed as the engine weighs it: the gain, against what it asks for to accept an effect and to tell two apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.progress import Progress, silent
+from torsight.core.units import DEG
+from torsight.discovery.null import LEAST_GAIN
+from torsight.discovery.search import Settings
+from torsight.discovery.separation import Explanation, linear_gains
+
+Array = NDArray[np.float64]
+
+RESIDUAL_DEG: Final = 0.3
+CORRELATION_S: Final = 10.0
+"""What a good record leaves, and for how long it hangs together: a sample is worth its interval over this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Separable:
+    """What the record will tell.
+
+    Attributes
+    ----------
+    visible : tuple of str
+        Effects that the plain model cannot take up.
+    hidden : tuple of str
+        Effects that it takes up, or that do nothing here.
+    alike : tuple of (str, str)
+        Pairs of visible effects that take each other up.
+    left_deg : mapping of str to float
+        What the plain model leaves of each effect at its usual size, degrees rms.
+    """
+
+    visible: tuple[str, ...]
+    hidden: tuple[str, ...]
+    alike: tuple[tuple[str, str], ...]
+    left_deg: dict[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer for a script."""
+        return {
+            "visible": list(self.visible),
+            "hidden": list(self.hidden),
+            "alike": [list(pair) for pair in self.alike],
+            "left_deg": self.left_deg,
+        }
+
+
+def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) -> Separable:
+    """Return which effects a record driven like this would show, and which of them it would keep apart."""
+    effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
+    weight = np.gradient(drive.time_s) / CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
+    models = {chosen: ActuatorModel(spec, chosen) for chosen in [(), *((effect.id,) for effect in effects)]}
+    explanations = [
+        Explanation(chosen, chosen, model.parameters, np.array([parameter.value for parameter in model.parameters]))
+        for chosen, model in models.items()
+    ]
+    needed = sum(1 + len(one.x) for one in explanations)
+    done = 0
+
+    def predict(values: Mapping[str, float], chosen: tuple[str, ...]) -> Array:
+        nonlocal done
+        done = min(done + 1, needed)
+        progress("what discovery can tell", done, needed)
+        return models[chosen].simulate(drive, values).angle_rad
+
+    gains = linear_gains(predict, explanations, weight)
+    progress("what discovery can tell", needed, needed)
+    names = [effect.id for effect in effects]
+    # The first row and column are the plain model's; the rows are what is taken as true.
+    left = dict(zip(names, np.maximum(gains[1:, 0], 0.0).tolist(), strict=True))
+    visible = tuple(name for name in names if left[name] >= LEAST_GAIN)
+    rival = Settings().rival_gain
+    between = {
+        (one, other): min(gains[i, j], gains[j, i])
+        for (i, one), (j, other) in combinations(enumerate(names, start=1), 2)
+    }
+    return Separable(
+        visible=visible,
+        hidden=tuple(name for name in names if name not in visible),
+        alike=tuple(pair for pair, gain in between.items() if set(pair) <= set(visible) and gain < rival),
+        left_deg={name: math.sqrt(gain / float(np.sum(weight))) / DEG for name, gain in left.items()},
+    )
+
+
+def _at_usual_size(effect: Effect) -> bool:
+    """Return whether the effect's own start is a size at which it does something."""
+    return any(p.null is not None and p.value != p.null for p in effect.parameters)

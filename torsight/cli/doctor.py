@@ -1,0 +1,56 @@
+"""``torsight doctor``: what will limit the result, before the long run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from torsight.cli.answer import Answer
+
+if TYPE_CHECKING:
+    from torsight.cli.checkup.finding import Finding
+
+
+def doctor(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="EXPERIMENT.toml|FILES…",
+            help="An experiment, or any of: film, TEMPS.csv, ACTUATOR.toml, CAMERA.toml, MARKERS.toml.",
+        ),
+    ],
+    *,
+    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+) -> Answer:
+    """Check film, log and configuration before the long run, and say what will limit the result.
+
+    A stretch of the film is tracked, the log is played through the model. The verdict is good, usable or do again;
+    below it stands why, what limits most first. With do again the exit code is the one that a run would end with.
+
+    Example: torsight doctor experiment.toml
+    """
+    from torsight.cli.checkup.examine import examine, inputs_of
+    from torsight.cli.checkup.finding import exit_code, ordered, verdict
+    from torsight.cli.console import progress_bar, say
+
+    chosen = inputs_of(inputs, fps=fps)
+    with progress_bar() as progress:
+        findings, content = examine(chosen, progress=progress)
+    findings = ordered(findings)
+    for line in told(findings):
+        say(line)
+    result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}
+    return Answer(result, exit_code=exit_code(findings))
+
+
+def told(findings: list[Finding]) -> list[str]:
+    """Return the verdict and why, in lines for a person."""
+    from torsight.cli.checkup.finding import verdict
+
+    lines = [f"Verdict           {verdict(findings)}"]
+    for item in findings:
+        lines.append(f"{item.level:<10}{item.about:<14}{item.text}")
+        if item.do:
+            lines.append(f"{'':<24}do: {item.do}")
+    return lines
