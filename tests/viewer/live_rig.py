@@ -20,29 +20,34 @@ def angles_deg(frames: int) -> np.ndarray:
 
 
 def picture(angle_deg: float, *, seed: int, light: float = 1.0) -> np.ndarray:
-    """Two light sticks with two dark dots each, drawn sixteen times finer than pixels, with noise."""
+    """Two light sticks with two dark dots each, drawn much finer than pixels, with noise."""
     luma = np.full((SIZE_PX[1], SIZE_PX[0]), 90, np.uint8)
     for turn_rad in (BASE_RAD, BASE_RAD + math.radians(angle_deg)):
         places = [
             (CENTRE_PX[0] + radius * math.cos(turn_rad), CENTRE_PX[1] - radius * math.sin(turn_rad))
             for radius in (18, 34, 84, 100)
         ]
-        corners = [(round(16 * x), round(16 * y)) for x, y in places]
-        cv2.line(luma, corners[0], corners[3], 215, 18, cv2.LINE_AA, 4)
+        corners = [(round(256 * x), round(256 * y)) for x, y in places]
+        cv2.line(luma, corners[0], corners[3], 215, 18, cv2.LINE_AA, 8)
         for corner in corners[1:3]:
-            cv2.circle(luma, corner, 16 * 5, 30, -1, cv2.LINE_AA, 4)
+            cv2.circle(luma, corner, 256 * 5, 30, -1, cv2.LINE_AA, 8)
     noise = np.random.default_rng(seed).normal(0.0, 1.5, luma.shape)
     return np.clip(luma * light + noise, 0, 255).astype(np.uint8)
 
 
 def write_film(path: Path, frames: int) -> np.ndarray:
-    """Write the film and return the angle of every frame, deg."""
+    """Write the film of the sweep and return the angle of every frame, deg."""
     angles = angles_deg(frames)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), FPS, SIZE_PX)
+    film_angles(path, angles, fps=FPS)
+    return angles
+
+
+def film_angles(path: Path, angles: np.ndarray, *, fps: float) -> None:
+    """Write the film of given angles, deg."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), fps, SIZE_PX)
     for index, angle in enumerate(angles.tolist()):
         writer.write(cv2.cvtColor(picture(angle, seed=index), cv2.COLOR_GRAY2BGR))
     writer.release()
-    return angles
 
 
 def log_text(seconds: float, *, rate_hz: float = 20.0) -> str:

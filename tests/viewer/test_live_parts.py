@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.tracks import MarkerTracks
 from torsight.viewer.live.angle import LiveAngle
+from torsight.viewer.live.clock import LogClock
 from torsight.viewer.live.disk import LineFile, Recorder
 from torsight.viewer.live.following import LogFollower
 from torsight.viewer.live.intake import WAITING_FRAMES, Intake, Picture
 from torsight.viewer.live.latency import Latency
 from torsight.viewer.live.model import STEP_S, Thinned
-from torsight.viewer.live.clock import LogClock
 from torsight.viewer.live.sources import open_pictures
 from tracker.orient import orient
 

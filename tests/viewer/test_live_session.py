@@ -64,7 +64,7 @@ def test_every_frame_has_its_row_and_its_angle_is_right(
     measured = table["valid"] > 0.5
     dropped = json.loads((record[0] / "track.json").read_text(encoding="utf-8"))["frames"]["dropped"]
     assert measured.sum() >= FRAMES - dropped
-    # Drawn to a sixteenth of a pixel with white noise of 1.5 grey levels on a stick of 50 px: under 0.1° rms.
+    # Drawn exactly, with white noise of 1.5 grey levels on a stick of 50 px: under 0.1° rms.
     error = (table["angle_deg"] - rig[1])[measured]
     assert np.sqrt(np.mean(error**2)) < 0.1
 

@@ -34,7 +34,7 @@ class Picture(NamedTuple):
     damaged : bool
         Whether the picture is not whole.
     arrived_s : float or None
-        ``time.perf_counter()`` when it was there; None: when it is given, or, for a film, when it is due.
+        ``time.perf_counter()`` when it was there; None: when it is given, or, for a film, when it is due after that.
     missed : int
         How many pictures the source lost just before this one.
     """
@@ -174,10 +174,11 @@ class Intake:
                 if index == 1 and self.pictures.waits:
                     # A film stands at its first frame until that is measured.
                     self._go.wait()
+                given_s = time.perf_counter()
                 due_s = pace.due_s(picture.time_s)
                 if due_s is not None and self._stop.wait(max(0.0, due_s - time.perf_counter())):
                     return
-                arrived_s = picture.arrived_s or due_s or time.perf_counter()
+                arrived_s = picture.arrived_s or max(given_s, due_s or given_s)
                 frame = LiveFrame(
                     index, picture.time_s, picture.luma, arrived_s, damaged=picture.damaged, missed=picture.missed
                 )

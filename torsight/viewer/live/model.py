@@ -218,6 +218,9 @@ class ModelWatch:
         except BrokenProcessPool:
             self.broken = True
             return None
+        except Exception as error:  # noqa: BLE001 - whatever ails the model, the measurement goes on
+            nothing = np.empty(0)
+            return ModelNews(nothing, nothing, nothing, trouble=f"{type(error).__name__}: {error}")
         if news.half_cycles > self._half_cycles:
             self._half_cycles = news.half_cycles
             self._fit_next = True

@@ -38,8 +38,6 @@ PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
 MODEL_EVERY_S: Final = 1.0
-LAST_FIT_S: Final = 20.0
-"""How long the end of a record waits for the friction of all of it."""
 SHOWN_PX: Final = 640
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
@@ -63,6 +61,8 @@ class Session:
         The model beside.
     offset_s : float or None
         Temperature log's time less film time; None: taken from when rows arrive.
+    last_fit_s : float
+        How long the end of the record waits for the friction of all of it.
     say : callable
         Takes a line for the person at the terminal.
     """
@@ -78,12 +78,13 @@ class Session:
         feed: Feed | None = None,
         model: ModelWatch | None = None,
         offset_s: float | None = None,
+        last_fit_s: float = 20.0,
         say: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self.outcome = Outcome()
         self._camera = camera
         self._feed, self._model, self._say = feed, model, say
-        self._folder = folder
+        self._folder, self._last_fit_s = folder, last_fit_s
         self._events: list[dict[str, Any]] = []
         self.now_s = 0.0
         """Time of the last frame."""
@@ -160,6 +161,7 @@ class Session:
         self.now_s, self._frame = frame.time_s, frame.index
         self._look_at_size(frame)
         seen = self._tracker.step(frame)
+        self._take_earlier()
         self._recorder.frame(
             frame.index,
             frame.time_s,
@@ -177,6 +179,18 @@ class Session:
         self.outcome.count(seen.angle_rad, dropped=frame.dropped, missed=frame.missed)
         if self._model is not None and math.isfinite(seen.angle_rad):
             self._model.angle(frame.time_s, seen.angle_rad, seen.sigma_rad)
+
+    def _take_earlier(self) -> None:
+        """Show, and give the model, the angles of the time before the moving stick showed."""
+        earlier = self._tracker.earlier()
+        if not earlier:
+            return
+        if self._feed is not None:
+            time_s = np.array([one.time_s for one in earlier])
+            self._feed.put("series", "angle/measured", time_s, np.array([one.angle_rad / DEG for one in earlier]))
+        if self._model is not None:
+            for one in earlier:
+                self._model.angle(one.time_s, one.angle_rad, one.sigma_rad)
 
     def _look_at_size(self, frame: LiveFrame) -> None:
         if frame.luma is None:
@@ -248,7 +262,7 @@ class Session:
 
     def _last_news(self) -> None:
         if self._model is not None and self.outcome.measured:
-            for news in self._model.last(LAST_FIT_S):
+            for news in self._model.last(self._last_fit_s):
                 self._news(news)
         if self._feed is not None:
             self._feed.put("summary", self._words())

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
 _TELL_AFTER: Final = 3
 """Frames for which a marker must be away, or back, before it is told."""
+_EARLIER_EVERY_S: Final = 0.2
+_EARLIER_MOST: Final = 20_000
+"""Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
 _LOST_EARLY_S: Final = 1.0
 """A start whose markers are lost this long before anything moved was a wrong one."""
 
@@ -55,6 +59,14 @@ class Seen:
     angle_rad: float
     sigma_rad: float
     position_mm: NDArray[np.float64] | None
+
+
+class EarlierAngle(NamedTuple):
+    """An angle that came to be known later: of a frame before the moving stick showed."""
+
+    time_s: float
+    angle_rad: float
+    sigma_rad: float
 
 
 @dataclass(slots=True)
@@ -109,6 +121,8 @@ class LiveTracker:
         self._away = np.zeros(4, np.int64)
         self._told = np.zeros(4, bool)
         self._lost_since_s: float | None = None
+        self._still: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=_EARLIER_MOST)
+        self._earlier: list[EarlierAngle] = []
 
     @property
     def found(self) -> bool:
@@ -140,9 +154,12 @@ class LiveTracker:
         covariance = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
         if not frame.dropped:
             self._watch(frame, state)
+        if knew is None and follower.moving is not None:
+            self._look_back([2, 3, 0, 1] if swapped else [0, 1, 2, 3])
         if follower.moving is None:
             if not frame.dropped:
                 self._give_up_early(frame, state)
+                self._keep_still(frame.time_s, position, covariance)
             return Seen(position, covariance, math.nan, math.nan, None)
         angle, sigma, position_mm = self._angle.step(frame.time_s, position, covariance)
         return Seen(position, covariance, angle, sigma, position_mm)
@@ -175,6 +192,23 @@ class LiveTracker:
             self.swapped = frame.index
         self._tell(frame.time_s, frame.index, "motion", "the moving stick shows; the angle counts from here")
 
+    def earlier(self) -> list[EarlierAngle]:
+        """Return, once, the angles of frames before the moving stick showed, some a second."""
+        found, self._earlier = self._earlier, []
+        return found
+
+    def _keep_still(self, time_s: float, position: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        if not self._still or time_s - self._still[-1][0] >= _EARLIER_EVERY_S:
+            self._still.append((time_s, position, covariance))
+
+    def _look_back(self, order: list[int]) -> None:
+        """Give the frames in which nothing had moved yet their angles."""
+        for time_s, position, covariance in self._still:
+            angle, sigma, _ = self._angle.step(time_s, position[order], covariance[order])
+            if math.isfinite(angle):
+                self._earlier.append(EarlierAngle(time_s, angle, sigma))
+        self._still.clear()
+
     def _watch(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
         """Tell of each marker that goes and comes back, once."""
         seen = state == CODE["seen"]
@@ -197,6 +231,7 @@ class LiveTracker:
         elif frame.time_s - self._lost_since_s > _LOST_EARLY_S and self._hints is None:
             self._tell(frame.time_s, frame.index, "lost", "these were not the markers; looking again")
             self._follower, self._lost_since_s = None, None
+            self._still.clear()
             self._away[:], self._told[:] = 0, False
 
 
