@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.channels import clean_channel
+from sync.channels import RANGE_C, clean_channel
 from sync.joining import join_blocks
 from sync.repairs import LogReading, Repair
 from sync.stamps import OrderedStamps, order_stamps, usual_step_s
 from sync.table_text import read_text_table
 from torsight.core.errors import InputError
+from torsight.core.plausible import require_stamps, require_units
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import is_parquet, read_table
 
@@ -26,6 +27,7 @@ _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
 """A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
 _MIN_ROWS: Final = 3
+_MOST_RESTARTS: Final = 20
 
 
 def read_temperature_log(path: Path) -> LogReading:
@@ -57,6 +59,7 @@ def read_temperature_log(path: Path) -> LogReading:
             limit=f"at least {_MIN_ROWS}",
             do="record it again",
         )
+    _require_order(ordered, len(frame), path=path)
     columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
     stamps, merged = _distinct(ordered, columns, first_line=first_line, repairs=repairs)
     joined = join_blocks(stamps.time_s, stamps.block, [merged.numbers[name] for name in REQUIRED[1:]])
@@ -65,9 +68,8 @@ def read_temperature_log(path: Path) -> LogReading:
         temperatures[name], told = clean_channel(joined.time_s, merged.numbers[name], name=name)
         repairs += told
         if not np.isfinite(temperatures[name]).any():
-            raise InputError(
-                "holds no temperature", where=f"{path}, column {name}", do="record it again; both springs are needed"
-            )
+            raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
+    require_units(joined.time_s, temperatures, where=str(path))
     switches = {name: _switch(merged.numbers[name]) for name in _SWITCHES if name in merged.numbers}
     extra: dict[str, NDArray[np.generic]] = {
         name: values for name, values in merged.numbers.items() if name not in (*REQUIRED, *_SWITCHES)
@@ -82,6 +84,33 @@ def read_temperature_log(path: Path) -> LogReading:
     )
     repairs += _gaps(joined.time_s)
     return LogReading(log=log, repairs=tuple(repairs), restarts=joined.restarts, zero=zero)
+
+
+def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
+    """Refuse stamps that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
+    where = f"{path}, column time_s"
+    require_stamps(ordered.time_s, where=where)
+    restarts = int(ordered.block[-1])
+    if restarts > _MOST_RESTARTS or len(ordered.row) < 0.5 * rows:
+        raise InputError(
+            "is out of order",
+            where=where,
+            value=f"{restarts} steps back, {len(ordered.row)} of {rows} rows in order",
+            limit=f"{_MOST_RESTARTS} restarts of the clock, and half of the rows",
+            do="sort the log by time",
+        )
+
+
+def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
+    known = values[np.isfinite(values)]
+    middle = f"{np.median(known):.4g} in the middle" if len(known) else "no number"
+    return InputError(
+        "holds no temperature of a spring",
+        where=where,
+        value=middle,
+        limit=f"{RANGE_C[0]:g} to {RANGE_C[1]:g} °C",
+        do="give temperatures in °C, not in kelvin or tenths; both springs are needed",
+    )
 
 
 def _read(path: Path) -> tuple[pd.DataFrame, int, list[Repair]]:

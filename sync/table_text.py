@@ -62,33 +62,40 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
     decimal = _decimal(joined, delimiter, path=path, repairs=repairs)
     if not joined.strip():
         raise InputError("has a header but no rows", where=str(path), do="record it again")
-    frame = pd.read_csv(
-        io.StringIO(joined),
-        sep=delimiter,
-        decimal=decimal,
-        header=None,
-        names=names,
-        index_col=False,
-        skip_blank_lines=False,
-        skipinitialspace=True,
-        low_memory=False,
-        na_values=[
-            "****",
-            "---",
-            "--",
-            "-",
-            "?",
-            "Inf",
-            "-Inf",
-            "inf",
-            "-inf",
-            "OVERLOAD",
-            "ERR",
-            "Err",
-            "Error",
-            "OL",
-        ],
-    )
+    try:
+        frame = pd.read_csv(
+            io.StringIO(joined),
+            sep=delimiter,
+            decimal=decimal,
+            header=None,
+            names=names,
+            index_col=False,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            low_memory=False,
+            na_values=[
+                "****",
+                "---",
+                "--",
+                "-",
+                "?",
+                "Inf",
+                "-Inf",
+                "inf",
+                "-inf",
+                "OVERLOAD",
+                "ERR",
+                "Err",
+                "Error",
+                "OL",
+            ],
+        )
+    except (pd.errors.ParserError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"is not a readable table ({str(error).strip()})",
+            where=str(path),
+            do="look for a quotation mark that is not closed",
+        ) from error
     return TextTable(frame=frame, first_line=header + 2, repairs=tuple(repairs))
 
 

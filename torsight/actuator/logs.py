@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from torsight.core.errors import InputError
+from torsight.core.plausible import require_units
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import number_column, read_table
 from torsight.core.tables import require_increasing
@@ -36,6 +37,7 @@ def read_log(path: Path) -> TemperatureLog:
                 limit="-275 to 225",
                 do="give temperatures in °C; 'torsight sync' takes single spikes out",
             )
+    require_units(time_s, temps, where=str(path))
     heat = {
         name: number_column(table, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in table.columns else None
         for name in ("heat_a", "heat_b")

@@ -52,6 +52,11 @@ LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
 _GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
 _MOST_ROWS: Final = 4000
+_RANGES: Final = {
+    "temp_c": (-275.0, 225.0, "give temperatures in °C, not in kelvin"),
+    "angle_deg": (-1e5, 1e5, "give angles in degrees"),
+    "force_n": (-1e5, 1e5, "give forces in newtons"),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,6 +191,17 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
     rows = rows[np.isfinite(rows).all(axis=1)]
     if len(rows) < 20:
         raise InputError("holds too little", where=str(name), value=f"{len(rows)} rows", limit="20 rows or more")
+    for column, values in zip(columns, rows.T, strict=True):
+        low, high, hint = _RANGES[column]
+        wrong = values[(values < low) | (values > high)]
+        if len(wrong):
+            raise InputError(
+                "is out of range",
+                where=f"{name}, column {column}",
+                value=f"{wrong[0]:g}",
+                limit=f"{low:g} to {high:g}",
+                do=hint,
+            )
     every = -(-len(rows) // _MOST_ROWS)
     whole = len(rows) // every * every
     means = rows[:whole].reshape(-1, every, 2).mean(axis=1)

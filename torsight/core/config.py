@@ -88,6 +88,8 @@ def get_text(
         raise ConfigError(f"has no key '{key}'", where=where, do="add it")
     if not isinstance(value, str):
         raise ConfigError(f"'{key}' is not a text", where=where, value=repr(value), limit="a text in quotes")
+    if "\0" in value:
+        raise ConfigError(f"'{key}' holds a character that no name has", where=where, value=repr(value))
     if choices and value not in choices:
         raise ConfigError(f"'{key}' is not known", where=where, value=repr(value), limit=", ".join(choices))
     return value

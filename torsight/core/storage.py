@@ -315,8 +315,6 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
                 value=", ".join(table.columns[:12]),
                 do=f"rename '{near[0]}'" if near else "add the column",
             )
-        if list(table.columns).count(name) > 1:
-            raise InputError("has this column twice", where=f"{path}, column {name}", do="remove one of the two")
         table[name] = number_column(table, name, where=str(path))
     if len(table) == 0:
         raise InputError("has a header but no rows", where=str(path), do="record it again")
@@ -344,6 +342,8 @@ def number_column(table: pd.DataFrame, name: str, *, where: str) -> pd.Series[fl
     """
     import pandas as pd
 
+    if list(table.columns).count(name) > 1:
+        raise InputError("has this column twice", where=f"{where}, column {name}", do="remove one of the two")
     numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
     wrong = numbers.isna() & table[name].notna()
     if wrong.any():

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.plausible import require_degrees, require_stamps, require_units
 from torsight.core.records import SyncedTable
 from torsight.core.storage import number_column, read_table, write_table
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
@@ -52,6 +53,7 @@ def read_angles(path: Path) -> StickAngles:
     )
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
+    require_degrees(table["angle_deg"].to_numpy(np.float64), where=str(path))
     frame = table["frame"].to_numpy(np.float64)
     bad = ~((frame >= 0) & (frame <= MOST_FRAMES))
     if bad.any():
@@ -74,7 +76,7 @@ def read_angles(path: Path) -> StickAngles:
 
 
 def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
-    """Refuse times that are not finite or do not increase, naming the row.
+    """Refuse times that are not finite, do not increase or are no seconds, naming the row.
 
     Raises
     ------
@@ -93,6 +95,7 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )
+    require_stamps(time_s, where=f"{path}, column time_s")
 
 
 def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None = None) -> dict[str, Any]:
@@ -139,6 +142,8 @@ def read_merged(path: Path) -> SyncedTable:
     frame = read_table(path, required=_MERGED)
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
+    require_degrees(frame["angle_deg"].to_numpy(np.float64), where=str(path))
+    require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
     heat = {
         name: number_column(frame, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in frame.columns else None
         for name in ("heat_a", "heat_b")

@@ -1,0 +1,139 @@
+"""Numbers in another unit than their column says: found by what no rig can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+
+Array = NDArray[np.float64]
+
+LATEST_S: Final = 1e11
+"""A larger stamp is no number of seconds: milliseconds of the calendar have 13 digits."""
+FINEST_S: Final = 1e-6
+"""No camera and no logger of temperatures is faster than this."""
+MOST_ROWS_APART_S: Final = 1e8
+MOST_TURNED_DEG: Final = 1e6
+_SLOWEST_HALF_S: Final = 7200.0
+_SHORTEST_S: Final = 2.0
+_HEATED_C: Final = 15.0
+_WARMEST_REST_C: Final = 55.0
+_LOOKED_AT: Final = 1000
+_SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
+
+
+def require_stamps(time_s: Array, *, where: str) -> None:
+    """Refuse stamps that are no seconds by their size or their steps.
+
+    Parameters
+    ----------
+    time_s : (n,) float64
+        Finite, in the order of the file.
+    where : str
+        File and column.
+
+    Raises
+    ------
+    InputError
+        When they are too large, too close together or too far apart.
+    """
+    if len(time_s) < 2:
+        return
+    largest = float(np.abs(time_s).max())
+    if largest > LATEST_S:
+        raise InputError("is no time in seconds", where=where, value=f"{largest:g}", limit=f"{LATEST_S:g}", do=_SECONDS)
+    step_s = float(np.median(np.abs(np.diff(time_s))))
+    if 0.0 < step_s < FINEST_S:
+        raise InputError("has rows too close together", where=where, value=f"{step_s:g} s", limit="1 µs", do=_SECONDS)
+    span_s = float(np.ptp(time_s))
+    if span_s > MOST_ROWS_APART_S:
+        raise InputError("lasts too long", where=where, value=f"{span_s:g} s", limit="three years", do=_SECONDS)
+
+
+def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) -> None:
+    """Refuse a log of heated springs whose times are not seconds, or whose temperatures are not °C.
+
+    A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
+    is heated. Logs in which nothing is heated pass: others tell them.
+
+    Parameters
+    ----------
+    time_s : (n,) float64
+        Increasing.
+    temps_c : mapping of str to (n,) float64
+        Temperatures by column; NaN where not known.
+    where : str
+        File.
+
+    Raises
+    ------
+    InputError
+        Naming the column, what it looks like and what to give.
+    """
+    require_stamps(time_s, where=f"{where}, column time_s")
+    for name, temp_c in temps_c.items():
+        known = np.isfinite(temp_c)
+        if known.sum() < 3 or np.ptp(temp_c[known]) < _HEATED_C:
+            continue
+        _require_cold(temp_c[known], where=f"{where}, column {name}")
+        _require_pace(time_s[known], temp_c[known], where=f"{where}, column time_s")
+
+
+def _require_cold(temp_c: Array, *, where: str) -> None:
+    coldest = float(temp_c.min())
+    if coldest > _WARMEST_REST_C:
+        raise InputError(
+            "never is as cold as a room",
+            where=where,
+            value=f"{coldest:.1f} °C at least",
+            limit=f"below {_WARMEST_REST_C:g} °C at rest",
+            do="give temperatures in °C, not in °F or kelvin, and begin the record with cold springs",
+        )
+
+
+def _require_pace(time_s: Array, temp_c: Array, *, where: str) -> None:
+    span_s = float(time_s[-1] - time_s[0])
+    if span_s < _SHORTEST_S:
+        raise InputError(
+            "is too short for a heating",
+            where=where,
+            value=f"{span_s:g} s for {np.ptp(temp_c):.0f} °C",
+            limit=f"{_SHORTEST_S:g} s or more",
+            do=_SECONDS,
+        )
+    every = -(-len(time_s) // _LOOKED_AT)
+    time_s, temp_c = time_s[::every], temp_c[::every]
+    changed = np.abs(temp_c[:, None] - temp_c[None, :]) >= 0.5 * np.ptp(temp_c)
+    apart_s = np.abs(time_s[:, None] - time_s[None, :])
+    quickest_s = float(apart_s[changed].min())
+    if quickest_s > _SLOWEST_HALF_S:
+        raise InputError(
+            "runs too slowly for springs that are heated",
+            where=where,
+            value=f"{quickest_s:.0f} s at least for half of {np.ptp(temp_c):.0f} °C",
+            limit=f"{_SLOWEST_HALF_S:g} s",
+            do=_SECONDS,
+        )
+
+
+def require_degrees(angle_deg: Array, *, where: str) -> None:
+    """Refuse angles that no film can have counted.
+
+    Raises
+    ------
+    InputError
+        Naming the row.
+    """
+    wrong = np.flatnonzero(np.abs(angle_deg) > MOST_TURNED_DEG)
+    if len(wrong):
+        raise InputError(
+            "is no angle of a stick",
+            where=f"{where}, row {wrong[0] + 2}, column angle_deg",
+            value=f"{angle_deg[wrong[0]]:g}",
+            limit=f"{MOST_TURNED_DEG:g}°, either sign",
+            do="track the film again",
+        )
