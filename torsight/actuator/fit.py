@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 _FIRST_KAPPA: Final = 20.0
 _ROUNDS: Final = 3
+_STEP: Final = 1e-3
 _SCREENED: Final = 2
 _SILENT: Final = 0.9
 _LEAST_MOTION: Final = 8.0
@@ -169,6 +170,12 @@ class _Problem:
         residual = ((angle - self.drive.angle_rad) * weight)[self.counted]
         return np.concatenate([residual, self.prior() * u])
 
+    def jacobian(self, u: Array, weight: Array) -> Array:
+        """Return the misfit's derivatives, by differences that are large against the stepping's tolerance."""
+        here = self.misfit(u, weight)
+        columns = [(self.misfit(u + _STEP * unit, weight) - here) / _STEP for unit in np.eye(len(u))]
+        return np.stack(columns, axis=1)
+
 
 def fit_model(
     model: ActuatorModel,
@@ -265,8 +272,8 @@ def _solve(
 
     def run(u: Array, weight: Array, evaluations: int) -> Any:
         return least_squares(
-            problem.misfit, inside(u), bounds=(lower, upper), args=(weight,), diff_step=np.array(1e-5),
-            ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=evaluations,
+            problem.misfit, inside(u), problem.jacobian, bounds=(lower, upper), args=(weight,),
+            ftol=1e-7, xtol=1e-7, gtol=1e-7, max_nfev=evaluations,
         )  # fmt: skip
 
     sigma = problem.row_sigma(problem.scaled(starts[0]))
@@ -332,12 +339,7 @@ def _result(problem: _Problem, u: Array, weight: Array, kappa: float, *, converg
 
 def _covariance(problem: _Problem, u: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return the covariance of the free parameters, and which of them record or prior say anything about."""
-    step = 1e-4
-    columns = [
-        (problem.misfit(u + step * unit, weight) - problem.misfit(u - step * unit, weight)) / (2.0 * step)
-        for unit in np.eye(len(u))
-    ]
-    jacobian = np.stack(columns, axis=1)
+    jacobian = problem.jacobian(u, weight)
     information = jacobian.T @ jacobian
     known = np.diag(information) > 1e-9
     inverse = np.zeros_like(information)

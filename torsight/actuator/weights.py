@@ -23,8 +23,8 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
-LEVEL_SIGMA_RAD: Final = 0.02 * DEG
-"""No level at rest is known better than this: friction gives way a little before it slides, sticks settle."""
+LEVEL_SIGMA_RAD: Final = 0.05 * DEG
+"""No level at rest is known better than this: friction gives way before it slides, masses overshoot, sticks settle."""
 _DRAWS: Final = 16
 _ALIKE_S: Final = 3.0
 _LASTS_S: Final = 2.0 * math.sqrt(math.pi) * _ALIKE_S
