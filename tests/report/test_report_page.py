@@ -15,7 +15,7 @@ from made_up_run import curves, discovery, documents, parameter, write_made_up_r
 
 from torsight.core.errors import InputError
 from torsight.report import write_report
-from torsight.report.figures import driver_columns, slope
+from torsight.report.residuals import driver_columns, slope
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 ACTUATOR = """

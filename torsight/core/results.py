@@ -17,6 +17,7 @@ TABLES: Final = {
     "markers": ("time_s",),
     "merged": ("time_s", "angle_deg", "temp_a_c", "temp_b_c"),
     "curves": ("time_s", "angle_deg", "plain_deg", "temp_a_c", "temp_b_c"),
+    "next_experiment": ("time_s", "temp_a_c", "temp_b_c"),
 }
 """Tables of a run's folder and the columns that must hold numbers."""
 
@@ -32,8 +33,9 @@ class RunResults:
     ----------
     folder : Path
         Where they lie.
-    angle, markers, merged, curves : pandas.DataFrame or None
-        ``angle.csv``, ``markers.csv``, ``merged.csv``, ``curves.csv``; degrees and °C, as in the files.
+    angle, markers, merged, curves, next_experiment : pandas.DataFrame or None
+        ``angle.csv``, ``markers.csv``, ``merged.csv``, ``curves.csv``, ``next_experiment.csv``; degrees and
+        °C, as in the files.
     track, sync, fit, discovery, model, provenance : dict or None
         The JSON files of these names.
     """
@@ -43,6 +45,7 @@ class RunResults:
     markers: pd.DataFrame | None = None
     merged: pd.DataFrame | None = None
     curves: pd.DataFrame | None = None
+    next_experiment: pd.DataFrame | None = None
     track: dict[str, Any] | None = None
     sync: dict[str, Any] | None = None
     fit: dict[str, Any] | None = None
@@ -80,6 +83,7 @@ def read_results(folder: Path) -> RunResults:
         markers=tables.get("markers"),
         merged=tables.get("merged"),
         curves=tables.get("curves"),
+        next_experiment=tables.get("next_experiment"),
         track=documents.get("track"),
         sync=documents.get("sync"),
         fit=documents.get("fit"),

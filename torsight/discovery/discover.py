@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -135,7 +135,8 @@ def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closu
     valid, lasts = problem.valid, np.gradient(problem.time_s)
     square = float(np.average(closure.residual[valid] ** 2, weights=lasts[valid]))
     total = float(np.var(drive.angle_rad[good] / DEG))
-    return Errors(train, float(np.sqrt(square)), 1.0 - square / total)
+    each = _by_half_cycle(closure.residual[valid], problem.block[valid], np.unique(problem.block[valid]).tolist())
+    return Errors(train, float(np.sqrt(square)), 1.0 - square / total, each)
 
 
 def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
@@ -175,7 +176,14 @@ def _errors(problem: ActuatorProblem, contender: Contender, held_out: HeldOut | 
         predicted[rows] = problem.simulate(values, effects).angle_rad[rows] / DEG
     error = (observed - predicted)[good]
     total = observed[good] - observed[good].mean()
-    return Errors(train, float(np.sqrt(np.mean(error**2))), 1.0 - float(error @ error) / float(total @ total))
+    each = _by_half_cycle(error, drive.cycles.half[good], [label for label, _ in held_out.folds])
+    return Errors(train, float(np.sqrt(np.mean(error**2))), 1.0 - float(error @ error) / float(total @ total), each)
+
+
+def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int]) -> tuple[float, ...]:
+    """Return the root mean square of the errors in each half-cycle."""
+    found = [error[half == label] for label in labels]
+    return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
 
 
 def _pulls(problem: ActuatorProblem, contender: Contender) -> tuple[Pull, ...]:

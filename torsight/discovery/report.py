@@ -18,18 +18,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Root mean square errors in degrees and share of variance explained; NaN where nothing could be held out."""
+    """Root mean square errors in degrees and share of variance explained; NaN where nothing could be held out.
+
+    ``by_half_cycle_deg`` is the error on each half-cycle that was held out, predicted from the others.
+    """
 
     rmse_train_deg: float
     rmse_held_out_deg: float
     r2_held_out: float
+    by_half_cycle_deg: tuple[float, ...] = ()
 
-    def to_json(self) -> dict[str, float]:
+    def to_json(self) -> dict[str, Any]:
         """Return the keys of the contract."""
         return {
             "rmse_train_deg": self.rmse_train_deg,
             "rmse_held_out_deg": self.rmse_held_out_deg,
             "r2_held_out": self.r2_held_out,
+            "by_half_cycle_deg": list(self.by_half_cycle_deg),
         }
 
 

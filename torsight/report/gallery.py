@@ -30,14 +30,14 @@ def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
     """
     import jinja2
 
-    from torsight.report.write import TEMPLATES
+    from torsight.report.write import TEMPLATES, figure_style
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     cards = [_card(row, out) for row in rows]
     text = environment.get_template("gallery.html").render(
-        style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        style=figure_style() + (TEMPLATES / "report.css").read_text(encoding="utf-8"),
         name=out.resolve().name,
         cards=cards,
         done=sum(row["status"] == "done" for row in rows),
@@ -73,7 +73,7 @@ def _pictures(results: RunResults) -> list[str]:
     if results.curves is None:
         return []
     time_s = column(results.curves, "time_s")
-    span = Axis(TIME, float(time_s[0]), float(time_s[-1]), ticks=4)
+    span = Axis.along(TIME, time_s, ticks=4)
     angle, plain = column(results.curves, "angle_deg"), column(results.curves, "plain_deg")
     motion = Plot(span, Axis.around(ANGLE, angle, ticks=4), "Angle", width=380, height=170)
     motion.line(time_s, angle, "measured", label="measured")

@@ -38,29 +38,12 @@ class Prior:
             return None
         return (float(value) - self.value) / self.sigma
 
-    def picture(self, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None, *, reach: float) -> str:
-        """Return a small SVG: the prior's ± 1 and ± 2 sigma, both fits with their intervals; ``reach`` sigmas wide."""
-        if self.sigma is None or self.sigma <= 0.0:
-            return ""
-
-        def place(pull: float) -> float:
-            return 80.0 + 72.0 * max(-1.0, min(1.0, pull / reach))
-
-        parts = []
-        for width in (2.0, 1.0):
-            left, right = place(-width), place(width)
-            parts.append(f'<rect class="band prior" x="{left:.1f}" y="2" width="{right - left:.1f}" height="18"/>')
-        parts.append('<path class="grid zero" d="M80 2V20"/>')
-        for fitted, kind, row in ((plain, "before", 7.0), (after, "after", 15.0)):
-            pull = self.pull(fitted)
-            if fitted is None or pull is None:
-                continue
-            low, high = fitted.get("ci95") or (None, None)
-            if low is not None and high is not None and not fitted.get("fixed"):
-                ends = [place((float(end) - self.value) / self.sigma) for end in (low, high)]
-                parts.append(f'<path class="line {kind} thin" d="M{ends[0]:.1f} {row:g}H{ends[1]:.1f}"/>')
-            parts.append(f'<circle class="fill {kind}" cx="{place(pull):.1f}" cy="{row:g}" r="3"/>')
-        return f'<svg class="pull" viewBox="0 0 160 22" aria-hidden="true">{"".join(parts)}</svg>'
+    def interval(self, fitted: Mapping[str, Any]) -> tuple[float, float] | None:
+        """Return the 95 % interval of a fit in the same measure; None where there is none."""
+        low, high = fitted.get("ci95") or (None, None)
+        if low is None or high is None or fitted.get("fixed") or not self.sigma:
+            return None
+        return (float(low) - self.value) / self.sigma, (float(high) - self.value) / self.sigma
 
 
 def common_reach(pulls: Iterable[float | None]) -> float:

@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from torsight.core.results import RunResults
-from torsight.core.wording import effect_name, estimate, explanations, fixed, number, variable_name
-from torsight.report.priors import Prior, common_reach, priors
+from torsight.core.wording import effect_name, estimate, explanations, listed, number, variable_name
+from torsight.report.planned import segments, worth
 
 FILES: Final = {
     "angle.csv": "angle of every frame",
@@ -23,6 +23,7 @@ FILES: Final = {
     "fit.json": "the plain model's fit",
     "discovery.json": "what was missing",
     "model.json": "the model, for torsight predict",
+    "next_experiment.csv": "the programme that would tell the explanations apart",
     "recording.rrd": "the run to look at, for torsight view",
     "provenance.json": "versions, inputs, configuration",
 }
@@ -62,26 +63,50 @@ def error(value_deg: float) -> str:
 
 
 def tiles(results: RunResults) -> list[Tile]:
-    """Return the big numbers at the head of the page."""
-    found: list[Tile] = []
-    angle = measured_angle(results)
-    if len(angle):
-        found.append(
-            Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")
-        )
-    friction = best_parameters(results).get("tau_c_mnm")
-    if friction is not None:
-        words, _, interval = estimate(friction).partition(" (")
-        value, _, unit = words.partition(" ")
-        found.append(Tile("Friction torque", value, unit, interval.rstrip(")") or "no interval"))
+    """Return the three big numbers at the head of the page."""
     discovery = results.discovery
-    if discovery is not None:
-        found.append(_missing_tile(discovery))
-        found += _error_tiles(discovery)
-    if results.angle is not None:
-        valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
-        found.append(Tile("Frames measured", f"{100.0 * valid.mean():.1f}", "%", f"{int(valid.sum())} of {len(valid)}"))
-    return found
+    if discovery is None:
+        return [*_range_tile(results), *_friction_tile(results), *_frames_tile(results)]
+    return [*_error_tile(discovery), _missing_tile(discovery), *_friction_tile(results)]
+
+
+def facts(results: RunResults) -> list[Tile]:
+    """Return the smaller numbers that follow the big ones."""
+    if results.discovery is None:
+        return []
+    found = _range_tile(results)
+    floor = results.discovery.get("noise_floor_deg")
+    if floor is not None:
+        found.append(Tile("Noise floor", number(floor, 2), "°", "no model can do better on this record"))
+    return [*found, *_frames_tile(results)]
+
+
+def _range_tile(results: RunResults) -> list[Tile]:
+    angle = measured_angle(results)
+    if not len(angle):
+        return []
+    return [Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")]
+
+
+def _frames_tile(results: RunResults) -> list[Tile]:
+    if results.angle is None or not len(results.angle):
+        return []
+    valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
+    return [Tile("Frames measured", f"{100.0 * valid.mean():.1f}", "%", f"{int(valid.sum())} of {len(valid)}")]
+
+
+def _friction_tile(results: RunResults) -> list[Tile]:
+    friction = best_parameters(results).get("tau_c_mnm")
+    if friction is None:
+        return []
+    words, _, interval = estimate(friction).partition(" (")
+    value, _, unit = words.partition(" ")
+    note = interval.rstrip(")") or "no interval"
+    discovery = results.discovery or {}
+    plain = (discovery.get("plain_parameters") or {}).get("tau_c_mnm")
+    if plain is not None and discovery.get("verdict") not in {None, "none"}:
+        note += f"; the plain model said {number(plain.get('value'))}"
+    return [Tile("Friction torque", value, unit, note)]
 
 
 def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
@@ -90,30 +115,32 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
     if verdict == "none" or (not effects and verdict not in {"unknown", "ambiguous"}):
         return Tile("Missing effect", "none", "", "that this record can show")
     if verdict == "ambiguous":
-        return Tile("Missing effect", f"1 of {max(2, len(explanations(discovery)))}", "", "explanations fit alike")
+        options = explanations(discovery)
+        return Tile("Missing effect", f"1 of {max(2, len(options))}", "", listed(options, last="or"))
     if verdict == "unknown":
-        return Tile("Missing effect", "unnamed", "", "a learned closure stands in")
+        drivers = [variable_name(str(one["variable"])) for one in (discovery.get("drivers") or [])[:2]]
+        depends = f"; it depends on {listed(drivers)}" if drivers else ""
+        return Tile("Missing effect", "no known one", "", f"a learned closure stands in{depends}")
+    first = effects[0]
     names = ", ".join(effect_name(str(effect["id"])) for effect in effects)
-    chance = effects[0].get("probability")
-    return Tile("Missing effect", names, "", "" if chance is None else f"probability {float(chance):.3f}")
+    values = [f"{name} {estimate(value)}" for name, value in list((first.get("parameters") or {}).items())[:1]]
+    if len(effects) > 1:
+        values = [f"{len(effects)} effects act together"]
+    return Tile("Missing effect", names, "", "; ".join(values))
 
 
-def _error_tiles(discovery: Mapping[str, Any]) -> list[Tile]:
+def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     before, after = (discovery.get(name) or {} for name in ("before", "after"))
-    floor = discovery.get("noise_floor_deg")
     seen = "rmse_held_out_deg"
     note = "rms on half-cycles that the fit did not see"
     if before.get(seen) is None:
         seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
-    found = []
-    if before.get(seen) is not None:
-        value = error(before[seen])[:-1]
-        if after.get(seen) is not None and discovery.get("verdict") != "none":
-            value = f"{value} → {error(after[seen])[:-1]}"
-        found.append(Tile("Error", value, "°", note))
-    if floor is not None:
-        found.append(Tile("Noise floor", number(floor, 2), "°", "no model can do better on this record"))
-    return found
+    if before.get(seen) is None:
+        return []
+    value = error(before[seen])[:-1]
+    if after.get(seen) is not None and discovery.get("verdict") != "none":
+        value = f"{value} → {error(after[seen])[:-1]}"
+    return [Tile("Error", value, "°", note)]
 
 
 def measured_angle(results: RunResults) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -140,9 +167,11 @@ def missing(results: RunResults) -> dict[str, Any]:
     discovery = results.discovery
     if discovery is None:
         return {}
+    shares = _shares(discovery)
     effects = [
         {
             "name": effect_name(str(effect["id"])),
+            "share": shares.get(str(effect["id"])),
             "id": effect["id"],
             "family": effect_name(str(effect.get("family", ""))),
             "title": str(effect.get("title") or ""),
@@ -174,10 +203,26 @@ def missing(results: RunResults) -> dict[str, Any]:
         "effects": effects,
         "drivers": drivers,
         "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],
-        "next": plain_items(discovery.get("next_experiment")),
-        "scores": [(label, *(_score(value) for value in values)) for label, values in scores],
+        "next": planned(discovery.get("next_experiment")),
+        "scores": [(label, *(score(value) for value in values)) for label, values in scores],
         "held_out": _held_out(results),
     }
+
+
+def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:
+    """Return how much of the plain model's squared error each effect explains, percent.
+
+    What the set explains is shared out by what would be lost without each member.
+    """
+    gains = {str(effect["id"]): effect.get("gain") for effect in discovery.get("effects") or []}
+    if len(gains) == 1:
+        gains = dict.fromkeys(gains, 1.0)
+    errors = [(discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after")]
+    if any(gain is None or gain <= 0.0 for gain in gains.values()) or None in errors or not errors[0]:
+        return {}
+    explained = 100.0 * max(0.0, 1.0 - (errors[1] / errors[0]) ** 2)
+    total = sum(gains.values())
+    return {name: explained * gain / total for name, gain in gains.items()}
 
 
 def _held_out(results: RunResults) -> str:
@@ -190,13 +235,27 @@ def _held_out(results: RunResults) -> str:
     return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
 
 
-def _score(value: float | None) -> str:
+def score(value: float | None) -> str:
+    """Return an error or a share of variance: of the latter as many nines as there are, and two digits more."""
     if value is None:
         return "–"
     if not 0.9 < value < 1.0:
         return number(value)
-    # As many nines as there are, and two digits more.
     return f"{value:.{min(9, 2 - math.floor(math.log10(1.0 - value)))}f}"
+
+
+def planned(content: Any) -> dict[str, Any]:
+    """Return what is said of the next experiment: its sentence, its worth, its segments, or whatever else there is."""
+    if not isinstance(content, Mapping):
+        return {"other": plain_items(content)} if content else {}
+    known = {"text", "segments", "duration_s", "pairs", "file", "needed_gain"}
+    other = {key: value for key, value in content.items() if key not in known and "separation" not in key}
+    return {
+        "text": content.get("text"),
+        "worth": worth(content),
+        "segments": segments(content),
+        "other": plain_items(other),
+    }
 
 
 def plain_items(value: Any) -> list[tuple[str, str]]:
@@ -224,62 +283,6 @@ def in_words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return "–" if value is None else str(value)
-
-
-def parameter_table(results: RunResults) -> dict[str, Any]:
-    """Return the table of parameters: characterised, plain fit, extended fit, and how far each was pulled."""
-    discovery = results.discovery or {}
-    plain = dict(discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {})
-    extended = dict(discovery.get("parameters") or {})
-    known = priors(results)
-    own = {
-        name: value
-        for effect in (results.discovery or {}).get("effects") or []
-        for name, value in (effect.get("parameters") or {}).items()
-    }
-    both = {
-        name: (plain.get(name), extended.get(name, own.get(name))) for name in dict.fromkeys([*plain, *extended, *own])
-    }
-    free = {name: pair for name, pair in both.items() if not (pair[1] or pair[0] or {}).get("fixed")}
-    reach = common_reach(known[name].pull(fitted) for name, pair in free.items() if name in known for fitted in pair)
-    rows = [_row(name, known.get(name), *pair, reach=reach) for name, pair in free.items()]
-    exact = [_exact(name, pair[1] or pair[0] or {}) for name, pair in both.items() if name not in free]
-    return {"rows": rows, "exact": exact, "pulled": any(row["prior"] for row in rows)}
-
-
-def _exact(name: str, value: Mapping[str, Any]) -> str:
-    return f"{name} {value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
-
-
-def _row(
-    name: str, prior: Prior | None, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None, *, reach: float
-) -> dict[str, Any]:
-    shown = after or plain or {}
-    pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
-    return {
-        "name": name,
-        "unit": shown.get("unit") or "",
-        "prior": "" if prior is None else prior.words(),
-        "plain": "" if plain is None else estimate({**plain, "unit": ""}),
-        "after": "" if after is None else estimate({**after, "unit": ""}),
-        "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
-        "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
-        "picture": "" if prior is None else prior.picture(plain, after, reach=reach),
-    }
-
-
-def fit_lines(results: RunResults) -> list[tuple[str, str]]:
-    """Return the plain fit's own account."""
-    fit = results.fit
-    if fit is None:
-        return []
-    lines = [
-        ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
-        ("R²", _score(fit.get("r2"))),
-        ("case of the cooling", f"({fit.get('case')})"),
-    ]
-    angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
-    return lines + [(name, f"{fixed(fit.get(name), 1)}°") for name in angles]
 
 
 def tracking(results: RunResults) -> dict[str, Any]:

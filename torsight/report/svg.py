@@ -29,6 +29,15 @@ class Axis:
     ticks: int = 6
 
     @staticmethod
+    def along(label: str, values: NDArray[np.float64], *, ticks: int = 10) -> Axis:
+        """Return an axis from the first to the last finite value, as for time."""
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return Axis(label, 0.0, 1.0, ticks)
+        low, high = float(known.min()), float(known.max())
+        return Axis(label, low, high if high > low else low + 1.0, ticks)
+
+    @staticmethod
     def around(label: str, *values: ArrayLike, margin: float = 0.04, ticks: int = 6) -> Axis:
         """Return an axis that holds all finite values with a margin on both sides."""
         known = np.concatenate([np.ravel(np.asarray(one, dtype=np.float64)) for one in values])
@@ -40,6 +49,8 @@ class Axis:
     def positions(self) -> list[float]:
         """Return round tick positions inside the range: steps of 1, 2 or 5 times a power of ten."""
         low, high = min(self.low, self.high), max(self.low, self.high)
+        if not high > low:
+            return [low]
         raw = (high - low) / self.ticks
         power = 10.0 ** math.floor(math.log10(raw))
         step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= raw * 0.999)
@@ -71,13 +82,14 @@ class Plot:
     legend_rows: int = 1
     left: float = 62.0
     x_labels: Sequence[tuple[float, str]] | None = None
+    y_labels: Sequence[tuple[float, str]] | None = None
     _marks: list[str] = field(default_factory=list)
     _legend: list[tuple[str, str, str]] = field(default_factory=list)
 
     @property
     def top(self) -> float:
         """Upper edge of the data's rectangle."""
-        return 10.0 + 20.0 * self.legend_rows
+        return 10.0 + 20.0 * self.legend_rows if self.legend_rows else 6.0
 
     @property
     def right(self) -> float:
@@ -87,11 +99,11 @@ class Plot:
     @property
     def bottom(self) -> float:
         """Lower edge of the data's rectangle."""
-        return self.height - (44.0 if self.x.label else 28.0)
+        return self.height - (44.0 if self.x.label else 24.0)
 
     def at_x(self, value: ArrayLike) -> NDArray[np.float64]:
         """Return the horizontal position of values on the x axis."""
-        share = (np.asarray(value, dtype=np.float64) - self.x.low) / (self.x.high - self.x.low)
+        share = (np.asarray(value, dtype=np.float64) - self.x.low) / ((self.x.high - self.x.low) or 1.0)
         return np.asarray(self.left + share * (self.right - self.left))
 
     def at_y(self, value: ArrayLike) -> NDArray[np.float64]:
@@ -130,6 +142,17 @@ class Plot:
         if label:
             self.legend(kind, "band", label)
 
+    def mark(self, value: float, kind: str, *, tip: str, label: str = "") -> None:
+        """Draw a line over the full height at a value of x, with words for who points at it."""
+        a = float(self.at_x(value))
+        if self.left - 1.0 <= a <= self.right + 1.0:
+            self._marks.append(
+                f'<path class="mark {kind}" d="M{a:.1f} {self.top:.1f}V{self.bottom:.1f}">'
+                f"<title>{escape(tip)}</title></path>"
+            )
+            if label:
+                self.legend(f"mark {kind}", "line", label)
+
     def range_y(self, low: float, high: float, kind: str, *, label: str = "") -> None:
         """Shade a range of y over the full width."""
         b, a = np.clip(self.at_y([low, high]), self.top, self.bottom)
@@ -154,26 +177,36 @@ class Plot:
         for a, b in zip(np.ravel(self.at_x(x)), np.ravel(self.at_y(y)), strict=True):
             self._marks.append(f'<circle class="fill {kind}" cx="{a:.1f}" cy="{b:.1f}" r="{radius:g}"/>')
 
-    def text(self, x: float, y: float, words: str, *, anchor: str = "middle", shift_px: float = 0.0) -> None:
-        """Write words at a place of the data."""
-        a, b = float(self.at_x(x)), float(self.at_y(y)) + shift_px
+    def level(self, value: float) -> None:
+        """Draw a level over the full width."""
+        b = float(self.at_y(value))
+        self._marks.append(f'<path class="grid zero" d="M{self.left:.1f} {b:.1f}H{self.right:.1f}"/>')
+
+    def text(
+        self, x: float, y: float, words: str, *, anchor: str = "middle", shift_px: float = 0.0, right_px: float = 0.0
+    ) -> None:
+        """Write words at a place of the data, moved down and to the right."""
+        a, b = float(self.at_x(x)) + right_px, float(self.at_y(y)) + shift_px
         self._marks.append(f'<text class="note" x="{a:.1f}" y="{b:.1f}" text-anchor="{anchor}">{escape(words)}</text>')
 
     def render(self) -> str:
         """Return the figure as an ``<svg>`` element."""
-        size = f'viewBox="0 0 {self.width:g} {self.height:g}"'
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="{escape(self.title, quote=True)}">'
-            f"{self._grid()}{''.join(self._marks)}{self._legend_text()}</svg>"
-        )
+        return stacked([self], self.title)
+
+    def body(self) -> str:
+        """Return what is drawn, without the element around it."""
+        return f"{self._grid()}{''.join(self._marks)}{self._legend_text()}"
 
     def _grid(self) -> str:
         parts = []
-        y_labels = self.y.positions()
-        for value, words in zip(y_labels, tick_texts(y_labels), strict=True):
+        y_positions = self.y.positions()
+        for value, words in self.y_labels or list(zip(y_positions, tick_texts(y_positions), strict=True)):
             b = float(self.at_y(value))
-            parts.append(f'<path class="grid" d="M{self.left:.1f} {b:.1f}H{self.right:.1f}"/>')
-            parts.append(f'<text class="tick" x="{self.left - 7:.1f}" y="{b + 4:.1f}" text-anchor="end">{words}</text>')
+            if self.y_labels is None:
+                parts.append(f'<path class="grid" d="M{self.left:.1f} {b:.1f}H{self.right:.1f}"/>')
+            parts.append(
+                f'<text class="tick" x="{self.left - 7:.1f}" y="{b + 4:.1f}" text-anchor="end">{escape(words)}</text>'
+            )
         positions = self.x.positions()
         labels = self.x_labels or list(zip(positions, tick_texts(positions), strict=True))
         for value, words in labels:
@@ -209,6 +242,20 @@ class Plot:
             parts.append(f'<text class="key" x="{a + 26:.1f}" y="{b + 4:.1f}">{escape(words)}</text>')
             a += width
         return "".join(parts)
+
+
+def stacked(plots: Sequence[Plot], title: str) -> str:
+    """Return panels one above the other as one ``<svg>`` element."""
+    parts, down = [], 0.0
+    for plot in plots:
+        shift = f' transform="translate(0 {down:g})"' if down else ""
+        parts.append(f"<g{shift}>{plot.body()}</g>")
+        down += plot.height
+    size = f'viewBox="0 0 {max(plot.width for plot in plots):g} {down:g}"'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="{escape(title, quote=True)}">'
+        f"{''.join(parts)}</svg>"
+    )
 
 
 def tick_texts(values: Sequence[float]) -> list[str]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from torsight.core.results import RunResults, read_results
 from torsight.core.storage import write_text
@@ -26,6 +29,9 @@ def write_report(folder: Path) -> Path:
         Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``merged.csv``, ``sync.json``, ``fit.json``,
         ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is left out.
 
+    Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its numbers stand
+    in no other table.
+
     Returns
     -------
     Path
@@ -38,37 +44,50 @@ def write_report(folder: Path) -> Path:
     OutputError
         When the page cannot be written.
     """
+    from torsight.report.export import write_figures
+
     results = read_results(folder)
+    shown = contents(results)
     path = folder / "report.html"
-    write_text(path, page(results))
+    write_figures(folder, [one for some in shown["figures"].values() for one in some], figure_style())
+    write_text(path, page(shown))
     return path
 
 
-def page(results: RunResults) -> str:
-    """Return the text of the page."""
+def page(shown: Mapping[str, Any]) -> str:
+    """Return the text of the page from what it shows."""
     import jinja2
+
+    from torsight.report.export import FOLDER, data_link
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("report.html").render(**contents(results)) + "\n"
+    environment.globals |= {"data_link": data_link, "figure_folder": FOLDER}
+    return environment.get_template("report.html").render(**shown) + "\n"
+
+
+def figure_style() -> str:
+    """Return the style sheet of the figures; it begins with the light colours."""
+    return (TEMPLATES / "figure.css").read_text(encoding="utf-8")
 
 
 def contents(results: RunResults) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.report import sections
+    from torsight.report import parameters, sections
     from torsight.report.doubts import doubts
 
     return {
-        "style": (TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        "style": figure_style() + (TEMPLATES / "report.css").read_text(encoding="utf-8"),
         "name": results.folder.resolve().name,
         "headline": headline(results),
         "lead": sections.lead(results),
         "tiles": sections.tiles(results),
+        "facts": sections.facts(results),
         "missing": sections.missing(results),
         "figures": _figures(results),
-        "parameters": sections.parameter_table(results),
-        "fit": sections.fit_lines(results),
+        "parameters": parameters.parameter_table(results),
+        "fit": parameters.fit_lines(results),
         "tracking": sections.tracking(results),
         "clocks": sections.clocks(results),
         "unsure": doubts(results),
@@ -90,48 +109,80 @@ def headline(results: RunResults) -> str:
 
 def _figures(results: RunResults) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
-    found: dict[str, list[Figure | None]] = {}
-    if results.curves is not None:
-        floor = (results.discovery or {}).get("noise_floor_deg")
-        found |= _model_figures(results.curves, floor)
-    elif results.merged is not None:
-        from torsight.report import figures
-
-        table = results.merged
-        loops = [figures.angle_over_temperature(table, spring) for spring in ("a", "b")]
-        found |= {
-            "time": [figures.angle_over_time(table)],
-            "loops": loops,
-            "temperatures": [figures.temperatures_over_time(table)],
-        }
-    elif results.angle is not None:
-        from torsight.report import figures
-
-        found["time"] = [figures.angle_over_time(results.angle)]
-    if results.angle is not None:
-        from torsight.report import figures
-
-        found["sigma"] = [figures.sigma_over_time(results.angle)]
-    if results.markers is not None:
-        from torsight.report import figures
-
-        found["markers"] = [figures.marker_paths(results.markers)]
+    found = _motion(results) | _measurement(results) | _answer(results)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
     return {name: some for name, some in kept.items() if some}
 
 
-def _model_figures(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
+def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
+    """Return the figures of the motion and of the residual, from the best table that is there."""
     from torsight.report import figures
 
+    for table, source in ((results.curves, "curves.csv"), (results.merged, "merged.csv")):
+        if table is None or not drawable(table):
+            continue
+        found: dict[str, list[Figure | None]] = {
+            "time": [figures.angle_over_time(table, source=source)],
+            "loops": [figures.angle_over_temperature(table, spring, source=source) for spring in ("a", "b")],
+            "temperatures": [figures.temperatures_over_time(table, source=source)],
+        }
+        if source == "curves.csv":
+            found |= _residual(table, (results.discovery or {}).get("noise_floor_deg"))
+        return found
+    return {}
+
+
+def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
+    from torsight.report import evidence, residuals
+
     against = [
-        figures.residual_against(curves, name, values) for name, values in figures.driver_columns(curves).items()
+        residuals.residual_against(curves, name, values) for name, values in residuals.driver_columns(curves).items()
     ]
-    direction = figures.residual_by_group(curves, "direction", "By direction", "direction")
     return {
-        "time": [figures.angle_over_time(curves)],
-        "loops": [figures.angle_over_temperature(curves, spring) for spring in ("a", "b")],
-        "temperatures": [figures.temperatures_over_time(curves)],
-        "residual": [figures.residual_over_time(curves), figures.residual_left(curves, floor_deg)],
-        "against": [*against, direction],
-        "cycles": [figures.residual_by_group(curves, "half_cycle", "By half-cycle", "half-cycle")],
+        "hero": [evidence.before_and_after(curves, floor_deg)],
+        "residual": [residuals.residual_left(curves, floor_deg)],
+        "against": [*against, residuals.by_direction(curves)],
+        "cycles": [residuals.by_half_cycle(curves)],
     }
+
+
+def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
+    from torsight.report import measured
+
+    found: dict[str, list[Figure | None]] = {}
+    if results.angle is not None and drawable(results.angle):
+        events = (results.track or {}).get("events") or []
+        found["sigma"] = [measured.angle_and_sigma(results.angle, events)]
+    if results.markers is not None:
+        found["markers"] = [measured.marker_paths(results.markers)]
+    return found
+
+
+def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
+    """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
+    from torsight.report import evidence, planned
+    from torsight.report.priors import priors
+
+    discovery = results.discovery or {}
+    plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
+    after = discovery.get("parameters") or {}
+    extended = bool(after) and discovery.get("verdict") != "none"
+    found: dict[str, list[Figure | None]] = {
+        "candidates": [evidence.candidates(discovery)],
+        "unseen": [evidence.unseen_half_cycles(discovery)],
+        "pulls": [evidence.pulls(priors(results), plain, after, extended=extended)],
+    }
+    if results.next_experiment is not None and discovery.get("verdict") == "ambiguous":
+        found["next"] = [planned.programme(results.next_experiment)]
+    return found
+
+
+def drawable(table: pd.DataFrame) -> bool:
+    """Return whether a table holds enough known times and angles to be drawn."""
+    from torsight.report.figures import column
+
+    return (
+        len(table) > 1
+        and bool(np.isfinite(column(table, "time_s")).all())
+        and bool(np.isfinite(column(table, "angle_deg")).any())
+    )
