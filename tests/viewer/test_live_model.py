@@ -75,7 +75,9 @@ def test_a_record_of_the_rig_itself_leaves_no_residual_and_counts_its_half_cycle
 ) -> None:
     news = model_of(spec, columns, None, friction=False)
     assert news.trouble == ""
-    assert news.half_cycles == 2
+    assert [begin.spring for begin in news.half_cycles] == ["A", "B"]
+    # The model takes B's heating to begin when its own temperature does.
+    assert news.half_cycles[1].time_s == pytest.approx(120.0, abs=5.0)
     # The reference rig turns by 466 degrees; what is left is the interpolation between rows.
     assert np.ptp(news.angle_rad) > math.radians(400.0)
     assert np.nanmax(np.abs(news.residual_rad)) < math.radians(0.5)

@@ -9,7 +9,9 @@ entity                                                    what
 ``film/markers``                                          the four markers that were found, with their names
 ``film/sticks``                                           the two sticks and the angle between them, written beside
 ``angle/measured``, ``angle/plain``, ``angle/extended``   the angle as measured and as modelled, degrees
+``angle/half_cycle``                                      points where a half-cycle begins
 ``residual/before``, ``residual/after``                   measured less plain, measured less extended model, degrees
+``residual/above``, ``residual/below``                    two sigmas of the measured angle, degrees
 ``temperature/a``, ``temperature/b``                      temperatures of the springs, °C
 ``events``                                                occlusions, markers found again, clocks, fit, verdict
 ``summary``                                               the answer in words

@@ -27,12 +27,22 @@ SERIES: Final = (
     Series("angle/extended", "extended model", (86, 180, 233), 4.5),
     Series("angle/measured", "measured", (236, 239, 243), 1.25),
     Series("angle/plain", "plain model", (240, 136, 62), 1.5),
+    Series("residual/below", "−2σ of the angle", (163, 173, 185), 1.0),
+    Series("residual/above", "+2σ of the angle", (163, 173, 185), 1.0),
     Series("residual/before", "before: plain model", (240, 136, 62), 1.5),
     Series("residual/after", "after: extended model", (86, 180, 233), 1.5),
     Series("temperature/a", "spring A", (227, 155, 196), 1.5),
     Series("temperature/b", "spring B", (60, 207, 160), 1.5),
 )
 """Every curve of the view."""
+
+BAND: Final = {2.0: "residual/above", -2.0: "residual/below"}
+"""Where a residual that is nothing but the measured angle's error stays, 95 times in a hundred: sigmas, entity."""
+
+HALF_CYCLE: Final = "angle/half_cycle"
+"""Points where a half-cycle begins."""
+
+HALF_CYCLE_COLOUR: Final = (240, 192, 80)
 
 LIVE_WINDOW_S: Final = 120.0
 """How far back the curves of a live view reach."""
@@ -116,6 +126,8 @@ def log_styles(stream: rr.RecordingStream) -> None:
     for series in SERIES:
         style = rr.SeriesLines(colors=series.colour, widths=series.width, names=series.name)
         stream.log(series.entity, style, static=True)
+    points = rr.SeriesPoints(colors=HALF_CYCLE_COLOUR, markers="diamond", marker_sizes=5.0, names="half-cycle begins")
+    stream.log(HALF_CYCLE, points, static=True)
 
 
 def log_sizes(stream: rr.RecordingStream) -> None:

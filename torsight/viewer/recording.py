@@ -17,7 +17,7 @@ from torsight.core.units import DEG
 from torsight.viewer import layout
 from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.preview import MOST_FRAMES, Preview, write_preview
-from torsight.viewer.words import run_events, span_s, summary_document
+from torsight.viewer.words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,6 +79,8 @@ def write_recording(folder: Path, *, film: Path | None = None) -> Path:
         stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
         layout.log_styles(stream)
         log_curves(stream, results)
+        log_band(stream, results)
+        log_half_cycles(stream, results)
         _log_film(stream, results, preview)
         _log_words(stream, results)
         stream.flush()
@@ -112,6 +114,36 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
             entity,
             indexes=[rr.TimeColumn(layout.TIME, duration=time_s)],
             columns=rr.Scalars.columns(scalars=values),
+        )
+
+
+def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
+    """Log what the angle's own error makes of the residual."""
+    import rerun as rr
+
+    table = next((one for one in (results.curves, results.merged, results.angle) if one is not None), None)
+    if table is None or "angle_sigma_deg" not in table.columns:
+        return
+    time_s, sigma_deg = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", "angle_sigma_deg"))
+    known = np.isfinite(sigma_deg)
+    for side, entity in layout.BAND.items():
+        stream.send_columns(
+            entity,
+            indexes=[rr.TimeColumn(layout.TIME, duration=time_s[known])],
+            columns=rr.Scalars.columns(scalars=side * sigma_deg[known]),
+        )
+
+
+def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
+    """Log the points where half-cycles begin."""
+    import rerun as rr
+
+    begins = half_cycle_begins(results)
+    if begins:
+        stream.send_columns(
+            layout.HALF_CYCLE,
+            indexes=[rr.TimeColumn(layout.TIME, duration=[one.time_s for one in begins])],
+            columns=rr.Scalars.columns(scalars=[one.angle_deg for one in begins]),
         )
 
 

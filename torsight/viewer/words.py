@@ -28,6 +28,8 @@ def run_events(results: RunResults) -> list[Event]:
         kind = str(event.get("kind", "event"))
         level = "WARN" if any(kind.startswith(word) for word in WARNINGS) else "INFO"
         found.append(Event(float(event.get("time_s") or 0.0), level, f"{effect_name(kind)}: {event.get('text', '')}"))
+    for count, begin in enumerate(half_cycle_begins(results), 1):
+        found.append(Event(begin.time_s, "INFO", f"half-cycle {count}: spring {begin.spring} is driven"))
     start_s, end_s = span_s(results)
     if results.sync is not None:
         found.append(Event(start_s, "INFO", f"clocks: {_clocks(results)}"))
@@ -39,6 +41,27 @@ def run_events(results: RunResults) -> list[Event]:
     if results.discovery is not None:
         found.append(Event(end_s, "INFO", f"verdict: {verdict_sentence(results.discovery)}"))
     return sorted(found, key=lambda event: event.time_s)
+
+
+class HalfCycle(NamedTuple):
+    """Where a half-cycle begins, and which spring is driven in it."""
+
+    time_s: float
+    angle_deg: float
+    spring: str
+
+
+def half_cycle_begins(results: RunResults) -> list[HalfCycle]:
+    """Return the half-cycles of a run whose model has been fitted; none where it has not."""
+    table = results.curves
+    if table is None or not {"half_cycle", "active"} <= set(table.columns):
+        return []
+    half = table["half_cycle"].to_numpy(dtype=np.float64)
+    rows = np.flatnonzero(np.diff(half, prepend=-np.inf) > 0.0)
+    return [
+        HalfCycle(float(row["time_s"]), float(row["angle_deg"]), str(row["active"]).upper())
+        for row in table.iloc[rows].to_dict("records")
+    ]
 
 
 def span_s(results: RunResults) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from torsight.core.errors import TorsightError
 from torsight.core.records import SyncedTable
 
 if TYPE_CHECKING:
+    from torsight.actuator.drive import Drive
     from torsight.actuator.spec import ActuatorSpec
 
 Array = NDArray[np.float64]
@@ -68,6 +69,14 @@ class Thinned:
         return tuple(np.array(one, dtype=np.float64) for one in (self._time_s, *self._values))
 
 
+class HalfCycleBegin(NamedTuple):
+    """Where a half-cycle begins: time, measured angle (NaN where not known), spring that is heated (A or B)."""
+
+    time_s: float
+    angle_rad: float
+    spring: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelNews:
     """What the model says of the record so far.
@@ -76,8 +85,8 @@ class ModelNews:
     ----------
     time_s, angle_rad, residual_rad : (n,) float64
         Model's angle, and measured less modelled (NaN where not measured).
-    half_cycles : int
-        How many half-cycles have begun.
+    half_cycles : tuple of HalfCycleBegin
+        Every half-cycle that has begun.
     friction : dict or None
         ``tau_c_mnm`` in the form of the JSON outputs, where it was fitted.
     values : mapping or None
@@ -89,7 +98,7 @@ class ModelNews:
     time_s: Array
     angle_rad: Array
     residual_rad: Array
-    half_cycles: int = 0
+    half_cycles: tuple[HalfCycleBegin, ...] = ()
     friction: dict[str, Any] | None = None
     values: Mapping[str, float] | None = None
     trouble: str = ""
@@ -129,9 +138,17 @@ def model_of(
         drive.time_s,
         simulation.angle_rad,
         drive.angle_rad - simulation.angle_rad,
-        half_cycles=int(drive.cycles.half[-1]) + 1,
+        half_cycles=_begins(drive),
         friction=estimate,
         values=values,
+    )
+
+
+def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
+    rows = np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))
+    return tuple(
+        HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row]), "AB"[spring])
+        for row, spring in zip(rows.tolist(), drive.cycles.springs, strict=True)
     )
 
 
@@ -221,8 +238,8 @@ class ModelWatch:
         except Exception as error:  # noqa: BLE001 - whatever ails the model, the measurement goes on
             nothing = np.empty(0)
             return ModelNews(nothing, nothing, nothing, trouble=f"{type(error).__name__}: {error}")
-        if news.half_cycles > self._half_cycles:
-            self._half_cycles = news.half_cycles
+        if len(news.half_cycles) > self._half_cycles:
+            self._half_cycles = len(news.half_cycles)
             self._fit_next = True
         if news.values is not None:
             self._values = news.values

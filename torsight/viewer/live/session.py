@@ -17,6 +17,7 @@ from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.wording import estimate, number
+from torsight.viewer import layout
 from torsight.viewer.live.account import write_track_account
 from torsight.viewer.live.clock import LogClock
 from torsight.viewer.live.disk import Recorder, finish
@@ -214,6 +215,9 @@ class Session:
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
             drawn = overlay(seen.position_px, seen.angle_rad, names=MARKERS, scale=1.0 / stride)
             self._feed.put("picture", frame.time_s, frame.index, luma, drawn)
+            for side, entity in layout.BAND.items():
+                band_deg = side * seen.sigma_rad / DEG
+                self._feed.put("series", entity, np.array([frame.time_s]), np.array([band_deg]))
 
     def _settle(self) -> None:
         """Count latency from where the markers are found and the frames that waited for it have been taken."""
@@ -271,7 +275,7 @@ class Session:
         if news is None:
             return
         self._trouble = news.trouble
-        self.outcome.half_cycles = max(self.outcome.half_cycles, news.half_cycles)
+        self._tell_half_cycles(news)
         if self._feed is not None and len(news.time_s):
             self._feed.put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
             known = np.isfinite(news.residual_rad)
@@ -291,6 +295,15 @@ class Session:
         self._tell_dropped()
         if self._intake.pictures.ended_because:
             self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
+
+    def _tell_half_cycles(self, news: ModelNews) -> None:
+        for begin in news.half_cycles[self.outcome.half_cycles :]:
+            self.outcome.half_cycles += 1
+            words = f"half-cycle {self.outcome.half_cycles}: spring {begin.spring} is driven"
+            self._tell(begin.time_s, self._frame, "half-cycle", words)
+            if self._feed is not None and math.isfinite(begin.angle_rad):
+                entry = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
+                self._feed.put("series", layout.HALF_CYCLE, *entry)
 
     def _words(self) -> str:
         """Return how things stand, in Markdown."""
