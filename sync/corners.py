@@ -9,7 +9,8 @@ where the power is cut at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,8 @@ from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
+SPLITS: Final = (0.0, 0.2, 0.45)
+"""Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
 _POINTS: Final = 160
 
 
@@ -37,6 +40,8 @@ class Corner:
         First-order lag that rounds it like this.
     lags_s, lag_log_likelihood : (n,) float64
         The likelihood of the lag around its best value.
+    log_fit : float
+        Logarithm of how well the corner is described at all, up to a constant of its readings.
     """
 
     time_s: float
@@ -45,6 +50,7 @@ class Corner:
     lag_sigma_s: float
     lags_s: NDArray[np.float64]
     lag_log_likelihood: NDArray[np.float64]
+    log_fit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,21 +70,36 @@ class Stop:
     time_sigma_s: float
 
 
-def lagged_ramp(x_s: NDArray[np.float64], lag_s: float) -> NDArray[np.float64]:
-    """Return what a sensor with a first-order lag shows of ``max(x, 0)``."""
+def lagged_ramp(x_s: NDArray[np.float64], lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
+    """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``."""
     x = np.maximum(x_s, 0.0)
-    return np.asarray(x if lag_s <= 0.0 else x - lag_s * (1.0 - np.exp(-x / lag_s)))
+    if lag_s <= 0.0:
+        return x
+    late = np.zeros_like(x)
+    for weight, stage_s in _stages(lag_s, split):
+        late += weight * stage_s * np.exp(-x / stage_s)
+    return np.asarray(x - lag_s + late)
 
 
-def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float) -> NDArray[np.float64]:
-    """Return what a sensor with a first-order lag shows of ``1 - exp(-x / decay)`` from x = 0 on."""
+def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
+    """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
     x = np.maximum(x_s, 0.0)
     if lag_s <= 0.0:
         return np.asarray(1.0 - np.exp(-x / decay_s))
-    if abs(lag_s / decay_s - 1.0) < 1e-3:
-        lag_s = decay_s * 1.001
-    mixed = (decay_s * np.exp(-x / decay_s) - lag_s * np.exp(-x / lag_s)) / (decay_s - lag_s)
-    return np.asarray(1.0 - mixed)
+    left = np.zeros_like(x)
+    for weight, stage_s in _stages(lag_s, split):
+        # Where both times are equal the fraction has a limit; a thousandth beside it will do.
+        own_s = stage_s if abs(stage_s / decay_s - 1.0) > 1e-3 else 1.002 * stage_s
+        left += weight / (decay_s - own_s) * (decay_s * np.exp(-x / decay_s) - own_s * np.exp(-x / own_s))
+    return np.asarray(1.0 - left)
+
+
+def _stages(lag_s: float, split: float) -> list[tuple[float, float]]:
+    """Return two first-order lags in a row as a weighted sum of both: weights and times, the weights adding up to 1."""
+    if split <= 0.0:
+        return [(1.0, lag_s)]
+    first_s, second_s = (1.0 - split) * lag_s, split * lag_s
+    return [(first_s / (first_s - second_s), first_s), (-second_s / (first_s - second_s), second_s)]
 
 
 def fit_corner(
@@ -92,11 +113,13 @@ def fit_corner(
     powers_before: int,
     decay_s: float | None = None,
     lag_s: float | None = None,
+    split: float = 0.0,
 ) -> Corner | None:
     """Find a corner and its roundness by least squares over its time and the lag.
 
     ``near_s`` bounds its time; a polynomial holds before it, a lagged straight line is added behind it, and a lagged
-    decay with the time ``decay_s`` where one is given. ``lag_s`` holds the lag fixed.
+    decay with the time ``decay_s`` where one is given. ``lag_s`` holds the lag fixed; ``split`` is the share of its
+    second stage.
     ``None`` where there are too few readings or no corner stands out.
     """
     window = (time_s >= near_s[0] - before_s) & (time_s <= near_s[1] + after_s) & np.isfinite(temp_c)
@@ -106,14 +129,14 @@ def fit_corner(
     at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] - near_s[0] < 1e-6 else 13)
     lags = np.array([lag_s]) if lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
-        loss = _losses(x, y, at, lags, powers_before, decay_s)
+        loss = _losses(x, y, at, lags, powers_before, decay_s, split)
         if not np.isfinite(loss).any():
             return None
         i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
         # Everything that could still be the answer stays inside the next, finer grid.
         likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
         at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
-    return _summary(_losses(x, y, at, lags, powers_before, decay_s), at, lags, spread, len(x))
+    return _summary(_losses(x, y, at, lags, powers_before, decay_s, split), at, lags, spread, len(x))
 
 
 def _zoomed(
@@ -150,6 +173,7 @@ def _losses(
     lags: NDArray[np.float64],
     powers_before: int,
     decay_s: float | None,
+    split: float,
 ) -> NDArray[np.float64]:
     """Return the mean square that is left, for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
@@ -159,9 +183,9 @@ def _losses(
             continue
         steady = [away**power for power in range(powers_before + 1)]
         for j, lag_s in enumerate(lags):
-            rising = [lagged_ramp(away, float(lag_s))]
+            rising = [lagged_ramp(away, float(lag_s), split)]
             if decay_s is not None:
-                rising.append(lagged_decay(away, decay_s, float(lag_s)))
+                rising.append(lagged_decay(away, decay_s, float(lag_s), split))
             design = np.stack([*steady, *rising], axis=1)
             basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
             left = y - basis @ (basis.T @ y)
@@ -187,6 +211,7 @@ def _summary(
         lag_sigma_s=float(np.sqrt(lag_weight @ (lags - lags[j]) ** 2)),
         lags_s=lags,
         lag_log_likelihood=np.log(np.maximum(lag_weight, 1e-40)),
+        log_fit=-0.5 * count * float(np.log(unit)),
     )
 
 
@@ -197,6 +222,7 @@ def cooling_corner(
     noise: float,
     switch_s: NDArray[np.float64] | None = None,
     lag_s: float | None = None,
+    split: float = 0.0,
 ) -> Corner | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 
@@ -228,6 +254,7 @@ def cooling_corner(
         powers_before=2,
         decay_s=decay_s,
         lag_s=lag_s,
+        split=split,
     )
 
 
@@ -296,6 +323,7 @@ def heating_end(
     *,
     noise: float,
     lag_s: float | None,
+    split: float,
 ) -> Corner | None:
     """Find the instant at which the temperature stopped rising at the end of a heating.
 
@@ -323,14 +351,31 @@ def heating_end(
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
     reach_s = float(np.clip(0.4 * hold_s, 0.5, 6.0))
-    corner = fit_corner(
-        time_s,
-        here_c,
-        near_s=(reached_s - reach_s - (lag_s or 0.0), min(reached_s + reach_s, off_s - 0.3 * hold_s)),
-        before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
-        after_s=hold_s + reach_s,
-        noise=noise,
-        powers_before=1,
-        lag_s=lag_s,
-    )
-    return None if corner is None or corner.time_sigma_s > 2.0 else corner
+    corners = [
+        fit_corner(
+            time_s,
+            here_c,
+            near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
+            before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
+            after_s=hold_s + reach_s,
+            noise=noise,
+            powers_before=1,
+            lag_s=roundness_s,
+            split=split,
+        )
+        for roundness_s in sorted({0.0, lag_s or 0.0})
+    ]
+    return _between([corner for corner in corners if corner is not None])
+
+
+def _between(corners: Sequence[Corner]) -> Corner | None:
+    """Return the middle of a corner taken as sharp and as rounded by the sensor, and as unsure as both differ.
+
+    A current that is set once leaves the corner to the sensor to round; a control law on the reading sharpens it again.
+    """
+    if not corners:
+        return None
+    apart_s = corners[-1].time_s - corners[0].time_s
+    sigma_s = float(np.hypot(max(corner.time_sigma_s for corner in corners), 0.5 * apart_s))
+    middle = replace(corners[-1], time_s=corners[0].time_s + 0.5 * apart_s, time_sigma_s=sigma_s)
+    return None if sigma_s > 2.0 else middle

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from sync.belief import DRIFT_SIGMA_PPM, Belief
 from sync.channels import noise_c
 from sync.coarse import Plateau, assign, explained_share, find_plateaus
-from sync.corners import MAX_LAG_S, Corner, cooling_corner, find_stop, heating_end
+from sync.corners import MAX_LAG_S, SPLITS, Corner, cooling_corner, find_stop, heating_end
 from sync.crossings import Crossings, collect_crossings
 from sync.flanks import Flank, LogPicture, lag_window_s, picture_log
 from sync.jumps import Jump
-from sync.lag import LagBelief, lag_belief
+from sync.lag import LagBelief, lag_belief, weighed
 from sync.merge import longest_gap_s
 from sync.motion import Stroke, find_strokes
 from sync.thresholds import refine, scan
@@ -91,8 +91,8 @@ def motion_evidence(
     picture = picture_log(log, max_gap_s=longest_gap_s(log))
     if not strokes or not picture.flanks:
         return None
-    lag = lag_belief([corner for _, corner in _corners(log, picture, None)])
-    corners = _corners(log, picture, lag.value_s)
+    lag = _lag(log, picture)
+    corners = _corners(log, picture, lag.value_s, split=lag.split)
     if lag.value_s is not None and lag.value_s > _SHORT_LAG_S:
         window_s = lag_window_s(picture)
         picture = replace(
@@ -264,7 +264,9 @@ def _paired_stops(scene: _Scene, flanks: Sequence[Flank | None]) -> list[_Paired
             (c for f, c in scene.corners if f.spring == flank.spring and abs(f.begin_s - flank.end_s) < 1.0), None
         )
         temperature = scene.log.temp_a_c if flank.spring == "a" else scene.log.temp_b_c
-        corner = heating_end(scene.log, flank, cooling, noise=noise_c(temperature), lag_s=scene.lag.value_s)
+        corner = heating_end(
+            scene.log, flank, cooling, noise=noise_c(temperature), lag_s=scene.lag.value_s, split=scene.lag.split
+        )
         if corner is None:
             continue
         # A corner looks the earlier, the later the sensor is taken to be.
@@ -276,14 +278,29 @@ def _paired_stops(scene: _Scene, flanks: Sequence[Flank | None]) -> list[_Paired
     return pairs
 
 
-def _corners(log: TemperatureLog, picture: LogPicture, lag_s: float | None) -> tuple[tuple[Flank, Corner], ...]:
+def _lag(log: TemperatureLog, picture: LogPicture) -> LagBelief:
+    """Read the sensor's lag from the corners; whether it has two stages is asked only where it shows at all."""
+    simple = [corner for _, corner in _corners(log, picture, None)]
+    lag = lag_belief(simple)
+    if lag.value_s is None or lag.value_s < _SHORT_LAG_S:
+        return lag
+    further = {split: [corner for _, corner in _corners(log, picture, None, split=split)] for split in SPLITS[1:]}
+    same = {split: corners for split, corners in further.items() if len(corners) == len(simple)}
+    return weighed({SPLITS[0]: simple} | same)
+
+
+def _corners(
+    log: TemperatureLog, picture: LogPicture, lag_s: float | None, *, split: float = 0.0
+) -> tuple[tuple[Flank, Corner], ...]:
     found: list[tuple[Flank, Corner]] = []
     noise = {"a": noise_c(log.temp_a_c), "b": noise_c(log.temp_b_c)}
     switches = {"a": _off_times(log.time_s, log.heat_a), "b": _off_times(log.time_s, log.heat_b)}
     for flank in picture.flanks:
         if flank.heating:
             continue
-        corner = cooling_corner(log, flank, noise=noise[flank.spring], switch_s=switches[flank.spring], lag_s=lag_s)
+        corner = cooling_corner(
+            log, flank, noise=noise[flank.spring], switch_s=switches[flank.spring], lag_s=lag_s, split=split
+        )
         if corner is not None:
             found.append((flank, corner))
     return tuple(found)

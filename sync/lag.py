@@ -7,8 +7,8 @@ evenly below, because something else may have rounded the corner.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sync.corners import MAX_LAG_S, Corner
 
 _SURE_SHARE: Final = 0.8
+_UNLIKELY: Final = 7.0
 _MODEL_SHARE: Final = 0.05
 """How far a real sensor is from a first-order lag, as a share of the lag."""
 
@@ -33,12 +34,15 @@ class LagBelief:
         Lags.
     log_weight : (n,) float64
         Logarithm of their weights.
+    split : float
+        Share of the lag that falls to a second stage.
     """
 
     value_s: float | None
     sigma_s: float | None
     grid_s: NDArray[np.float64]
     log_weight: NDArray[np.float64]
+    split: float = 0.0
 
 
 def lag_belief(corners: Sequence[Corner]) -> LagBelief:
@@ -57,6 +61,24 @@ def lag_belief(corners: Sequence[Corner]) -> LagBelief:
     below = np.where(grid <= value + 1e-12, width, 0.0)
     weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
     return LagBelief(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
+
+
+def weighed(options: Mapping[float, Sequence[Corner]]) -> LagBelief:
+    """Return the belief over lags in one stage and in two, by how well each describes the corners.
+
+    ``options`` holds the corners of a log as they were fitted with each share of a second stage.
+    """
+    beliefs = {split: lag_belief(corners) for split, corners in options.items()}
+    fits = {split: sum(corner.log_fit for corner in corners) for split, corners in options.items()}
+    best = max(fits, key=lambda split: fits[split])
+    chosen = beliefs[best]
+    if chosen.value_s is None:
+        return chosen
+    likely = [split for split in fits if fits[split] > fits[best] - _UNLIKELY and beliefs[split].value_s is not None]
+    total = float(np.log(sum(np.exp(fits[split] - fits[best]) for split in likely)))
+    weights = [beliefs[split].log_weight + fits[split] - fits[best] - total for split in likely]
+    grid = np.concatenate([beliefs[split].grid_s for split in likely])
+    return replace(chosen, grid_s=grid, log_weight=np.concatenate(weights), split=best)
 
 
 def _pooled(corners: Sequence[Corner]) -> tuple[float, float]:
