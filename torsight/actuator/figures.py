@@ -40,12 +40,12 @@ def draw(path: Path, lines: Sequence[Line], *, x_label: str, y_label: str, title
 
     def fill(axes: Axes) -> None:
         for line in lines:
-            faint = line.style in (".", "o")
+            faint = line.style.endswith((".", "o"))
             axes.plot(line.x, line.y, line.style, label=line.label, markersize=2.0, alpha=0.5 if faint else 1.0)
         if log_y:
             axes.set_yscale("log")
         if any(line.label for line in lines):
-            axes.legend(frameon=False)
+            axes.legend(frameon=False, fontsize="small")
 
     return _save(path, fill, x_label=x_label, y_label=y_label, title=title)
 
