@@ -19,9 +19,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.blocked import blocked_modulus
 from torsight.actuator.conditioning import condition
 from torsight.actuator.curves import CurveFit, fit_curve, share_explained
-from torsight.actuator.phase import COOLING_LAWS, HEATING_LAWS
+from torsight.actuator.phase import HEATING_LAWS
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.spring_tests import SpringTests
 from torsight.core.errors import NoResultError
@@ -31,7 +32,6 @@ from torsight.core.units import MPA
 Array = NDArray[np.float64]
 
 LAWS: Final = ("liang_rogers", "tanaka")
-_DIVISIONS: Final = 44
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,40 +285,12 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
 
 
 def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Array, *, cooling: bool) -> Array:
-    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself, by bisection.
-
-    More martensite means less force, less stress, and so (by the law) less martensite while heating and cooling alike:
-    the law less the trial falls as the trial grows.
-    """
-    e_a, e_m = values["E_A_gpa"], values["E_M_gpa"]
-    per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
-    influence = MPA / max(values["k_per_mpa"], 1e-6)
-    low, high = np.zeros_like(temp_c), np.ones_like(temp_c)
-    for _ in range(_DIVISIONS):
-        xi = 0.5 * (low + high)
-        stress = per_gpa * (e_a + xi * (e_m - e_a)) * (1.0 - xi)
-        if cooling:
-            law = COOLING_LAWS["liang_rogers"](
-                temp_c,
-                stress,
-                start_c=values["M_s_c"],
-                finish_c=values["M_f_c"],
-                influence=influence,
-                xi_0=0.0,
-            )
-        else:
-            law = HEATING_LAWS["liang_rogers"](
-                temp_c,
-                stress,
-                start_c=values["A_s_c"],
-                finish_c=values["A_f_c"],
-                influence=influence,
-                xi_0=1.0,
-            )
-        above = law > xi
-        low, high = np.where(above, xi, low), np.where(above, high, xi)
-    xi = 0.5 * (low + high)
-    return np.asarray((e_a + xi * (e_m - e_a)) * (1.0 - xi))
+    """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that it makes itself."""
+    low, high = ("M_f_c", "M_s_c") if cooling else ("A_s_c", "A_f_c")
+    stress_per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
+    width_c = max(values[high] - values[low], 1e-3)
+    shift = stress_per_gpa / MPA * max(values["k_per_mpa"], 1e-6)
+    return blocked_modulus(temp_c, values[low], width_c, values["E_A_gpa"], values["E_M_gpa"], shift)
 
 
 def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Array, Array]:
