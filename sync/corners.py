@@ -9,8 +9,7 @@ where the power is cut at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -327,8 +326,9 @@ def heating_end(
 ) -> Corner | None:
     """Find the instant at which the temperature stopped rising at the end of a heating.
 
-    ``lag_s`` is the roundness of the log's sharp corners, where it is known: this one is rounded as much. Where a hold
-    follows, the end is the corner between the ramp and the hold; else it is the beginning of the cooling.
+    ``lag_s`` is the roundness of the log's sharp corners, where it is known: with it this one has a roundness of its
+    own. Where a hold follows, the end is the corner between the ramp and the hold; else it is the beginning of the
+    cooling.
     """
     temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
     off_s = cooling.time_s if cooling is not None else flank.end_s
@@ -350,32 +350,17 @@ def heating_end(
     hold_s = off_s - reached_s
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
-    reach_s = float(np.clip(0.4 * hold_s, 0.5, 6.0))
-    corners = [
-        fit_corner(
-            time_s,
-            here_c,
-            near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
-            before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
-            after_s=hold_s + reach_s,
-            noise=noise,
-            powers_before=1,
-            lag_s=roundness_s,
-            split=split,
-        )
-        for roundness_s in sorted({0.0, lag_s or 0.0})
-    ]
-    return _between([corner for corner in corners if corner is not None])
-
-
-def _between(corners: Sequence[Corner]) -> Corner | None:
-    """Return the middle of a corner taken as sharp and as rounded by the sensor, and as unsure as both differ.
-
-    A current that is set once leaves the corner to the sensor to round; a control law on the reading sharpens it again.
-    """
-    if not corners:
-        return None
-    apart_s = corners[-1].time_s - corners[0].time_s
-    sigma_s = float(np.hypot(max(corner.time_sigma_s for corner in corners), 0.5 * apart_s))
-    middle = replace(corners[-1], time_s=corners[0].time_s + 0.5 * apart_s, time_sigma_s=sigma_s)
-    return None if sigma_s > 2.0 else middle
+    reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0
+    # A current that is set once leaves the corner to the sensor to round; a control law on the reading sharpens it.
+    corner = fit_corner(
+        time_s,
+        here_c,
+        near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
+        before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
+        after_s=hold_s + reach_s,
+        noise=noise,
+        powers_before=1,
+        lag_s=None if roundness_s > 0.0 else 0.0,
+        split=split,
+    )
+    return None if corner is None or corner.time_sigma_s > 2.0 else corner
