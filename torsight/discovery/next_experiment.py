@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 
 _ENOUGH: Final = 25.0
 """A programme this many times over the gain at which rivals cease to be rivals is good enough; a shorter one wins."""
+_SURE: Final = 30.0
+"""Standard deviations beyond which the noise is not what could go wrong."""
 _LEAST_DURATION_S: Final = 3600.0
 _DURATION_FACTOR: Final = 1.5
 _FINALISTS: Final = 3
@@ -268,7 +270,8 @@ def _explanation(problem: ActuatorProblem, contender: Contender) -> Explanation:
 
 
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:
-    rivals = f"{listed(names)} then differ by at least {math.sqrt(gain):.1f} standard deviations after a refit"
+    apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
+    rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
     repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
     needed = f"{math.sqrt(needed_gain):.1f} are needed"
     first = f"{words[0].upper()}{words[1:]}: {rivals} ({repeat}; {needed})."

@@ -23,7 +23,15 @@ def doubts(results: RunResults) -> list[str]:
         for key in ("notes", "warnings", "not_sure"):
             extra = (document or {}).get(key) or []
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(as_sentence(one) for one in found if one.strip()))
+
+
+def as_sentence(words: str) -> str:
+    """Return words with a capital in front and a stop at the end; a name with an underscore keeps its letters."""
+    words = words.strip()
+    first = words.split()[0]
+    start = words if "_" in first else words[0].upper() + words[1:]
+    return start if start[-1] in ".!?" else f"{start}."
 
 
 def _of_angle(results: RunResults) -> list[str]:

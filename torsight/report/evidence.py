@@ -34,8 +34,9 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     left.level(0.0)
     if floor_deg:
         left.range_y(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°")
-    left.line(time_s, before, "before", label="error before")
-    if np.isfinite(after).any() and not np.array_equal(before, after, equal_nan=True):
+    alike = not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
+    left.line(time_s, before, "before", label="error" if alike else "error before")
+    if not alike:
         left.line(time_s, after, "after", label="error after")
     title = "The motion, and the error of the plain and of the extended model"
     return Figure("before_after", "Before and after", "", stacked([motion, left], title), CURVES)
@@ -46,14 +47,15 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     evidence = discovery.get("evidence") or {}
     gains = {name: float(gain) for name, gain in (evidence.get("gains") or {}).items() if gain is not None}
     best = max([*gains.values(), 0.0])
-    if best <= 0.0:
+    if best <= 0.0 or discovery.get("verdict") == "none":
         return None
+    share_of = "what there is to explain" if _whole(discovery) else "the best one's"
     ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
     plot = Plot(
-        Axis("explained by this effect alone (% of the best one's)", 0.0, 118.0, ticks=6),
+        Axis(f"explained by this effect alone (% of {share_of})", 0.0, 118.0, ticks=6),
         Axis("", 0.4, len(ranked) + 0.6),
         "What every candidate explains alone",
         width=520,
@@ -64,7 +66,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         y_labels=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
     )
     for place, (name, gain) in zip(places, ranked, strict=True):
-        share = 100.0 * max(gain, 0.0) / best
+        share = 100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0)
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
         plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
         plot.text(
@@ -73,10 +75,19 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     data: dict[str, list[Any]] = {
         "effect": [name for name, _ in ranked],
         "gain": [gain for _, gain in ranked],
-        "percent": [100.0 * max(gain, 0.0) / best for _, gain in ranked],
+        "percent": [100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0) for _, gain in ranked],
     }
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
     return Figure("candidates", "What else could explain it", caption.strip(), plot.render(), data=data)
+
+
+def _whole(discovery: Mapping[str, Any], *, otherwise: float = 0.0) -> float:
+    """Return the share of what there is to explain that the best single effect explains, where no effect was named."""
+    evidence = discovery.get("evidence") or {}
+    share = evidence.get("share_explained")
+    if discovery.get("verdict") != "unknown" or len(evidence.get("best_set") or []) != 1 or share is None:
+        return otherwise
+    return float(share)
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
@@ -132,7 +143,8 @@ def pulls(
                 continue
             ends = known[name].interval(fit[name])
             if ends is not None:
-                plot.line(list(ends), [place + shift] * 2, f"{kind} interval", ordered=False)
+                shown = np.clip(ends, -reach, reach)
+                plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
             plot.dots([pull], [place + shift], kind, radius=4.5)
             plot.legend(kind, "line", "plain model" if kind == "before" else "extended model")
     data: dict[str, list[Any]] = {

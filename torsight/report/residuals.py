@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | None:
-    """Residual of the extended model alone, on its own scale, with the noise floor."""
+    """Residual of the extended model alone, on its own scale, with the noise floor; None where it is the plain one."""
     time_s, after = column(curves, "time_s"), column(curves, "residual_after_deg")
-    if not np.isfinite(after).any():
+    if not np.isfinite(after).any() or np.array_equal(after, column(curves, "residual_before_deg"), equal_nan=True):
         return None
     plot = Plot(
         Axis.along(TIME, time_s),

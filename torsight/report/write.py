@@ -111,6 +111,9 @@ def _figures(results: RunResults) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
     found = _motion(results) | _measurement(results) | _answer(results)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
+    if kept.get("unseen"):
+        # The errors of the half-cycles that the fit did not see say more than those of the fit itself.
+        kept.pop("cycles", None)
     return {name: some for name, some in kept.items() if some}
 
 
