@@ -109,6 +109,12 @@ class SpringTests:
     friction: Mapping[str, float]
 
     @property
+    def sources(self) -> tuple[str, ...]:
+        """The logs that the tests were read from."""
+        recoveries, forces = (item.source for item in self.recoveries), (item.source for item in self.forces)
+        return (*recoveries, *forces, self.block.source)
+
+    @property
     def stress_per_force(self) -> float:
         """Stress per force on the lever, Pa/N."""
         return stress_per_torque(self.geometry["wire_diameter_mm"] * MM) * self.lever_m

@@ -141,13 +141,14 @@ def calibrate_to_file(
     from calibration.coverage import draw_coverage
     from calibration.stage import camera_of
     from torsight.core.camera import camera_content, read_camera
-    from torsight.core.storage import write_text
+    from torsight.core.storage import require_apart, write_text
 
     _check_usage(images, right or [], pose or [], camera)
     if board is None:
         raise ConfigError(
             "needs --board BOARD.toml", where="torsight calibrate", do="make one with 'torsight board --out board.pdf'"
         )
+    require_apart([out, out.with_suffix(".coverage.png")], [board, camera, *images, *(right or []), *(pose or [])])
     chosen = read_board(board)
     known = read_camera(camera) if camera else None
     result = _calibrated(images, right or [], chosen, progress=progress)
@@ -174,10 +175,11 @@ def add_circles(
 
     from calibration.circles import pose_from_tracks
     from torsight.core.camera import camera_content, read_camera
-    from torsight.core.storage import write_text
+    from torsight.core.storage import require_apart, write_text
 
     if camera is None:
         raise ConfigError("needs a known --camera with --tracks", where="torsight calibrate")
+    require_apart([out], [camera, tracks])
     known = read_camera(camera)
     found = pose_from_tracks(tracks, known, stick_mm=stick_mm, base_above_moving_mm=heights_mm[0] - heights_mm[1])
     account = dict(known.extra) | {"axis": found.account(tracks)}

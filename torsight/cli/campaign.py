@@ -8,11 +8,12 @@ why; a task whose results are there and whose inputs have not changed since is n
 from __future__ import annotations
 
 import importlib
+import itertools
 import os
 import re
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -42,6 +43,8 @@ RESULT_COLUMNS: Final = (
 )
 """Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
 
+PATIENCE = "10s"
+"""How long a Dask scheduler has to answer."""
 _WATCH: Final = "end with the campaign"
 
 
@@ -88,13 +91,14 @@ def _glob(path: Path) -> list[Path]:
 def tasks(experiments: Sequence[Path], out: Path) -> list[Task]:
     """Return one task per experiment with names that are short, readable and different."""
     stems = [_name(path) for path in experiments]
-    made: list[Task] = []
-    seen: dict[str, int] = {}
-    for path, stem in zip(experiments, stems, strict=True):
-        seen[stem] = seen.get(stem, 0) + 1
-        name = stem if stems.count(stem) == 1 else f"{stem}-{seen[stem]}"
-        made.append(Task(name=name, experiment=path, folder=out / name))
-    return made
+    alone = {stem for stem in stems if stems.count(stem) == 1}
+    numbered = {stem: _numbered(stem, alone) for stem in stems}
+    names = [stem if stem in alone else next(numbered[stem]) for stem in stems]
+    return [Task(name=name, experiment=path, folder=out / name) for name, path in zip(names, experiments, strict=True)]
+
+
+def _numbered(stem: str, taken: Container[str]) -> Iterator[str]:
+    return (name for name in (f"{stem}-{number}" for number in itertools.count(1)) if name not in taken)
 
 
 def _name(path: Path) -> str:
@@ -103,7 +107,7 @@ def _name(path: Path) -> str:
 
 
 def run_task(task: Task) -> dict[str, Any]:
-    """Do one experiment, or read its results where they stand; never raises a :class:`TorsightError`."""
+    """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
     from torsight.cli.experiment import read_experiment
     from torsight.cli.run import run_experiment
 
@@ -113,7 +117,10 @@ def run_task(task: Task) -> dict[str, Any]:
             run_experiment(experiment, out=task.folder, resume=True)
         return {"name": task.name, "status": "done", "message": "", **result_row(task.folder)}
     except TorsightError as error:
-        return {"name": task.name, "status": "failed", "message": str(error), "folder": str(task.folder)}
+        message = str(error)
+    except Exception as error:  # noqa: BLE001 - one record's trouble, of whatever kind, must not stop the others
+        message = f"internal error, {type(error).__name__}: {error}; run it alone with --debug"
+    return {"name": task.name, "status": "failed", "message": message, "folder": str(task.folder)}
 
 
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
@@ -226,7 +233,7 @@ def _on_cluster(todo: Sequence[Task], finished: Callable[[dict[str, Any]], None]
             "--scheduler needs Dask", where="torsight batch", do="install it with: pip install 'torsight[cluster]'"
         ) from error
     try:
-        client = distributed.Client(scheduler, timeout="10s")
+        client = distributed.Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise InputError(
             "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"

@@ -29,9 +29,13 @@ def characterise(
     from torsight.actuator.figures import characterisation_figures
     from torsight.actuator.spring_tests import read_tests
     from torsight.cli.console import say
-    from torsight.core.storage import write_json, write_text
+    from torsight.core.storage import require_apart, write_json, write_text
 
-    found = fit_tests(read_tests(tests), source=str(tests))
+    made = (out / "actuator.toml", out / "characterisation.json")
+    require_apart(made, [tests])
+    read = read_tests(tests)
+    require_apart(made, [Path(name) for name in read.sources])
+    found = fit_tests(read, source=str(tests))
     figures = characterisation_figures(out, found)
     write_text(out / "actuator.toml", "# Made by 'torsight characterise'.\n" + tomli_w.dumps(found.spec.to_tables()))
     content = {**found.to_json(), "figures": [path.name for path in figures]}

@@ -58,11 +58,13 @@ def discover_to_folder(
     """
     from torsight.actuator import read_actuator
     from torsight.actuator.fitted import write_model
-    from torsight.core.storage import write_json, write_table
+    from torsight.core.storage import require_apart, write_json, write_table
     from torsight.core.tables import read_merged
     from torsight.discovery.discover import discover as find
     from torsight.report import write_report
 
+    made = ("curves.csv", "next_experiment.csv", "model.json", "discovery.json", "report.html")
+    require_apart([out / name for name in made], [merged, actuator])
     spec = read_actuator(actuator)
     report = find(read_merged(merged), spec, seed=seed, progress=progress, where=str(merged))
     write_table(out / "curves.csv", report.curves)

@@ -24,8 +24,10 @@ def predict(
     from torsight.actuator.fitted import read_model
     from torsight.actuator.logs import read_log
     from torsight.cli.simulate import write_angles_of
+    from torsight.core.storage import require_apart
     from torsight.core.units import DEG
 
+    require_apart([out], [model, temperature])
     fitted = read_model(model)
     log = read_log(temperature)
     prediction = fitted.predict(log, start_angle_rad=start_angle * DEG, where=str(temperature))

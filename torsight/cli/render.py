@@ -21,10 +21,12 @@ def render(
     Example: torsight render fixtures/scenes/paper.toml --out paper
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_toml
+    from torsight.core.storage import read_toml, require_apart
     from torsight.synthetic.render import render_scene
     from torsight.synthetic.scene import scene_from
 
+    texts = ("experiment.toml", "actuator.toml", "camera.toml", "markers.toml", "truth.toml")
+    require_apart([out / name for name in texts], [scene])
     read = scene_from(read_toml(scene), where=str(scene), seed=seed)
     with progress_bar() as progress:
         experiment = render_scene(read, out=out, progress=progress)

@@ -94,10 +94,12 @@ def run_experiment(
     """
     from torsight.core.lock import only_writer
     from torsight.core.provenance import provenance
-    from torsight.core.storage import write_json
+    from torsight.core.storage import require_apart, write_json
 
-    _check(experiment)
     folder = out or experiment.output
+    made = [*(_TRACKED if experiment.angle is None else ()), *_MADE]
+    require_apart([folder / name for name in made], experiment.inputs())
+    _check(experiment)
     origin = provenance(
         command="torsight run",
         inputs=experiment.inputs(),
@@ -211,6 +213,11 @@ def _show(experiment: Experiment, folder: Path) -> None:
     write_report(folder)
 
 
+_TRACKED: Final = ("angle.csv", "markers.csv", "track.json")
+_MADE: Final = (
+    *("merged.csv", "sync.json", "fit.json", "model.json", "discovery.json", "curves.csv", "next_experiment.csv"),
+    *("provenance.json", "recording.rrd", "report.html"),
+)
 UNFINISHED: Final = ".run.json"
 """Lies in a run's folder while the run lasts, or was interrupted: which stages are finished."""
 

@@ -33,8 +33,10 @@ def simulate(
     from torsight.actuator.logs import read_log
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
+    from torsight.core.storage import require_apart
     from torsight.core.units import DEG
 
+    require_apart([out], [actuator, temperature])
     model = ActuatorModel(read_actuator(actuator))
     log = read_log(temperature)
     drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))

@@ -82,16 +82,18 @@ def sync_to_folder(
     from sync import find_clock, merge, read_light_events, read_temperature_log
     from sync.merge import longest_gap_s, require_overlap
     from sync.report import sync_content
-    from torsight.core.storage import write_json
+    from torsight.core.storage import require_apart, write_json
     from torsight.core.tables import read_angles, write_merged
 
     steps = 4.0
     values = _numbers(settings)
+    led = Path(settings["led_events"]) if "led_events" in settings else None
+    require_apart([out / "merged.csv", out / "sync.json"], [angle, temperature, led])
     progress("read angle and log", 0.0, steps)
     angles = read_angles(angle)
     reading = read_temperature_log(temperature)
     progress("find the clock", 1.0, steps)
-    light = read_light_events(Path(settings["led_events"])) if "led_events" in settings else None
+    light = read_light_events(led) if led else None
     found = find_clock(
         angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
     )

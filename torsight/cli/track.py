@@ -99,7 +99,7 @@ def track_to_folder(
     """
     from torsight.core.camera import read_camera
     from torsight.core.lock import only_writer
-    from torsight.core.storage import write_json, write_table
+    from torsight.core.storage import require_apart, write_json, write_table
     from torsight.core.tables import marker_columns, write_angles
     from tracker.account import account
     from tracker.checkpoint import drop
@@ -109,6 +109,8 @@ def track_to_folder(
     from tracker.stereo import orient_pair
     from tracker.track import track_film
 
+    inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
+    require_apart([out / name for name in ("markers.csv", "angle.csv", "track.json")], inputs)
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
     if right is not None and (lens is None or lens.right is None):

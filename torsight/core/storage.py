@@ -13,7 +13,7 @@ import math
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -97,6 +97,24 @@ def not_written(path: Path, error: OSError) -> OutputError:
         where=str(path),
         do="choose another --out folder, or free space and rights there; earlier files are untouched",
     )
+
+
+def require_apart(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:
+    """Refuse to write over a file that is read: an input is never replaced, by whatever name it is reached.
+
+    Raises
+    ------
+    ConfigError
+        Naming the first output that is an input.
+    """
+    read = [path for path in inputs if path is not None and path.exists()]
+    for output in outputs:
+        if output.exists() and any(output.samefile(path) for path in read):
+            raise ConfigError(
+                "would be written over, and it is an input",
+                where=str(output),
+                do="choose another --out, or give the input another name",
+            )
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,0 +1,168 @@
+"""A campaign: one row per experiment whatever becomes of it, nothing done twice, here or on a cluster."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from tests.cli.bad_inputs import make_world
+from tests.made_up_run import write_made_up_run
+from torsight.cli import campaign
+from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
+from torsight.cli.experiment import read_experiment
+from torsight.cli.main import main
+from torsight.core.errors import InputError
+from torsight.core.provenance import provenance
+from torsight.core.storage import write_json
+
+
+def leave(*words: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return int(end.value.code or 0)
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    """Return a folder with ``rigs/`` (one, two, broken) and ``out/``, where one and two are done already."""
+    for name in ("one", "two", "broken"):
+        make_world(tmp_path / "rigs" / name)
+    (tmp_path / "rigs" / "broken" / "temps.csv").write_text("time_s,temp_a_c\n0,1\n")
+    for name in ("one", "two"):
+        folder = tmp_path / "out" / name
+        write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
+        experiment = read_experiment(tmp_path / "rigs" / name / "experiment.toml")
+        origin = provenance(
+            command="torsight run",
+            inputs=experiment.inputs(),
+            configuration=experiment.to_configuration(),
+            seed=experiment.seed,
+        )
+        write_json(folder / "provenance.json", origin)
+        (folder / "report.html").write_text("a report")
+    return tmp_path
+
+
+def _contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_failed_record_stops_nothing_and_nothing_is_done_twice(
+    made: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = made / "out"
+    before = _contents(out)
+    assert leave("batch", str(made / "rigs"), "--out", str(out), "--jobs", "2") == 0
+    told = capsys.readouterr().err
+    assert "failed: broken: " in told
+    assert "temps.csv, line 1: has no column 'temp_b_c'" in told
+    assert "2 of 3 experiments done" in told
+    table = pd.read_csv(out / "results.csv")
+    assert tuple(table.columns) == RESULT_COLUMNS
+    assert table["name"].tolist() == ["broken", "one", "two"]
+    assert table["status"].tolist() == ["failed", "done", "done"]
+    assert table["tau_c_mnm"].round(3).tolist()[1:] == [0.793, 0.793]
+    assert table["effects"].tolist()[1:] == ["sensor_lag", "sensor_lag"]
+    pd.testing.assert_frame_equal(pd.read_parquet(out / "results.parquet").drop(columns="message"), _typed(table))
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == 4
+    assert "broken" in page
+    assert {path: (out / path).read_bytes() for path in before} == before
+    first = _contents(out)
+    assert leave("batch", str(made / "rigs"), "--out", str(out), "--jobs", "1") == 0
+    assert _contents(out) == first
+
+
+def _typed(table: pd.DataFrame) -> pd.DataFrame:
+    texts = ["name", "status", "verdict", "effects", "folder"]
+    return table.drop(columns="message").fillna(dict.fromkeys(texts, "")).astype(dict.fromkeys(texts, "str"))
+
+
+def test_only_what_has_changed_is_done_again(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def run_experiment(_: Any, *, out: Path, resume: bool) -> Path:
+        assert resume
+        asked.append(out.name)
+        return out
+
+    monkeypatch.setattr("torsight.cli.run.run_experiment", run_experiment)
+    rows = campaign.run_campaign(tasks(find_experiments([str(made / "rigs" / "*")]), made / "out"), jobs=1)
+    assert asked == ["broken"]
+    assert [row["status"] for row in rows] == ["failed", "done", "done"]  # nothing was left to read for "broken"
+    actuator = made / "rigs" / "two" / "actuator.toml"
+    actuator.write_text(actuator.read_text().replace("tau_c_mnm = 0.8", "tau_c_mnm = 0.9"))
+    campaign.run_campaign(tasks(find_experiments([str(made / "rigs" / "t*")]), made / "out"), jobs=1)
+    assert asked == ["broken", "two"]
+
+
+@pytest.mark.parametrize("left", [".run.json", "report.html", "provenance.json"])
+def test_an_unfinished_run_is_not_current(made: Path, left: str) -> None:
+    (task,) = tasks([made / "rigs" / "one" / "experiment.toml"], made / "out")
+    experiment = read_experiment(task.experiment)
+    asked = (task, experiment.to_configuration(), experiment.inputs())
+    assert is_current(*asked)
+    if left == ".run.json":
+        (task.folder / left).write_text("{}")
+    elif left == "report.html":
+        (task.folder / left).unlink()
+    else:
+        (task.folder / left).write_text("{ damaged")
+    assert not is_current(*asked)
+
+
+def test_a_defect_of_ours_is_a_row_too(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> Path:
+        raise ZeroDivisionError("oh")
+
+    monkeypatch.setattr("torsight.cli.run.run_experiment", broken)
+    (task,) = tasks([made / "rigs" / "broken" / "experiment.toml"], made / "out")
+    row = run_task(task)
+    assert row["status"] == "failed"
+    assert "internal error, ZeroDivisionError: oh" in row["message"]
+
+
+def test_names_are_short_readable_and_different(tmp_path: Path) -> None:
+    files = [Path("/a/rig/experiment.toml"), Path("/b/rig/experiment.toml"), Path("/c/rig-1.toml"), Path("/d/x y.toml")]
+    assert [task.name for task in tasks(files, tmp_path)] == ["rig-2", "rig-3", "rig-1", "x_y"]
+
+
+def test_when_all_fail_the_table_is_there_and_it_is_said(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = made / "none"
+    assert leave("batch", str(made / "rigs" / "broken"), "--out", str(out), "--jobs", "1") == 4
+    assert "all 1 experiments failed" in capsys.readouterr().err
+    assert pd.read_csv(out / "results.csv")["status"].tolist() == ["failed"]
+
+
+def test_the_same_on_a_cluster_that_runs_already(made: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs the extra torsight[cluster]")
+    out, here = made / "out", made / "here"
+    shutil.copytree(out, here)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
+    ) as cluster:
+        assert cluster.scheduler_address.startswith("tcp://127.0.0.1:")
+        words = ("batch", str(made / "rigs"), "--out", str(out), "--scheduler", cluster.scheduler_address)
+        assert leave(*words) == 0
+    assert leave("batch", str(made / "rigs"), "--out", str(here), "--jobs", "1") == 0
+    there = pd.read_csv(out / "results.csv").drop(columns="folder")
+    pd.testing.assert_frame_equal(there, pd.read_csv(here / "results.csv").drop(columns="folder"))
+
+
+def test_a_scheduler_that_does_not_answer_is_told(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="needs the extra torsight[cluster]")
+    monkeypatch.setattr(campaign, "PATIENCE", "0.5s")
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        campaign.run_campaign(
+            tasks(find_experiments([str(made / "rigs")]), made / "out"), scheduler="tcp://127.0.0.1:9"
+        )
+
+
+def test_provenance_names_the_configuration(made: Path) -> None:
+    content = json.loads((made / "out" / "one" / "provenance.json").read_text())
+    assert content["configuration"]["temperature"]["path"].endswith("rigs/one/temps.csv")
