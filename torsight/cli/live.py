@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
 """What a live record leaves in its folder."""
 
+WINDOW_MEMORY: Final = "1GB"
+"""What the window keeps of a record; the oldest goes first."""
+
 
 def live(
     source: Annotated[
@@ -166,10 +169,8 @@ def _ended_by(stop: threading.Event) -> Iterator[None]:
 @contextlib.contextmanager
 def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[None]:
     """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
-    from urllib.parse import quote
-
     from torsight.cli.console import say
-    from torsight.viewer.program import Viewer, free_port, has_display
+    from torsight.viewer.program import Viewer, browser_address, free_port, has_display
 
     screens: list[Viewer] = []
 
@@ -181,9 +182,10 @@ def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[
         if browser_port is not None:
             arguments = ["--serve-web", "--web-viewer-port", str(browser_port), feed.address]
             screens.append(Viewer(arguments, port=free_port()))
-            say(f"In a browser      http://127.0.0.1:{browser_port}?url={quote(feed.address, safe='')}")
+            say(f"In a browser      {browser_address(browser_port, feed.address)}")
         elif window and has_display():
-            screens.append(Viewer(["--connect", feed.address], port=free_port()))
+            arguments = ["--connect", feed.address, "--memory-limit", WINDOW_MEMORY]
+            screens.append(Viewer(arguments, port=free_port()))
         elif window:
             say("No display here   --serve shows it in a browser, --no-viewer leaves this out")
         say(f"For any viewer    rerun {feed.address}")

@@ -7,26 +7,43 @@ from typing import Annotated
 
 import typer
 
-from torsight.core.errors import InputError, OutputError
+from torsight.core.errors import InputError, NoResultError
 
 
 def view(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run, or a recording.rrd.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a run or a live record, or a recording.rrd.")
+    ],
     *,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the viewer; 0 takes a free one.")] = 0,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port of the viewer; a free one otherwise.")
+    ] = None,
+    serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
+    web_port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
+    ] = None,
 ) -> None:
     """Open the recording of a finished run in Rerun; it listens on this computer only.
 
     Example: torsight view results
     """
-    from torsight.viewer.program import Viewer, free_port
+    from torsight.cli.console import say
+    from torsight.viewer.program import Viewer, address_of, browser_address, chosen_port, free_port, has_display
 
-    recording = folder / "recording.rrd" if folder.is_dir() else folder
-    if not recording.is_file():
-        raise InputError(
-            "no recording here", where=str(recording), do="make it with 'torsight run', and name its output folder"
+    recording = recording_of(folder)
+    if not serve and not has_display():
+        raise NoResultError(
+            "there is no display to open a window on",
+            where=str(recording),
+            do="look at it in a browser with --serve, or copy the file to a computer with a screen and open it there",
         )
-    viewer = Viewer([str(recording)], port=port or free_port())
+    own_port = free_port() if port is None else chosen_port(port, port, option="--port")
+    arguments = [str(recording)]
+    if serve:
+        browser_port = chosen_port(web_port, 9090, option="--web-port")
+        arguments = ["--serve-web", "--web-viewer-port", str(browser_port), str(recording)]
+        say(f"In a browser  {browser_address(browser_port, address_of(own_port))}  (Ctrl-C ends it)")
+    viewer = Viewer(arguments, port=own_port)
     try:
         code = viewer.wait()
         reason = viewer.why_ended()
@@ -35,8 +52,41 @@ def view(
     finally:
         viewer.end()
     if code != 0:
-        raise OutputError(
+        raise NoResultError(
             f"the viewer could not open ({reason})",
             where=str(recording),
-            do="it needs a screen; on a computer without one copy the file to one that has, and open it there",
+            do="it needs a screen; look at it in a browser with --serve, or open the file on another computer",
         )
+
+
+def recording_of(folder: Path) -> Path:
+    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first.
+
+    Raises
+    ------
+    InputError
+        When there is neither a recording nor anything to make one of.
+    """
+    if folder.is_file():
+        return folder
+    if (folder / "recording.rrd").is_file():
+        return folder / "recording.rrd"
+    if not any((folder / name).is_file() for name in ("angle.csv", "merged.csv")):
+        raise InputError(
+            "no recording here",
+            where=str(folder / "recording.rrd"),
+            do="make it with 'torsight run', and name its output folder",
+        )
+    from torsight.viewer import write_recording
+
+    return write_recording(folder, film=_film_of(folder))
+
+
+def _film_of(folder: Path) -> Path | None:
+    """Return the film of a live record, where it still is where it was."""
+    from torsight.core.storage import read_toml
+
+    if not (folder / "experiment.toml").is_file():
+        return None
+    film = read_toml(folder / "experiment.toml").get("angle", {}).get("film")
+    return Path(film) if isinstance(film, str) and Path(film).exists() else None

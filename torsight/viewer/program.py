@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
+from urllib.parse import quote
 
 from torsight.core.errors import ConfigError, NoResultError
 
@@ -68,6 +69,16 @@ def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
     if wanted is None:
         return free_port()
     raise ConfigError("is taken by another program", where=option, value=wanted, do="choose another port; 0 takes any")
+
+
+def address_of(port: int) -> str:
+    """Return what a viewer opens to see what is served at a port of this computer."""
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+def browser_address(web_port: int, address: str) -> str:
+    """Return what a browser opens to see what is served at an address, with the viewer's page at a port."""
+    return f"http://{LOOPBACK}:{web_port}?url={quote(address, safe='')}"
 
 
 def has_display() -> bool:

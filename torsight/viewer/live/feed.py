@@ -22,7 +22,7 @@ from torsight.viewer.layout import FRAME, TIME
 from torsight.viewer.live.latency import CELLS, Latency
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.overlay import Overlay, colour_of
-from torsight.viewer.program import LOOPBACK
+from torsight.viewer.program import LOOPBACK, address_of
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -65,7 +65,7 @@ class Feed:
     @property
     def address(self) -> str:
         """What a viewer opens to see the record."""
-        return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+        return address_of(self.port)
 
     def wait_until_open(self, limit_s: float = 60.0) -> bool:
         """Wait until viewers can connect, and return whether they can."""
