@@ -107,9 +107,9 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
 
 
 def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
-    """Return the experiment that would tell rivals apart; None where there are none."""
+    """Return the experiment that would tell rivals apart; None where the answer is not ambiguous."""
     decision = findings.decision
-    if not decision.rivals:
+    if findings.verdict != "ambiguous":
         return None
     rivals = (decision.chosen, *decision.rivals)
     needed = Settings().rival_gain
