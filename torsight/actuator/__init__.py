@@ -1,12 +1,10 @@
-"""The torsion actuator: springs, phase laws, the stepping rule, effects, fits and characterisation.
-
-Names are imported on first use, so that importing the package costs nothing.
-"""
+"""The torsion actuator: springs, phase laws, the stepping rule, effects, fits and characterisation."""
 
 from __future__ import annotations
 
-import importlib
-from typing import Any, Final
+from typing import Final
+
+from torsight.core.lazy import lazily
 
 _HOMES: Final = {
     "ActuatorSpec": "spec",
@@ -15,23 +13,21 @@ _HOMES: Final = {
     "ActuatorModel": "model",
     "Simulation": "model",
     "Drive": "drive",
+    "read_log": "logs",
     "Rig": "springs",
+    "half_cycle": "closed_form",
+    "stable_cycle": "closed_form",
     "FitResult": "fit",
     "fit_model": "fit",
     "FittedModel": "fitted",
+    "Prediction": "fitted",
     "fitted_model": "fitted",
     "read_model": "fitted",
     "write_model": "fitted",
+    "characterise": "characterisation",
+    "read_tests": "spring_tests",
+    "Effect": "effects",
     "load_effects": "effects",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_HOMES)
+__getattr__, __dir__ = lazily(__name__, _HOMES)

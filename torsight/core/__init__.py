@@ -1,1 +1,39 @@
 """Frozen objects that cross the stages, errors, storage and provenance."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.core.lazy import lazily
+
+_HOMES: Final = {
+    "ClockMap": "records",
+    "SyncedTable": "records",
+    "TemperatureLog": "records",
+    "MARKERS": "tracks",
+    "MarkerTracks": "tracks",
+    "StickAngles": "tracks",
+    "Camera": "camera",
+    "read_camera": "camera",
+    "Estimate": "parameter",
+    "Parameter": "parameter",
+    "ConfigError": "errors",
+    "InputError": "errors",
+    "NoResultError": "errors",
+    "OutputError": "errors",
+    "TorsightError": "errors",
+    "read_angles": "tables",
+    "read_merged": "tables",
+    "write_angles": "tables",
+    "write_merged": "tables",
+    "RunResults": "results",
+    "read_results": "results",
+    "Progress": "progress",
+    "DEG": "units",
+    "GPA": "units",
+    "MM": "units",
+    "MNM": "units",
+    "MPA": "units",
+}
+
+__getattr__, __dir__ = lazily(__name__, _HOMES)

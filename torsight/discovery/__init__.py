@@ -1,33 +1,24 @@
-"""What a model lacks: an engine that knows no physics, and the actuator as a problem for it.
+"""What a model lacks: an engine that knows no physics, and the actuator as a problem for it."""
 
-Names are imported on first use, so that importing the package costs nothing.
-"""
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.discover import discover
+from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.linear_problem import LinearProblem, linear_problem
+from torsight.discovery.prediction import predict_angle
+from torsight.discovery.report import DiscoveryReport
+from torsight.discovery.search import Settings
 
-from __future__ import annotations
-
-import importlib
-from typing import Any, Final
-
-_HOMES: Final = {
-    "Candidate": "interface",
-    "Problem": "interface",
-    "Settings": "search",
-    "Findings": "engine",
-    "find_missing": "engine",
-    "LinearProblem": "linear_problem",
-    "linear_problem": "linear_problem",
-    "ActuatorProblem": "actuator_problem",
-    "DiscoveryReport": "report",
-    "discover": "discover",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_HOMES)
+__all__ = [
+    "ActuatorProblem",
+    "Candidate",
+    "DiscoveryReport",
+    "Findings",
+    "LinearProblem",
+    "Problem",
+    "Settings",
+    "discover",
+    "find_missing",
+    "linear_problem",
+    "predict_angle",
+]

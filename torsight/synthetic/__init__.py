@@ -1,1 +1,19 @@
 """A rig with its own integrator and a camera that films it: experiments with known answers."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.core.lazy import lazily
+
+_HOMES: Final = {
+    "Scene": "scene",
+    "demo_scene": "scene",
+    "read_scene": "scene",
+    "scene_from": "scene",
+    "Record": "experiment",
+    "make_record": "experiment",
+    "render_scene": "render",
+}
+
+__getattr__, __dir__ = lazily(__name__, _HOMES)
