@@ -1,6 +1,7 @@
 # make demo : install into .venv, film a synthetic rig and analyse the film
 # make test : everything that checks the project
-.PHONY: demo test lint clean
+# make docs : the pages of docs/ into docs/_build/
+.PHONY: demo test lint docs clean
 .DEFAULT_GOAL := demo
 
 VENV := .venv
@@ -21,6 +22,10 @@ $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	touch $@ $(VENV)/.installed
 
+$(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	touch $@ $(VENV)/.installed
+
 demo: $(VENV)/.installed
 	$(BIN)/torsight demo --out demo
 
@@ -33,5 +38,9 @@ lint: $(VENV)/.installed-dev
 test: lint
 	$(BIN)/python -m pytest
 
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
+	@echo "docs/_build/index.html"
+
 clean:
-	rm -rf demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

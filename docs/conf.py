@@ -1,0 +1,94 @@
+"""Sphinx: the pages from this folder, with the commands and the effects written from the code, and MathML for formulas.
+
+Nothing is fetched while the pages are built or looked at.
+"""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from docutils.utils.math import latex2mathml
+
+from torsight import __version__
+from torsight.actuator.effects import Effect, load_effects
+from torsight.cli.reference import command_reference
+
+HERE = Path(__file__).parent
+
+project = "Torsight"
+author = "The Torsight developers"
+copyright = "the Torsight developers"  # noqa: A001 - the name that Sphinx asks for
+release = version = __version__
+extensions = ["myst_parser"]
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = "Torsight"
+html_copy_source = False
+html_show_sphinx = False
+pygments_style = "default"
+html_math_renderer = "mathml"
+
+
+def library() -> str:
+    """Return the page of all effects: their docstrings and parameters."""
+    pages = [_effect(name, effect) for name, effect in load_effects().items()]
+    return "\n".join(
+        ["# The library of effects", "", "Written from `torsight/actuator/effects/` by `make docs`.", "", *pages]
+    )
+
+
+def _effect(name: str, effect: Effect) -> str:
+    text = inspect.cleandoc(import_module(f"torsight.actuator.effects.{name}").__doc__ or "")
+    lines = [f"## {name}", "", f"*{effect.title}*; acts on {effect.acts_on}, family {effect.family}.", ""]
+    lines += ["```{eval-rst}", text, "```", "", "| parameter | unit | start | bounds | vanishes at | prior |"]
+    lines.append("| --- | --- | --- | --- | --- | --- |")
+    for one in effect.parameters:
+        null = "–" if one.null is None else f"{one.null:g}"
+        sigma = "–" if one.sigma is None else f"± {one.sigma:g}"
+        bounds = f"{one.lower:g} to {one.upper:g}"
+        lines.append(f"| `{one.name}` | {one.unit or '–'} | {one.value:g} | {bounds} | {null} | {sigma} |")
+    return "\n".join([*lines, ""])
+
+
+_PLAIN = str.maketrans(
+    {"−": "-", "·": r"\cdot ", "≤": r"\le ", "≥": r"\ge ", "…": r"\dots ", "→": r"\to ", "²": "^2", "³": "^3"}
+)
+
+
+def _math(node: Any, *, block: bool) -> str:
+    return str(latex2mathml.tex2mathml(node.astext().translate(_PLAIN), as_block=block))
+
+
+def _inline(writer: Any, node: Any) -> None:
+    writer.body.append(_math(node, block=False))
+    raise _skip()
+
+
+def _display(writer: Any, node: Any) -> None:
+    writer.body.append(f'<div class="math">{_math(node, block=True)}</div>')
+    raise _skip()
+
+
+def _skip() -> Exception:
+    from docutils.nodes import SkipNode
+
+    return SkipNode()
+
+
+def _write_pages(_app: Any, _config: Any) -> None:
+    """Write the pages that come from the code; unchanged ones stay, so that they are not built again."""
+    for name, text in (("effects_library.md", library()), ("commands.md", command_reference())):
+        target = HERE / name
+        if not target.exists() or target.read_text(encoding="utf-8") != text:
+            target.write_text(text, encoding="utf-8")
+
+
+def setup(app: Any) -> None:
+    """Connect the pages from the code, and the formulas."""
+    app.connect("config-inited", _write_pages)
+    app.add_html_math_renderer("mathml", (_inline, None), (_display, None))

@@ -1,0 +1,43 @@
+"""What the model lacks on one record, and how well the better model predicts a later one.
+
+Run: python examples/find_what_is_missing.py merged.csv actuator.toml [later_temps.csv START_DEG]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from torsight.actuator import read_actuator, read_log
+from torsight.core import DEG, read_merged
+from torsight.discovery import DiscoveryReport, discover, predict_angle
+
+
+def told(step: str, done: float, total: float | None) -> None:
+    """Show where the work stands: any function of this shape can be given as ``progress``."""
+    if total:
+        print(f"\r{step}: {100 * done / total:3.0f} %   ", end="", file=sys.stderr)
+
+
+def find(merged: Path, actuator: Path) -> DiscoveryReport:
+    """Return what is missing on a record."""
+    return discover(read_merged(merged), read_actuator(actuator), progress=told)
+
+
+def main(merged: Path, actuator: Path, later: Path | None = None, start_deg: float = 0.0) -> DiscoveryReport:
+    """Print the verdict, the error before and after, and what is expected of a later temperature log."""
+    report = find(merged, actuator)
+    print(f"\n{report.verdict}: {', '.join(effect.id for effect in report.effects) or 'nothing'}")
+    before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
+    print(f"error on unseen half-cycles {before:.2f}° before, {after:.2f}° after")
+    if later is not None:
+        angle_rad = predict_angle(report.model, read_log(later), start_angle_rad=start_deg * DEG)
+        print(f"later: from {np.nanmin(angle_rad) / DEG:.1f}° to {np.nanmax(angle_rad) / DEG:.1f}°")
+    return report
+
+
+if __name__ == "__main__":
+    paths = [Path(word) for word in sys.argv[1:4]]
+    main(*paths, start_deg=float(sys.argv[4]) if len(sys.argv) > 4 else 0.0)
