@@ -38,10 +38,13 @@ class LightEvents:
         Time of the first frame that shows the change, film clock, increasing.
     goes_on : (n,) bool
         True where it goes on.
+    since_s : (n,) float64 or None
+        Time of the last frame that did not show it yet; None for the film's frame before.
     """
 
     time_s: NDArray[np.float64]
     goes_on: NDArray[np.bool_]
+    since_s: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +128,7 @@ def light_evidence(
             where="temperature log",
             do="log the heating switch, or leave led_events out",
         )
-    film_s, film_step_s = _middles(events.time_s, frame_s)
+    film_s, film_step_s = _middles(events, frame_s)
     middle_s = float(film_s.mean())
     best: tuple[int, list[float], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]] | None = None
     for switch in _switches(log):
@@ -191,10 +194,12 @@ def _intersected(
     return Belief(mean, covariance, 0.0)
 
 
-def _middles(
-    time_s: NDArray[np.float64], frame_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _middles(events: LightEvents, frame_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the middle and the length of the interval between the frame that shows the change and the one before."""
+    time_s = events.time_s
+    if events.since_s is not None:
+        step_s = time_s - events.since_s
+        return time_s - 0.5 * step_s, step_s
     at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
     step_s = frame_s[at] - frame_s[at - 1]
     return time_s - 0.5 * step_s, step_s

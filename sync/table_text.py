@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,34 +64,36 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
     if not joined.strip():
         raise InputError("has a header but no rows", where=str(path), do="record it again")
     try:
-        frame = pd.read_csv(
-            io.StringIO(joined),
-            sep=delimiter,
-            decimal=decimal,
-            header=None,
-            names=names,
-            index_col=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            low_memory=False,
-            na_values=[
-                "****",
-                "---",
-                "--",
-                "-",
-                "?",
-                "Inf",
-                "-Inf",
-                "inf",
-                "-inf",
-                "OVERLOAD",
-                "ERR",
-                "Err",
-                "Error",
-                "OL",
-            ],
-        )
-    except (pd.errors.ParserError, ValueError, OverflowError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            frame = pd.read_csv(
+                io.StringIO(joined),
+                sep=delimiter,
+                decimal=decimal,
+                header=None,
+                names=names,
+                index_col=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                low_memory=False,
+                na_values=[
+                    "****",
+                    "---",
+                    "--",
+                    "-",
+                    "?",
+                    "Inf",
+                    "-Inf",
+                    "inf",
+                    "-inf",
+                    "OVERLOAD",
+                    "ERR",
+                    "Err",
+                    "Error",
+                    "OL",
+                ],
+            )
+    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError, OverflowError) as error:
         raise InputError(
             f"is not a readable table ({str(error).strip()})",
             where=str(path),

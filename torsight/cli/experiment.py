@@ -17,7 +17,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "camera": ("file",),
     "markers": ("file", "base", "moving", "kind"),
     "temperature": ("path",),
-    "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events"),
+    "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led"),
     "actuator": ("file",),
     "output": ("dir",),
     "discovery": ("seed",),

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from sync import LightEvents
     from torsight.core.records import SyncedTable
 
-KEYS: Final = ("offset_s", "drift_ppm", "max_gap_s", "led_events")
-"""Keys of ``[sync]``: known offset and drift, the longest gap in the log that is bridged, film times of a light."""
+KEYS: Final = ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led")
+"""Keys of ``[sync]``: known offset and drift, the longest gap in the log that is bridged, film times of a light, or its
+place in the picture."""
 
 
 def sync(
@@ -31,6 +34,12 @@ def sync(
     led_events: Annotated[
         Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which a light showed the heating switch.")
     ] = None,
+    led: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="X Y", help="Where in the film such a light is seen, px.")
+    ] = None,
+    film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
+    timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
+    fps: Annotated[float | None, typer.Option(metavar="HZ", help="Frame rate of pictures.")] = None,
 ) -> Answer:
     """Put angles and temperatures on one clock, with an interval for offset and drift.
 
@@ -39,10 +48,19 @@ def sync(
     from torsight.cli.console import progress_bar, say
     from torsight.core.storage import read_json
 
-    given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events}
+    given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events, "led": led}
     settings = {key: value for key, value in given.items() if value is not None}
     with progress_bar() as progress:
-        sync_to_folder(angle, temperature, settings=settings, out=out, progress=progress)
+        sync_to_folder(
+            angle,
+            temperature,
+            settings=settings,
+            out=out,
+            film=film,
+            timestamps=timestamps,
+            fps=fps,
+            progress=progress,
+        )
     content = read_json(out / "sync.json")
     for line in told(content):
         say(line)
@@ -55,9 +73,12 @@ def sync_to_folder(
     *,
     settings: Mapping[str, Any],
     out: Path,
+    film: str | Path | None = None,
+    timestamps: Path | None = None,
+    fps: float | None = None,
     progress: Progress = silent,
 ) -> SyncedTable:
-    """Read both files, find the clock, write ``merged.csv`` and ``sync.json``.
+    """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
 
     Parameters
     ----------
@@ -67,6 +88,8 @@ def sync_to_folder(
         Table ``[sync]`` of the experiment: any of :data:`KEYS`.
     out : Path
         Folder for the results.
+    film, timestamps, fps
+        The film that the angles come from, as it was tracked; needed for ``led`` alone.
     progress : Progress
         Told about every step.
 
@@ -79,7 +102,7 @@ def sync_to_folder(
     NoResultError
         When the offset is neither given nor to be found.
     """
-    from sync import find_clock, merge, read_light_events, read_temperature_log
+    from sync import find_clock, merge, read_temperature_log
     from sync.merge import longest_gap_s, require_overlap
     from sync.report import sync_content
     from torsight.core.storage import require_apart, write_json
@@ -87,13 +110,14 @@ def sync_to_folder(
 
     steps = 4.0
     values = _numbers(settings)
-    led = Path(settings["led_events"]) if "led_events" in settings else None
-    require_apart([out / "merged.csv", out / "sync.json"], [angle, temperature, led])
+    events = Path(settings["led_events"]) if "led_events" in settings else None
+    written = [out / "merged.csv", out / "sync.json", *([out / "led_events.csv"] if "led" in settings else [])]
+    require_apart(written, [angle, temperature, events, timestamps])
     progress("read angle and log", 0.0, steps)
     angles = read_angles(angle)
     reading = read_temperature_log(temperature)
     progress("find the clock", 1.0, steps)
-    light = read_light_events(led) if led else None
+    light = _light(settings, film, timestamps, fps, out=out, progress=progress)
     found = find_clock(
         angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
     )
@@ -107,6 +131,37 @@ def sync_to_folder(
     write_json(out / "sync.json", sync_content(clock, reading, table, max_gap_s=max_gap_s))
     progress("write", steps, steps)
     return table
+
+
+def _light(
+    settings: Mapping[str, Any],
+    film: str | Path | None,
+    timestamps: Path | None,
+    fps: float | None,
+    *,
+    out: Path,
+    progress: Progress,
+) -> LightEvents | None:
+    """Return when the light changed: from a table, or from the film, which leaves such a table."""
+    from sync import film_light_events, read_light_events
+    from torsight.core.storage import write_table
+
+    if "led" not in settings:
+        return read_light_events(Path(settings["led_events"])) if "led_events" in settings else None
+    if "led_events" in settings:
+        raise ConfigError("both name a light", where="[sync]", value="led, led_events", limit="one of them")
+    place = settings["led"]
+    if not (
+        isinstance(place, Sequence)
+        and len(place) == 2
+        and all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in place)
+    ):
+        raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(place), limit="[x, y], px")
+    if film is None:
+        raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
+    light = film_light_events(film, (place[0], place[1]), fps=fps, timestamps=timestamps, progress=progress)
+    write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
+    return light
 
 
 def told(content: Mapping[str, Any]) -> list[str]:
