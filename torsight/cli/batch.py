@@ -26,11 +26,11 @@ def batch(
     Example: torsight batch campaign/ --out results
     """
     from torsight.cli.campaign import find_experiments, run_campaign, tasks, write_results
-    from torsight.cli.console import progress_lines, say
+    from torsight.cli.console import progress_bar, say
     from torsight.report.gallery import write_gallery
 
     todo = tasks(find_experiments(sources), out)
-    with progress_lines() as progress:
+    with progress_bar() as progress:
         rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
     page = write_gallery(rows, out)
     done = sum(row["status"] == "done" for row in rows)

@@ -1,10 +1,9 @@
-"""What the terminal shows: progress bars where someone watches, plain lines where not."""
+"""What the terminal shows: progress bars with the time left where someone watches, only the last lines where not."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-import time
 from collections.abc import Iterator
 
 from torsight.core.progress import Progress
@@ -30,25 +29,6 @@ def progress_bar() -> Iterator[Progress]:
             bars.update(tasks[step], completed=done, total=total)
 
         yield report
-
-
-@contextlib.contextmanager
-def progress_lines(every_s: float = 5.0) -> Iterator[Progress]:
-    """Give a progress callable for logs: one line per step and, in long ones, one every few seconds."""
-    last: dict[str, float] = {}
-
-    def report(step: str, done: float, total: float | None) -> None:
-        now = time.monotonic()
-        finished = total is not None and done >= total
-        if step in last and not finished and now - last[step] < every_s:
-            return
-        if last.get(step) == float("inf"):
-            return
-        share = f" {100.0 * done / total:3.0f} %" if total else ""
-        say(f"  {step}{share}")
-        last[step] = float("inf") if finished else now
-
-    yield report
 
 
 def say(text: str) -> None:

@@ -19,7 +19,7 @@ def demo(
 
     Example: torsight demo --out demo
     """
-    from torsight.cli.console import progress_lines, say
+    from torsight.cli.console import progress_bar, say
     from torsight.cli.experiment import read_experiment
     from torsight.cli.run import answer_of, run_experiment
     from torsight.cli.summary import summary
@@ -27,10 +27,11 @@ def demo(
     from torsight.synthetic.scene import demo_scene
 
     film = out / "rig"
-    with progress_lines() as progress:
-        say(f"Filming a synthetic rig into {film}")
+    say(f"Filming a synthetic rig into {film}")
+    with progress_bar() as progress:
         render_scene(demo_scene(), out=film, progress=progress)
-        say("Measuring and modelling, as 'torsight run' does with any film")
+    say("Measuring and modelling, as 'torsight run' does with any film")
+    with progress_bar() as progress:
         folder = run_experiment(read_experiment(film / "experiment.toml"), out=out, progress=progress)
     say("")
     for line in summary(folder):

@@ -30,14 +30,14 @@ def run(
 
     Example: torsight run experiment.toml --out results
     """
-    from torsight.cli.console import progress_lines, say
+    from torsight.cli.console import progress_bar, say
     from torsight.cli.experiment import read_experiment
     from torsight.cli.summary import summary
 
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
     chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
-    with progress_lines() as progress:
+    with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
     say("")
     for line in summary(folder):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
+from torsight.core.progress import Progress, silent
 from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.solver import Array, Solution, Space, jacobian, solve
 
@@ -251,9 +252,22 @@ def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
     return kept
 
 
-def in_parallel(work: Sequence[_T], function: Callable[[_T], _R], *, workers: int = WORKERS) -> list[_R]:
-    """Return ``function`` of each item in order; results do not depend on the number of workers."""
-    if workers < 2 or len(work) < 2:
-        return [function(item) for item in work]
+def in_parallel(
+    work: Sequence[_T],
+    function: Callable[[_T], _R],
+    *,
+    step: str = "",
+    progress: Progress = silent,
+    workers: int = WORKERS,
+) -> list[_R]:
+    """Return ``function`` of each item in order; results do not depend on the number of workers.
+
+    ``progress`` is told after every item, under the name ``step``.
+    """
+    found: list[_R] = []
+    progress(step, 0, len(work))
     with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(function, work))
+        for result in pool.map(function, work):
+            found.append(result)
+            progress(step, len(found), len(work))
+    return found

@@ -188,9 +188,7 @@ class _Planner:
 
     def _weigh_all(self, keys: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], _Weighed]:
         programmes = {key: Programme(tuple(self._menu[name] for name in key)) for key in keys}
-        self._progress("next experiment", 0, len(keys))
-        found = in_parallel(list(programmes.values()), self._weighed)
-        self._progress("next experiment", len(keys), len(keys))
+        found = in_parallel(list(programmes.values()), self._weighed, step="next experiment", progress=self._progress)
         return {key: item for key, item in zip(programmes, found, strict=True) if item is not None}
 
     def _weighed(self, programme: Programme) -> _Weighed | None:

@@ -178,9 +178,8 @@ class Search:
                     work[effects] = (parent, name)
         if size > 1:
             work = self._promising(work)
-        self._progress(f"sets of {size}", 0, len(work))
-        found: list[Fit] = in_parallel(list(work.values()), self._extend)
-        self._progress(f"sets of {size}", len(work), len(work))
+        step = f"sets of {size}"
+        found: list[Fit] = in_parallel(list(work.values()), self._extend, step=step, progress=self._progress)
         self._fits |= {fit.effects: fit for fit in found}
 
     def _promising(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, tuple[Fit, str]]:
@@ -251,7 +250,7 @@ class Search:
             kept = [*self._ranked(0), *self._ranked(1)]
             for size in range(2, self._settings.most_effects + 1):
                 kept += self._ranked(size)[: 3 * self._settings.beam]
-            refitted: list[Fit] = in_parallel(kept, self._fitter.refit)
+            refitted: list[Fit] = in_parallel(kept, self._fitter.refit, step="refits", progress=self._progress)
             self._fits = {fit.effects: fit for fit in [*refitted, best]}
             self._start_again()
             if self._best().effects == best.effects:

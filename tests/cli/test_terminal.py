@@ -1,0 +1,91 @@
+"""On a terminal: bars with the time left, on standard error. In a pipe: quiet but for the last lines. Completion."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.tracker.films import Rig, write_film
+
+TORSIGHT = [sys.executable, "-m", "torsight.cli.main"]
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rig = Rig(lambda t: 60.0 - 40.0 * t, frames=12, texture=0.0)
+    return write_film(rig, tmp_path_factory.mktemp("terminal") / "film.mkv")
+
+
+def environment(**more: str) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "100", **more}
+
+
+def test_a_terminal_sees_bars_with_the_time_left(film: Path, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    command = [*TORSIGHT, "track", str(film), "--out", str(tmp_path)]
+    with subprocess.Popen(command, stderr=theirs, stdout=subprocess.PIPE, env=environment()) as process:
+        os.close(theirs)
+        seen = b""
+        # A terminal that was closed at the other end reads as an error.
+        while True:
+            try:
+                piece = os.read(ours, 4096)
+            except OSError:
+                break
+            if not piece:
+                break
+            seen += piece
+        assert process.stdout is not None
+        assert process.stdout.read() == b""
+    os.close(ours)
+    text = seen.decode()
+    assert process.returncode == 0, text
+    assert "tracking" in text
+    # elapsed and left, h:mm:ss, or dashes while it is not known
+    assert re.search(r"\d:\d\d:\d\d.{0,12}(\d:\d\d:\d\d|-:--:--)", text)
+
+
+def test_a_pipe_sees_the_last_line_only(film: Path, tmp_path: Path) -> None:
+    command = [*TORSIGHT, "track", str(film), "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment())
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert "12 of 12 frames" in done.stderr
+
+
+def complete(shell: str, **about: str) -> str:
+    more = {"_TORSIGHT_COMPLETE": f"complete_{shell}", **about}
+    return subprocess.run(TORSIGHT, capture_output=True, text=True, check=False, env=environment(**more)).stdout
+
+
+def test_commands_and_options_are_completed_in_every_shell() -> None:
+    assert complete("bash", COMP_WORDS="torsight d", COMP_CWORD="1").split() == ["doctor", "demo", "discover"]
+    assert "--markers" in complete("bash", COMP_WORDS="torsight track --m", COMP_CWORD="2")
+    assert "--actuator" in complete("zsh", _TYPER_COMPLETE_ARGS="torsight fit --a")
+    assert "simulate" in complete("fish", _TYPER_COMPLETE_ARGS="torsight s", _TYPER_COMPLETE_FISH_ACTION="get-args")
+
+
+@pytest.mark.parametrize(
+    ("shell", "words"), [("bash", "complete -o"), ("zsh", "#compdef torsight"), ("fish", "complete --command torsight")]
+)
+def test_the_script_for_each_shell_is_made(shell: str, words: str) -> None:
+    more = {"_TORSIGHT_COMPLETE": f"source_{shell}"}
+    done = subprocess.run(TORSIGHT, capture_output=True, text=True, check=False, env=environment(**more))
+    assert words in done.stdout
+
+
+def test_completion_is_installed_for_the_shell_that_asks(tmp_path: Path) -> None:
+    command = f"{' '.join(TORSIGHT)} --install-completion; true"
+    home = environment(HOME=str(tmp_path))
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, env=home)
+    assert "installed" in done.stdout + done.stderr
+    script = tmp_path / ".bash_completions" / "torsight.sh"
+    assert "_TORSIGHT_COMPLETE=complete_bash" in script.read_text()
+    assert str(script) in (tmp_path / ".bashrc").read_text()
