@@ -316,7 +316,7 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
         table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
         raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
-    except (pd.errors.ParserError, UnicodeDecodeError, OSError, ValueError, OverflowError) as error:
+    except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise InputError(
             f"is not a readable table ({first_line})",
@@ -337,6 +337,16 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     if len(table) == 0:
         raise InputError("has a header but no rows", where=str(path), do="record it again")
     return table
+
+
+def _damages_of(path: Path) -> tuple[type[Exception], ...]:
+    """Return what a damaged table of this kind raises (the parser's own errors are ValueErrors)."""
+    usual = (OSError, ValueError, OverflowError)
+    if not is_parquet(path):
+        return usual
+    import pyarrow as pa
+
+    return (*usual, pa.ArrowException, KeyError, TypeError, AttributeError, NotImplementedError)
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
