@@ -1,7 +1,7 @@
 """Latency, drops and memory of the live view over a long record, as an hour on the bench would show them.
 
-A film is played forth and back, again and again, with its own clock going on; `--speed` makes an hour short. Beside it, in
-a process of its own and at ordinary priority, runs the yardstick: a plain loop that wakes for every frame of a film of
+A film is played forth and back, again and again, with its own clock going on; `--speed` makes an hour short. Beside it,
+in a process of its own and at ordinary priority, runs the yardstick: a plain loop that wakes for every frame of a film of
 the same rate and decodes one picture. How late its pictures are is what the machine, busy with other things, costs any
 program.
 

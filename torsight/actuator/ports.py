@@ -30,14 +30,11 @@ class History:
     ----------
     cycles : (int, int)
         How often A and B had been heated before this record.
-    reading_offset_rad : float
-        Change of the reading that stays (a slipped marker), already in the start angle.
     after_record : bool
         True where the simulated log comes after the record that the model was fitted to.
     """
 
     cycles: tuple[int, int] = (0, 0)
-    reading_offset_rad: float = 0.0
     after_record: bool = False
 
 

@@ -114,11 +114,5 @@ def least_gain(gains: Array) -> float:
     return max(0.0, float(known.min())) if len(known) else 0.0
 
 
-def largest_difference(predict: Predict, explanations: Sequence[Explanation]) -> float:
-    """Return the largest difference between any two explanations' predictions before any refit."""
-    values = [one.model(predict)(one.x) for one in explanations]
-    return max(float(np.max(np.abs(a - b))) for k, a in enumerate(values) for b in values[:k])
-
-
 def _tells(true: Explanation, other: Explanation) -> bool:
     return true is not other and not set(true.effects) <= set(other.effects)
