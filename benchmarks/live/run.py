@@ -1,9 +1,9 @@
 """Latency, drops and memory of the live view over a long record, as an hour on the bench would show them.
 
-A film is played forth and back, again and again, with its own clock going on; `--speed` makes an hour short. Beside it,
-in a process of its own and at ordinary priority, runs the yardstick: a plain loop that wakes for every frame of a film of
-the same rate and decodes one picture. How late its pictures are is what the machine, busy with other things, costs any
-program.
+A film is played forth and back, again and again, with its own clock going on; `--speed` makes an hour short. Beside
+it, in a process of its own and at ordinary priority, runs the yardstick: a plain loop that wakes for every frame of
+a film of the same rate and decodes one picture. How late its pictures are is what the machine, busy with other
+things, costs any program.
 
 Latency counts from when a frame is there, or is due, to when its row is handed to the record, and to when its angle is
 logged for the viewers.
