@@ -16,6 +16,7 @@ import pytest
 from live_rig import FPS, log_text, write_film
 
 from torsight.cli.experiment import read_experiment
+from torsight.cli.main import main
 from torsight.cli.view import recording_of
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.viewer import program
@@ -162,6 +163,39 @@ def test_a_kill_leaves_all_but_the_last_second_and_no_process(rig: Path, tmp_pat
     experiment = read_experiment(out / "experiment.toml")
     assert experiment.angle == out / "angle.csv"
     assert experiment.video == str(rig / "film.mkv")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        ("film.mkv --temperature .", 3, "is a folder"),
+        ("flim.mkv --temperature temps.csv", 3, "flim.mkv"),
+        ("temps.csv --temperature temps.csv", 3, "temps.csv"),
+        ("film.mkv --temperature temps.csv --speed 0", 2, "--speed"),
+        ("film.mkv --temperature temps.csv --fps -1", 2, "--fps"),
+        ("film.mkv --temperature temps.csv --actuator none.toml", 3, "none.toml"),
+        ("97 --temperature temps.csv", 3, "camera 97"),
+        ("rtsp://10.0.0.3/x --temperature temps.csv", 2, "another computer"),
+        ("film.mkv --temperature temps.csv --out taken", 2, "choose another --out folder"),
+    ],
+)
+def test_what_cannot_be_watched_is_named(
+    rig: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: str,
+    code: int,
+    told: str,
+) -> None:
+    (rig / "taken").mkdir(exist_ok=True)
+    (rig / "taken" / "angle.csv").write_text("frame\n", encoding="utf-8")
+    monkeypatch.chdir(rig)
+    with pytest.raises(SystemExit) as end:
+        main(["live", *words.split()])
+    assert end.value.code == code
+    said = capsys.readouterr().err
+    assert told in said
+    assert "internal error" not in said
 
 
 # --- torsight view ----------------------------------------------------------------------------------------------------

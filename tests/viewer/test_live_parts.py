@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -125,7 +126,7 @@ ROWS = [(0.0, 25.0, 24.5, 0.0, 0.0), (0.25, 25.5, 24.5, 1.0, 0.0), (0.5, np.nan,
 
 
 def values_of(rows: list) -> np.ndarray:
-    return np.array([row.values for row in rows])
+    return np.array([row.numbers for row in rows])
 
 
 @given(st.lists(st.integers(1, len(LOG)), max_size=12))
@@ -151,7 +152,7 @@ def test_a_last_line_without_its_end_waits(tmp_path: Path) -> None:
     assert len(follower.poll()) == 1
     with path.open("a", encoding="utf-8") as file:
         file.write("1.5,31\n")
-    assert follower.poll()[0].values[:3] == (2.0, 21.5, 31.0)
+    assert follower.poll()[0].numbers[:3] == (2.0, 21.5, 31.0)
 
 
 @pytest.mark.parametrize("how", ["renamed", "cut"])
@@ -165,12 +166,12 @@ def test_a_rotated_log_goes_on_with_the_new_file_and_loses_nothing(tmp_path: Pat
         with path.open("a", encoding="utf-8") as file:
             file.write("2,21,30\n")
         path.rename(tmp_path / "temps.csv.1")
-        assert [row.values[0] for row in follower.poll()] == [2.0]
+        assert [row.numbers[0] for row in follower.poll()] == [2.0]
         path.write_text("time_s,temp_a_c,temp_b_c\n3,22,30\n4,23,30\n", encoding="utf-8")
     else:
         path.write_text("3,22,30\n", encoding="utf-8")
     rows = follower.poll()
-    assert next(row.values[0] for row in rows) == 3.0
+    assert next(row.numbers[0] for row in rows) == 3.0
     assert "rotated" in told[0]
 
 
@@ -184,12 +185,24 @@ def test_a_log_with_semicolons_decimal_commas_and_dates(tmp_path: Path) -> None:
     np.testing.assert_allclose(values_of(rows)[:, :3], [[0.0, 20.25, 30.5], [0.25, 20.5, 30.6]])
 
 
+def test_a_parquet_log_is_taken_whole_when_it_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "temps.parquet"
+    follower = LogFollower(path, pytest.fail)
+    assert follower.poll() == []
+    columns = {"time_s": [0.0, 0.25], "temp_a_c": [20.5, np.nan], "temp_b_c": [30.0, 30.5]}
+    pd.DataFrame(columns).to_parquet(path)
+    rows = follower.poll()
+    np.testing.assert_array_equal(values_of(rows)[:, :3], np.column_stack(list(columns.values())))
+    assert follower.header == "time_s,temp_a_c,temp_b_c"
+    assert follower.poll() == []
+
+
 def test_lines_that_are_no_rows_are_left_out_and_told_once(tmp_path: Path) -> None:
     path = tmp_path / "temps.csv"
     told: list[str] = []
     path.write_text("time_s,temp_a_c,temp_b_c\nrestart\n1,20,30\n2,error,30\n3\n", encoding="utf-8")
     follower = LogFollower(path, told.append)
-    assert [row.values[0] for row in follower.poll()] == [1.0]
+    assert [row.numbers[0] for row in follower.poll()] == [1.0]
     assert follower.refused == 3
     assert len(told) == 1
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.core.errors import InputError
 
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
@@ -73,6 +74,8 @@ def live(
 
     folder = out or Path(f"live-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
     hints, lens, spec = _read(markers, camera, actuator)
+    if temperature.is_dir():
+        raise InputError("is a folder", where=str(temperature), limit="a log", do="name the file that is written")
     ports = chosen_port(port, 9876, option="--port"), chosen_port(web_port, 9090, option="--web-port")
     pictures = open_pictures(source, speed=speed, fps=fps, grows=grows)
     stop = threading.Event()
@@ -134,7 +137,7 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
     lines = [
         "",
         f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped{lost}",
-        f"Temperature rows  {outcome.log_rows}",
+        f"Temperature rows  {outcome.log_rows or 'none: the log was not there, or stayed empty'}",
     ]
     if outcome.measured:
         span = outcome.high_deg - outcome.low_deg

@@ -73,7 +73,7 @@ class Feed:
         while self._process.is_alive() and time.monotonic() < end:
             with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, self.port), timeout=0.5):
                 return True
-            time.sleep(0.1)
+            time.sleep(0.05)
         return False
 
     @property

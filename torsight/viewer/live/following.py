@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from torsight.core.errors import InputError
+from torsight.core.storage import is_parquet, read_table
 
 REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
 OPTIONAL: Final = ("heat_a", "heat_b")
@@ -21,12 +22,14 @@ _BLOCK: Final = 1 << 20
 class LogRow(NamedTuple):
     """One row of a log: time, both temperatures, both switches (NaN where absent), and the line as it was written."""
 
-    values: tuple[float, ...]
+    numbers: tuple[float, ...]
     text: str
 
 
 class LogFollower:
     """Follows a CSV log: a last line without its end waits, a log that is rotated or cut is opened anew.
+
+    A Parquet table is taken whole, as soon as it is there.
 
     Parameters
     ----------
@@ -56,6 +59,8 @@ class LogFollower:
         InputError
             When the header lacks a column.
         """
+        if is_parquet(self.path):
+            return self._whole()
         rows: list[LogRow] = []
         if self._file is None and not self._open():
             return rows
@@ -71,6 +76,15 @@ class LogFollower:
     def close(self) -> None:
         """Let go of the file."""
         self._close()
+
+    def _whole(self) -> list[LogRow]:
+        """Return the rows of a table that does not grow, once it is there."""
+        if self.header or not self.path.exists():
+            return []
+        table = read_table(self.path, required=REQUIRED)
+        self._read_header(",".join(table.columns))
+        lines = table.to_csv(index=False, header=False).splitlines()
+        return [row for line in lines if (row := self._row(line)) is not None]
 
     def _open(self) -> bool:
         try:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from torsight.core.units import DEG
+
+if TYPE_CHECKING:
+    from torsight.core.tracks import StickAngles
 
 
 @dataclass(slots=True)
@@ -50,6 +53,13 @@ class Outcome:
     latency: dict[str, Any] = field(default_factory=dict)
     latency_logged: dict[str, Any] = field(default_factory=dict)
     served_first: bool = False
+
+    def settle(self, angles: StickAngles) -> None:
+        """Take the finished record's angles: they are known before the moving stick showed, too."""
+        known_deg = angles.angle_rad[angles.valid] / DEG
+        self.measured = len(known_deg)
+        if len(known_deg):
+            self.low_deg, self.high_deg = float(known_deg.min()), float(known_deg.max())
 
     def count(self, angle_rad: float, *, dropped: bool, missed: int) -> None:
         """Count one frame; its angle is NaN where it is not known."""

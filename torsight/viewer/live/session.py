@@ -39,6 +39,8 @@ PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
 MODEL_EVERY_S: Final = 1.0
+FEED_OPENS_S: Final = 15.0
+"""How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
 SHOWN_PX: Final = 640
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
@@ -116,6 +118,9 @@ class Session:
             What the source, the log or the disk refuses; the record so far is kept.
         """
         warm_up()
+        if self._feed is not None:
+            # Else the first frames would wait for a viewer's side that is still being loaded.
+            self._feed.wait_until_open(FEED_OPENS_S)
         self._poll_log(early=True)
         # Everything that exists by now stays; no later collection need go through it.
         gc.collect()
@@ -250,7 +255,7 @@ class Session:
         if rows:
             self._recorder.log(self._follower.header, [row.text for row in rows])
         self.outcome.log_rows += len(rows)
-        self._clock.rows([row.values for row in rows], now_s=None if early else self.now_s)
+        self._clock.rows([row.numbers for row in rows], now_s=None if early else self.now_s)
         due = self._clock.due(self.now_s)
         if not due:
             return
@@ -349,6 +354,8 @@ class Session:
             swapped=self._tracker.swapped,
             pixel_aspect=pictures.pixel_aspect,
         )
+        if orientation is not None:
+            outcome.settle(orientation.angles)
         write_track_account(
             self._folder,
             source=pictures.describe(),
