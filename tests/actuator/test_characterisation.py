@@ -6,15 +6,21 @@ import json
 
 import numpy as np
 import pytest
+from actuator_programmes import programme
 from spring_bench import Spring, true_values, write_bench
 
 from torsight.actuator.characterisation import characterise
 from torsight.actuator.curves import fit_curve
+from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import read_actuator
 from torsight.actuator.spring_tests import read_tests
 from torsight.cli.characterise import characterise as command
-from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.cli.fit import fit_to_folder
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.parameter import Parameter
+from torsight.core.records import SyncedTable
+from torsight.core.storage import read_table, write_table
+from torsight.core.tables import write_merged
 
 
 def test_without_noise_the_values_come_back(tmp_path):
@@ -44,6 +50,9 @@ def test_command_writes_what_fit_takes(tmp_path):
     command(write_bench(tmp_path / "logs", rng=np.random.default_rng(1), rows=300), out=tmp_path / "out")
     spec = read_actuator(tmp_path / "out" / "actuator.toml")
     assert set(spec.uncertainty) == set(true_values(Spring()))
+    result = fit_to_folder(_record(spec, tmp_path), tmp_path / "out" / "actuator.toml", out=tmp_path / "fit")
+    assert result.converged
+    assert set(result.free) == {*true_values(Spring()), "tau_c_mnm"}
     content = json.loads((tmp_path / "out" / "characterisation.json").read_text())
     assert content["schema"] == 1
     assert content["phase_law"]["better"] == "liang_rogers"
@@ -56,6 +65,39 @@ def test_command_writes_what_fit_takes(tmp_path):
     }
     for name in content["figures"]:
         assert (tmp_path / "out" / name).stat().st_size > 5000
+
+
+def _record(spec, folder):
+    """Write what a rig with these values does, with a friction of its own."""
+    log, _ = programme([(0, [(85.0, 1.0)]), (1, [(85.0, 1.0)])])
+    model = ActuatorModel(spec)
+    angle = model.simulate(model.prepare_log(log, start_angle_rad=2.9), {"tau_c_mnm": 0.9}).angle_rad
+    angle = angle + 1e-3 * np.random.default_rng(0).standard_normal(len(log))
+    write_merged(
+        folder / "merged.csv",
+        SyncedTable(log.time_s, angle, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b),
+    )
+    return folder / "merged.csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "factor", "told"),
+    [
+        ("recovery_118.csv", "temp_c", 0.0, "is not heated"),
+        ("recovery_118.csv", "angle_deg", 0.017, "does not recover"),
+        ("block.csv", "temp_c", 0.0, "has no heating"),
+        ("block.csv", "force_n", 0.0, "no spring"),
+        ("block.csv", "force_n", 1e3, "newtons"),
+        ("large.csv", "force_n", 1e3, "slopes of force against angle"),
+    ],
+)
+def test_logs_that_are_no_tests_of_a_spring(tmp_path, name, column, factor, told):
+    path = write_bench(tmp_path, rows=60)
+    frame = read_table(tmp_path / name)
+    frame[column] = frame[column] * factor
+    write_table(tmp_path / name, {str(key): frame[key].to_numpy() for key in frame.columns})
+    with pytest.raises(InputError, match=told):
+        characterise(read_tests(path))
 
 
 @pytest.mark.parametrize(
@@ -81,7 +123,7 @@ def test_a_block_test_without_cooling_is_refused(tmp_path):
     path = write_bench(tmp_path, rows=60)
     lines = (tmp_path / "block.csv").read_text().splitlines()
     (tmp_path / "block.csv").write_text("\n".join(lines[:61]) + "\n")
-    with pytest.raises(NoResultError, match="has no cooling"):
+    with pytest.raises(InputError, match="has no cooling"):
         characterise(read_tests(path))
 
 

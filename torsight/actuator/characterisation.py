@@ -23,15 +23,17 @@ from torsight.actuator.blocked import blocked_modulus
 from torsight.actuator.conditioning import condition
 from torsight.actuator.curves import CurveFit, fit_curve, share_explained
 from torsight.actuator.phase import HEATING_LAWS
-from torsight.actuator.spec import ActuatorSpec
+from torsight.actuator.spec import KEYS, ActuatorSpec
 from torsight.actuator.spring_tests import SpringTests
-from torsight.core.errors import NoResultError
+from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.units import MPA
 
 Array = NDArray[np.float64]
 
 LAWS: Final = ("liang_rogers", "tanaka")
+_K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
+_LEAST_HEATING_C: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,12 +90,13 @@ def characterise(tests: SpringTests, *, source: str = "characterisation") -> Cha
 
     Raises
     ------
-    NoResultError
+    InputError
         When a test does not hold what its step needs.
     """
     recovery = {law: free_recovery(tests, law=law) for law in LAWS}
     better = min(LAWS, key=lambda law: recovery[law].rmse)
     lines = force_angle(tests)
+    _require_plausible(lines.estimates, where=source)
     known = {**recovery["liang_rogers"].estimates, **lines.estimates}
     heating = block_heating(tests, known)
     known |= heating.estimates
@@ -112,6 +115,7 @@ def characterise(tests: SpringTests, *, source: str = "characterisation") -> Cha
         "theta_cr_deg",
     )
     estimates = {name: known[name] for name in names}
+    _require_plausible(estimates, where=source)
     values = {
         **tests.geometry,
         **{name: item.value for name, item in estimates.items()},
@@ -126,6 +130,20 @@ def characterise(tests: SpringTests, *, source: str = "characterisation") -> Cha
     return Characterisation(steps, better, estimates, spec)
 
 
+def _require_plausible(estimates: Mapping[str, Estimate], *, where: str) -> None:
+    """Refuse values that no spring has: a log in another unit than its column says."""
+    for name, item in estimates.items():
+        key = KEYS[name]
+        if not key.lower <= item.value <= key.upper:
+            raise InputError(
+                f"the tests give a '{name}' that no spring has",
+                where=where,
+                value=f"{item.value:.4g} {key.unit}",
+                limit=f"{key.lower:g} to {key.upper:g}",
+                do="check the units of the logs (°C, degrees, newtons), lever_mm and pre_deformation_deg",
+            )
+
+
 def free_recovery(tests: SpringTests, *, law: str) -> Step:
     """Return step 1 for one phase law: A_s, A_f from all free recoveries together."""
     temps = [_smooth(item.temp_c) for item in tests.recoveries]
@@ -133,8 +151,16 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
     parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
     measured = np.concatenate([item.angle_deg for item in tests.recoveries])
     for item in tests.recoveries:
+        if np.ptp(item.temp_c) < _LEAST_HEATING_C:
+            raise InputError(
+                "is not heated",
+                where=item.source,
+                value=f"{np.ptp(item.temp_c):.1f} °C",
+                limit=f"{_LEAST_HEATING_C:g} °C or more",
+                do="heat it through its transformation",
+            )
         if np.ptp(item.angle_deg) < 0.3 * item.pre_deformation_deg:
-            raise NoResultError(
+            raise InputError(
                 "does not recover",
                 where=item.source,
                 value=f"{np.ptp(item.angle_deg):.1f}°",
@@ -208,7 +234,7 @@ def force_angle(tests: SpringTests) -> Step:
 
     first, second = (np.polyfit(angle[large == flag], force[large == flag], 1) for flag in (False, True))
     if not 0.0 < second[0] < first[0]:
-        raise NoResultError(
+        raise InputError(
             "the slopes of force against angle are out of order", where="step 2",
             value=f"{first[0]:.3g} N/° (small range), {second[0]:.3g} N/° (large)", limit="0 < large < small",
             do="check 'range', 'from_deg' and 'to_deg' of [[force_angle]]",
@@ -235,9 +261,18 @@ def block_heating(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     temp, force = _block_half(tests, cooling=False)
     top = float(np.quantile(force, 0.98))
     stiffness = tests.force_per_deg_gpa * tests.block.pre_deformation_deg
+    key = KEYS["E_A_gpa"]
+    if not key.lower <= top / stiffness <= key.upper:
+        raise InputError(
+            "the blocked spring's force is that of no spring",
+            where=tests.block.source,
+            value=f"{top:.4g} N, so E_A = {top / stiffness:.4g} GPa",
+            limit=f"{key.lower:g} to {key.upper:g} GPa",
+            do="give forces in newtons, and check lever_mm and pre_deformation_deg",
+        )
     guess = (
         Parameter("E_A_gpa", top / stiffness, "GPa", lower=0.5, upper=1000.0),
-        Parameter("k_per_mpa", 0.05, "K/MPa", lower=0.0, upper=2.0),
+        Parameter("k_per_mpa", 0.05, "K/MPa", lower=_K_RANGE[0], upper=_K_RANGE[1]),
         _carried(known, "A_s_c"), _carried(known, "A_f_c"), _carried(known, "E_M_gpa"),
     )  # fmt: skip
 
@@ -261,7 +296,8 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     finish = float(temp[int(np.argmax(level < 0.1))]) if (level < 0.1).any() else float(temp.min())
     width = Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0)
     others = (
-        Parameter("k_per_mpa", 1.0 / influence, "K/MPa", lower=0.0, upper=2.0),
+        # One block test says little of it alone; in NiTi both influences are alike, here to within a factor or so.
+        Parameter("k_per_mpa", 1.0 / influence, "K/MPa", lower=_K_RANGE[0], upper=_K_RANGE[1], sigma=1.0 / influence),
         _carried(known, "E_A_gpa"),
         _carried(known, "E_M_gpa"),
     )
@@ -298,22 +334,27 @@ def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Array, Array]:
     top = int(np.argmax(temp))
     half = slice(top, None) if cooling else slice(None, top + 1)
     name = "cooling" if cooling else "heating"
-    if len(temp[half]) < 20 or np.ptp(temp[half]) < 5.0:
-        raise NoResultError(
+    if len(temp[half]) < 20 or np.ptp(temp[half]) < _LEAST_HEATING_C:
+        raise InputError(
             f"has no {name}",
             where=tests.block.source,
             value=f"{np.ptp(temp[half]):.1f} °C of {name}",
-            limit="5 °C or more, 20 rows or more",
+            limit=f"{_LEAST_HEATING_C:g} °C or more, 20 rows or more",
             do="log the block test until it is cold again",
         )
     return temp[half], tests.block.force_n[half]
 
 
 def _influence(kelvin: Estimate) -> Estimate:
-    """Return C from its inverse, in which the curve is nearly linear: the interval's ends are those of the inverse."""
-    value, least = kelvin.value, 1e-4
-    low, high = (1.0 / max(end, least) for end in reversed(kelvin.ci95))
-    return Estimate(1.0 / max(value, least), kelvin.sigma / max(value, least) ** 2, (low, high), "MPa/K")
+    """Return C from its inverse, in which the curve is nearly linear: the interval's ends are those of the inverse.
+
+    The sigma is no more than the value: beyond that it says no more than that.
+    """
+    least, most = _K_RANGE
+    inverse = min(max(kelvin.value, least), most)
+    low, high = (1.0 / min(max(end, least), most) for end in reversed(kelvin.ci95))
+    sigma = min(kelvin.sigma / inverse**2, 1.0 / inverse)
+    return Estimate(1.0 / inverse, sigma, (low, high), "MPa/K")
 
 
 def _carried(known: Mapping[str, Estimate], name: str) -> Parameter:

@@ -23,7 +23,7 @@ from torsight.actuator.cycle import Cycle, fitted_cycle
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.weights import correlation_rows, noisy_drives, row_sigma, spikes
-from torsight.core.errors import NoResultError
+from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
@@ -205,7 +205,7 @@ def fit_model(
 
     Raises
     ------
-    NoResultError
+    InputError
         When nothing moves.
     """
     require_motion(drive, where=where)
@@ -224,7 +224,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
 
     Raises
     ------
-    NoResultError
+    InputError
         Saying how far it moved, and how warm the springs became.
     """
     angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
@@ -233,7 +233,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
     least = max(_LEAST_MOTION * noise, 0.5 * DEG)
     if high - low < least:
         warmest = max(float(drive.temp_a_c.max()), float(drive.temp_b_c.max()))
-        raise NoResultError(
+        raise InputError(
             "the actuator does not move",
             where=where,
             value=f"a range of {(high - low) / DEG:.2f}°, springs up to {warmest:.1f} °C",

@@ -93,7 +93,7 @@ class FittedModel:
 
         Raises
         ------
-        InputError, NoResultError
+        InputError
             When the log cannot drive the model.
         """
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad)

@@ -103,7 +103,7 @@ class ActuatorModel:
 
         Raises
         ------
-        InputError, NoResultError
+        InputError
             When the record cannot drive a model.
         """
         return prepare_table(table, row_rate_hz=row_rate_hz, where=where)
@@ -115,7 +115,7 @@ class ActuatorModel:
         ------
         ConfigError
             When the start is further than the springs are wound.
-        InputError, NoResultError
+        InputError
             When the log cannot drive a model.
         """
         reach_deg = self.spec.values["theta_p_deg"] / 2.0

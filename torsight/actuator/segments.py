@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.turns import turning_points
-from torsight.core.errors import NoResultError
+from torsight.core.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -78,8 +78,8 @@ def half_cycles(
 
     Raises
     ------
-    NoResultError
-        When neither spring is ever heated.
+    InputError
+        When neither spring is ever heated, or both only together.
     """
     temps = (temp_a_c, temp_b_c)
     switched = False
@@ -87,19 +87,33 @@ def half_cycles(
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
     else:
         heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(TURN_C, 8.0 * noise_c))
-    if not heatings:
-        span = [float(np.max(t) - np.min(t)) for t in temps]
-        raise NoResultError(
-            "neither spring is heated",
-            where=where,
-            value=f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)",
-            limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
-            do="record at least one heating and cooling",
-        )
+    if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
+        raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)
     if not switched:
         chained = _placed(chained, temps, margin_c=max(_LIFT_C, 6.0 * noise_c))
     return _chain(chained, len(temp_a_c))
+
+
+def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError:
+    """Return what to say of a record in which no spring is driven on its own."""
+    span = [float(np.max(t) - np.min(t)) for t in temps]
+    value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
+    if min(span) >= _RISE_C:
+        return InputError(
+            "both springs are heated at once, and none on its own",
+            where=where,
+            value=value,
+            limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",
+            do="heat one spring at a time, or check that the two temperature columns are two sensors",
+        )
+    return InputError(
+        "neither spring is heated",
+        where=where,
+        value=value,
+        limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
+        do="record at least one heating and cooling",
+    )
 
 
 def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> list[Heating]:

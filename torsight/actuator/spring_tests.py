@@ -52,6 +52,7 @@ LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
 _GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
 _MOST_ROWS: Final = 4000
+_LEAST_PRE_DEFORMATION_DEG: Final = 5.0
 _RANGES: Final = {
     "temp_c": (-275.0, 225.0, "give temperatures in °C, not in kelvin"),
     "angle_deg": (-1e5, 1e5, "give angles in degrees"),
@@ -216,9 +217,13 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
 
 def _pre_deformation(table: Mapping[str, Any], *, where: str) -> float:
     size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-5000.0, upper=5000.0))
-    if size < 1.0:
+    if size < _LEAST_PRE_DEFORMATION_DEG:
         raise ConfigError(
-            "'pre_deformation_deg' is nothing", where=where, value=f"{size:g}", limit="1 or more, either sign"
+            "'pre_deformation_deg' is next to nothing",
+            where=where,
+            value=f"{size:g}",
+            limit=f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign",
+            do="give it in degrees, not radians",
         )
     return size
 
