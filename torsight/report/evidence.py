@@ -78,7 +78,8 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         "percent": [100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0) for _, gain in ranked],
     }
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
-    return Figure("candidates", "What else could explain it", caption.strip(), plot.render(), data=data)
+    title = "What the known effects explain" if discovery.get("verdict") == "unknown" else "What else could explain it"
+    return Figure("candidates", title, caption.strip(), plot.render(), data=data)
 
 
 def _whole(discovery: Mapping[str, Any], *, otherwise: float = 0.0) -> float:

@@ -53,9 +53,16 @@ class Axis:
             return [low]
         raw = (high - low) / self.ticks
         power = 10.0 ** math.floor(math.log10(raw))
-        step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= raw * 0.999)
-        first = math.ceil(low / step - 1e-9)
-        return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+        steps = [power * factor for factor in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)]
+        place = next(k for k, step in enumerate(steps) if step >= raw * 0.999)
+        found = _multiples(steps[place], low, high)
+        finer = _multiples(steps[place - 1], low, high)
+        return finer if len(found) < 3 and len(finer) <= self.ticks + 1 else found
+
+
+def _multiples(step: float, low: float, high: float) -> list[float]:
+    first = math.ceil(low / step - 1e-9)
+    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
 @dataclass(slots=True)
