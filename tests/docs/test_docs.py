@@ -139,7 +139,7 @@ def _run(words: list[str], world: Path) -> None:
 def test_every_command_that_is_named_can_be_given(page: Path) -> None:
     for command in blocks(page):
         if command.startswith("torsight"):
-            parse(command, whole=True)
+            parse(command.partition("#")[0], whole=True)
     for command in mentioned(page):
         parse(command, whole=" -" in command)
 
