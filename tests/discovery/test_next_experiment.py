@@ -167,6 +167,14 @@ def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_
     assert found.duration_s == pytest.approx(found.columns["time_s"][-1])
     assert {"clock_offset_deg", "sensor_lag_deg", "heat_a"} <= set(found.columns)
     assert found.text in str(found.to_json())
+    # What stands in next_experiment.csv is a temperature log like any other: conditioned, it leads to the same angles.
+    columns = {name: np.asarray(values) for name, values in found.columns.items()}
+    log = TemperatureLog(
+        columns["time_s"], columns["temp_a_c"], columns["temp_b_c"], columns["heat_a"] > 0, columns["heat_b"] > 0
+    )
+    drive = prepare_log(log, start_angle_rad=problem.drive.start_angle_rad)
+    plain = problem.model(("sensor_lag",)).simulate(drive, rivals[1].fit.values).angle_rad
+    assert np.median(np.abs(plain * 180.0 / np.pi - columns["sensor_lag_deg"])) < 0.5
     again = next_experiment(problem, field, rivals, needed_gain=12.0)
     assert again.to_json() == found.to_json()
     protocol = half_cycles(found.segments)  # type: ignore[arg-type]
