@@ -143,6 +143,7 @@ def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path) -
     text = write_report(run).read_text(encoding="utf-8")
     pictures = sorted((run / "figures").glob("*.svg"))
     assert len(pictures) >= 12
+    assert {"both_clocks.svg", "angle_sigma.svg", "before_after.svg"} <= {path.name for path in pictures}
     for path in pictures:
         picture = path.read_text(encoding="utf-8")
         ET.fromstring(picture)  # noqa: S314 - our own text

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.tracks import MARKERS
-from torsight.report.figures import ANGLE, TIME, Figure, column, spans
+from torsight.report.figures import ANGLE, TEMPERATURE, TIME, Figure, column, spans
+from torsight.report.residuals import slope
 from torsight.report.svg import Axis, Plot, stacked
 
 if TYPE_CHECKING:
@@ -38,6 +39,25 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = (
     spread.line(time_s, np.where(valid, np.minimum(sigma, top), np.nan), "ink", label="sigma of the angle")
     svg = stacked([motion, spread], "The measured angle and its standard deviation over time")
     return Figure("angle_sigma", "The angle and how well it was measured", "", svg, "angle.csv")
+
+
+def both_clocks(merged: pd.DataFrame) -> Figure | None:
+    """Draw the temperatures and the speed of the motion on one clock: what belongs together must stand together."""
+    time_s, angle = column(merged, "time_s"), column(merged, "angle_deg")
+    temps = [column(merged, f"temp_{spring}_c") for spring in "ab"]
+    known = np.isfinite(angle)
+    if known.sum() < 10 or not np.isfinite(temps).any():
+        return None
+    window_s = max(2.0, float(np.ptp(time_s)) / 300.0)
+    speed = np.abs(slope(time_s[known], angle[known], window_s=window_s))
+    heat = Plot(Axis.along("", time_s), Axis.around(TEMPERATURE, *temps, ticks=4), "", height=170)
+    for temp, spring in zip(temps, "ab", strict=True):
+        heat.line(time_s, temp, f"spring-{spring}", label=f"spring {spring.upper()}, by its own log")
+    motion = Plot(Axis.along(TIME, time_s), Axis.around("speed (°/s)", [0.0], speed, ticks=3), "", height=160)
+    motion.line(time_s[known], speed, "ink", label="speed of the motion, by the film")
+    svg = stacked([heat, motion], "Temperatures by the log and speed of the motion by the film, on the film's clock")
+    caption = "Every motion must fall where a spring is heated or cools through its transformation."
+    return Figure("both_clocks", "Log and film on one clock", caption, svg, "merged.csv")
 
 
 def marker_paths(markers: pd.DataFrame) -> Figure | None:

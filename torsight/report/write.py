@@ -156,6 +156,8 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
     if results.angle is not None and drawable(results.angle):
         events = (results.track or {}).get("events") or []
         found["sigma"] = [measured.angle_and_sigma(results.angle, events)]
+    if results.sync is not None and results.merged is not None and drawable(results.merged):
+        found["clocks"] = [measured.both_clocks(results.merged)]
     if results.markers is not None:
         found["markers"] = [measured.marker_paths(results.markers)]
     return found
