@@ -6,11 +6,12 @@ Nothing is fetched while the pages are built or looked at.
 from __future__ import annotations
 
 import inspect
+from html import escape
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from docutils.utils.math import latex2mathml
+from docutils.utils.math import MathError, latex2mathml
 
 from torsight import __version__
 from torsight.actuator.effects import Effect, load_effects
@@ -56,12 +57,16 @@ def _effect(name: str, effect: Effect) -> str:
 
 
 _PLAIN = str.maketrans(
-    {"−": "-", "·": r"\cdot ", "≤": r"\le ", "≥": r"\ge ", "…": r"\dots ", "→": r"\to ", "²": "^2", "³": "^3"}
+    {"−": "-", "·": r"\cdot ", "≤": r"\le ", "≥": r"\ge ", "…": r"\ldots ", "→": r"\to ", "²": "^2", "³": "^3"}
 )
 
 
 def _math(node: Any, *, block: bool) -> str:
-    return str(latex2mathml.tex2mathml(node.astext().translate(_PLAIN), as_block=block))
+    """Return a formula as MathML; one that the converter does not know stands as it is written."""
+    try:
+        return str(latex2mathml.tex2mathml(node.astext().translate(_PLAIN), as_block=block))
+    except MathError:
+        return f"<code>{escape(node.astext())}</code>"
 
 
 def _inline(writer: Any, node: Any) -> None:

@@ -10,12 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tomli_w
 
+from tests.record_files import write_record
 from tests.tracker.films import Rig, write_film
-from torsight.core.records import SyncedTable
-from torsight.core.storage import write_table
-from torsight.core.tables import write_merged
 from torsight.synthetic import Record, make_record
 
 ROOT = Path(__file__).parents[2]
@@ -47,17 +44,8 @@ def record() -> Record:
 
 @pytest.fixture(scope="module")
 def folder(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a merged record, the same apart on two clocks, and the actuator as characterised."""
     made = tmp_path_factory.mktemp("example")
-    table: SyncedTable = record.table
-    write_merged(made / "merged.csv", table)
-    frame = np.arange(len(table))
-    columns = {"frame": frame, "time_s": table.time_s, "angle_deg": np.rad2deg(table.angle_rad)}
-    sigma = {"angle_sigma_deg": np.rad2deg(table.angle_sigma_rad), "valid": np.ones(len(table))}
-    write_table(made / "angle.csv", columns | sigma)
-    temps = {"time_s": table.time_s + OFFSET_S, "temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}
-    write_table(made / "temps.csv", temps)
-    (made / "actuator.toml").write_text(tomli_w.dumps(record.played.scene.declared.to_toml()))
+    write_record(record, made, offset_s=OFFSET_S)
     return made
 
 
