@@ -12,7 +12,7 @@ Each step takes the values of the steps before it as priors with their uncertain
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
@@ -38,12 +38,16 @@ _LEAST_HEATING_C: Final = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step: its values, its error, and what was fitted against what was measured."""
+    """One step: its values, its error, and what was fitted against what was measured.
+
+    ``curves`` are (x, measured, fitted) by name; ``beyond`` is what the logs hold outside the part that counts.
+    """
 
     estimates: Mapping[str, Estimate]
     rmse: float
     r2: Mapping[str, float]
     curves: Mapping[str, tuple[Array, Array, Array]]
+    beyond: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return values and errors."""
@@ -247,13 +251,26 @@ def force_angle(tests: SpringTests) -> Step:
         Parameter("force_0_n", float(first[1]), "N"),
     )
     found = fit_curve(model, guess, force, parts=parts, what="force against angle")
-    names = [f"{'large' if entry[2].large else 'small'} {number + 1}" for number, entry in enumerate(picked)]
+    names = _experiments(tests)
     return Step(
         estimates={name: found.estimates[name] for name in ("E_M_gpa", "E_S_gpa", "theta_cr_deg")},
         rmse=found.rmse,
         r2={name: share_explained(force[part], found.fitted[part]) for name, part in zip(names, parts, strict=True)},
         curves={name: (angle[part], force[part], found.fitted[part]) for name, part in zip(names, parts, strict=True)},
+        beyond={
+            name: (item.angle_deg[~item.inside], item.force_n[~item.inside])
+            for name, item in zip(names, tests.forces, strict=True)
+        },
     )
+
+
+def _experiments(tests: SpringTests) -> list[str]:
+    """Return a name for every log of force against angle: its range, and which of that range it is."""
+    names: list[str] = []
+    for item in tests.forces:
+        kind = "large" if item.large else "small"
+        names.append(f"{kind}, experiment {1 + sum(name.startswith(kind) for name in names)}")
+    return names
 
 
 def block_heating(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,6 @@ from torsight.core.storage import atomic_path
 from torsight.core.units import DEG, MM, MNM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from torsight.actuator.characterisation import Characterisation, Step
 
 Array = NDArray[np.float64]
@@ -35,34 +33,56 @@ class Line:
     style: str = "-"
 
 
-def draw(path: Path, lines: Sequence[Line], *, x_label: str, y_label: str, title: str, log_y: bool = False) -> Path:
+def draw(path: Path, lines: Sequence[Line], *, x_label: str, y_label: str, title: str) -> Path:
     """Draw curves to a picture file (PNG or SVG by its suffix) and return the path."""
-
-    def fill(axes: Axes) -> None:
-        for line in lines:
-            faint = line.style.endswith((".", "o"))
-            axes.plot(line.x, line.y, line.style, label=line.label, markersize=2.0, alpha=0.5 if faint else 1.0)
-        if log_y:
-            axes.set_yscale("log")
-        if any(line.label for line in lines):
-            axes.legend(frameon=False, fontsize="small")
-
-    return _save(path, fill, x_label=x_label, y_label=y_label, title=title)
+    return draw_panels(path, [(title, lines)], x_label=x_label, y_label=y_label)
 
 
-def _save(path: Path, fill: Any, *, x_label: str, y_label: str, title: str) -> Path:
+def draw_panels(
+    path: Path,
+    panels: Sequence[tuple[str, Sequence[Line]]],
+    *,
+    x_label: str,
+    y_label: str,
+    notes: Sequence[Mapping[str, tuple[float, float]]] = (),
+) -> Path:
+    """Draw curves to panels side by side; ``notes`` are words at places, per panel."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=_SIZE_IN, dpi=120, layout="constrained")
+    figure = Figure(
+        figsize=(_SIZE_IN[0] * (1.0 + 0.75 * (len(panels) - 1)), _SIZE_IN[1]), dpi=120, layout="constrained"
+    )
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    fill(axes)
-    axes.set(xlabel=x_label, ylabel=y_label, title=title)
-    axes.grid(visible=True, alpha=0.3)
+    for number, (title, lines) in enumerate(panels):
+        axes = figure.add_subplot(1, len(panels), number + 1)
+        for line in lines:
+            faint = line.style.endswith((".", "o"))
+            axes.plot(line.x, line.y, line.style, label=line.label, markersize=2.0, alpha=0.4 if faint else 1.0)
+        for word, place in notes[number].items() if notes else ():
+            axes.plot(*place, "ko", markersize=3.0)
+            axes.annotate(word, place, textcoords="offset points", xytext=(5, 5))
+        if any(line.label for line in lines):
+            axes.legend(frameon=False, fontsize="small", markerscale=3.0)
+        axes.set(xlabel=x_label, ylabel=y_label, title=title)
+        if all(np.all(line.y >= 0.0) for line in lines):
+            axes.set_ylim(bottom=0.0)
+        axes.grid(visible=True, alpha=0.3)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, metadata={"Software": None} if path.suffix == ".png" else {"Date": None})
     return path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionCycle:
+    """One cycle in θ^A: both torques (N·m), half-cycle of every row, friction, and the rows of the corners 1 to 4."""
+
+    theta_rad: Array
+    torque_a_nm: Array
+    torque_b_nm: Array
+    half: NDArray[np.int64]
+    tau_c_nm: float
+    corners: tuple[int, int, int, int]
 
 
 def strain_figure(path: Path, rig: Rig, *, active_coils: float) -> Path:
@@ -78,7 +98,7 @@ def strain_figure(path: Path, rig: Rig, *, active_coils: float) -> Path:
                 active_coils=active_coils,
                 compression_m=size * MM,
             ),
-            f"L_δ = {size:g} mm",
+            f"$L_\\delta$ = {size:g} mm",
         )
         for size in _COMPRESSIONS_MM
     ]
@@ -97,41 +117,61 @@ def stiffness_figure(path: Path, rig: Rig) -> Path:
     )
 
 
-def torque_figure(path: Path, cycles: Mapping[str, tuple[Array, Array, Array]], rig: Rig) -> Path:
-    """Draw figure 7: torque of spring A over its angle for cases (a) and (b), with the friction's band.
+def motion_figure(path: Path, cycles: Mapping[str, MotionCycle], rig: Rig) -> Path:
+    """Draw figure 7: torque of spring A over its angle through a whole cycle, per case, within the friction's band.
 
-    ``cycles``: label → (θ^A in rad, torque of A, torque of B in N·m).
+    1 to 2 A is heated, 2 to 3 it cools; 3 to 4 B is heated and winds A, 4 to 1 B cools.
     """
-    lines = []
-    for label, (theta, own, other) in cycles.items():
-        lines.append(Line(theta / DEG, own / MNM, f"{label}: τ^A", "-"))
-        lines.append(Line(theta / DEG, other / MNM, f"{label}: τ^B", "--"))
+    panels, notes = [], []
     angle = np.linspace(0.0, rig.theta_p_rad, 400)
     loading = np.array([rig.loading_torque(value) for value in angle])
-    lines.append(Line(angle / DEG, loading / MNM, "martensite's loading curve", ":"))
-    return draw(path, lines, x_label="θ^A (°)", y_label="torque (mN·m)", title="Figure 7: motion process")
+    for label, cycle in cycles.items():
+        theta, half = cycle.theta_rad / DEG, cycle.half
+        band = cycle.torque_b_nm[half == 0] / MNM
+        first = theta[half == 0]
+        panels.append(
+            (
+                f"Figure 7, {label}",
+                [
+                    Line(angle / DEG, loading / MNM, "martensite being wound", "k:"),
+                    Line(first, band, "τᴮ while A is driven (no friction)", "C7-"),
+                    Line(first, band + cycle.tau_c_nm / MNM, "τᴮ ± τ_c", "C7--"),
+                    Line(first, band - cycle.tau_c_nm / MNM, "", "C7--"),
+                    Line(first, cycle.torque_a_nm[half == 0] / MNM, "τᴬ, A heated and cooled", "C0-"),
+                    Line(theta[half == 1], cycle.torque_a_nm[half == 1] / MNM, "τᴬ, B heated and cooled", "C1-"),
+                ],
+            )
+        )
+        notes.append(
+            {
+                number: (float(theta[row]), float(cycle.torque_a_nm[row] / MNM))
+                for number, row in zip("1234", cycle.corners, strict=True)
+            }
+        )
+    return draw_panels(path, panels, x_label="θᴬ (°)", y_label="torque (mN·m)", notes=notes)
 
 
 def step_figure(
     path: Path, step: Step, *, title: str, x_label: str, y_label: str, others: Mapping[str, Step] | None = None
 ) -> Path:
-    """Draw a characterisation step: measured and fitted curves (figures 9 to 12)."""
+    """Draw a characterisation step: measured and fitted curves (figures 9 to 12), one colour for each log."""
     lines = []
-    for name, (x, measured, fitted) in step.curves.items():
-        order = np.argsort(x)
-        lines.append(Line(x, measured, f"{name}, measured", "."))
-        lines.append(Line(x[order], fitted[order], f"{name}, model", "-"))
-    for law, other in (others or {}).items():
-        for name, (x, _, fitted) in other.curves.items():
-            order = np.argsort(x)
-            lines.append(Line(x[order], fitted[order], f"{name}, {law}", "--"))
+    for number, (name, (x, measured, fitted)) in enumerate(step.curves.items()):
+        order, colour = np.argsort(x), f"C{number}"
+        if len(step.beyond.get(name, ((),))[0]):
+            lines.append(Line(*step.beyond[name], "", f"{colour}."))
+        lines.append(Line(x, measured, f"{name}, measured", f"{colour}."))
+        lines.append(Line(x[order], fitted[order], f"{name}, model", f"{colour}-"))
+        for law, other in (others or {}).items():
+            x, _, fitted = other.curves[name]
+            lines.append(Line(x[order], fitted[order], f"{name}, {law}", f"{colour}--"))
     return draw(path, lines, x_label=x_label, y_label=y_label, title=title)
 
 
 def characterisation_figures(folder: Path, found: Characterisation) -> list[Path]:
     """Draw figures 9 to 12 of a characterisation and return their paths."""
     steps = found.steps
-    force, angle, temp = "force (N)", "torsion angle (°)", "temperature (°C)"
+    force, angle, temp = "force (N)", "size of the torsion angle (°)", "temperature (°C)"
     small, large = (_only(steps["force_angle"], name) for name in ("small", "large"))
     return [
         step_figure(
@@ -143,7 +183,7 @@ def characterisation_figures(folder: Path, found: Characterisation) -> list[Path
             x_label=angle, y_label=force,
         ),
         step_figure(
-            folder / "figure_11_force_large.png", large, title="Figure 11: force, large range",
+            folder / "figure_11_force_large.png", large, title="Figure 11: force, large range (line from its middle)",
             x_label=angle, y_label=force,
         ),
         step_figure(
@@ -158,4 +198,13 @@ def characterisation_figures(folder: Path, found: Characterisation) -> list[Path
 
 
 def _only(step: Step, kind: str) -> Step:
-    return replace(step, curves={name: curve for name, curve in step.curves.items() if name.startswith(kind)})
+    """Return a step with the logs of one range alone."""
+    return replace(
+        step,
+        curves={_short(name): item for name, item in step.curves.items() if name.startswith(kind)},
+        beyond={_short(name): item for name, item in step.beyond.items() if name.startswith(kind)},
+    )
+
+
+def _short(name: str) -> str:
+    return name.split(", ", 1)[1]
