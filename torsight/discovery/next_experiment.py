@@ -153,13 +153,18 @@ class _Planner:
     def best(self) -> _Weighed:
         """Search: every kind of half-cycle alone, mixtures with the best, true refits of the last few."""
         names = list(self._menu)
-        alone = self._weigh_all([(name,) * 4 for name in names] + [("usual",) * 8, ("fast",) * 8])
+        first_keys = [(name,) * 4 for name in names] + [("usual",) * 8, ("fast",) * 8]
+        alone = self._weigh_all(first_keys)
+        if not alone:
+            # Everything that this rig does takes longer than the limit: then it takes so long.
+            self._longest_s = math.inf
+            alone = self._weigh_all(first_keys)
         ranked = self._ranked(alone)
         first = ranked[0][0][0]
         mixed = [(first, first, name, name) for name in names] + [(first, name, name, first) for name in names]
         weighed = alone | self._weigh_all([key for key in dict.fromkeys(mixed) if key not in alone])
         whole = {key: item for key, item in weighed.items() if item.programme.completes(self._full_c)}
-        finalists = [item for _, item in self._ranked(whole)[:_FINALISTS]]
+        finalists = [item for _, item in self._ranked(whole or weighed)[:_FINALISTS]]
         refitted = [replace(item, gains=self.weigh(self._drive(item.programme), refitted=True)) for item in finalists]
         return max(refitted, key=lambda item: item.worth(self._enough))
 

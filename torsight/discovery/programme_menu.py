@@ -67,7 +67,7 @@ class Habits:
 def menu(habits: Habits, heat: Heat) -> Mapping[str, HalfCyclePlan]:
     """Return the half-cycles that programmes are made of, by a short name."""
     usual, full_c, middle_c = habits.rate_c_per_s, habits.full_c, habits.middle_c
-    slow, fast = max(usual / 3.0, 0.03), min(2.5 * habits.fastest_c_per_s, 0.8)
+    slow, fast = min(usual, max(usual / 3.0, 0.03)), min(2.5 * habits.fastest_c_per_s, 0.8)
     cold_s = min(heat.cooling_s(full_c, heat.room_c + 4.0), 900.0)
     warm_s = heat.cooling_s(full_c, heat.room_c + 18.0)
 
