@@ -78,8 +78,8 @@ def _gap(
     weight = total = 0.0
     for temperature in temperatures_c:
         noise = max(noise_c(temperature), 1e-3)
-        left = _line(time_s[before], temperature[before], noise, end=True)
-        right = _line(time_s[behind], temperature[behind], noise, end=False)
+        left = _edge(time_s[before], temperature[before], noise, end=True)
+        right = _edge(time_s[behind], temperature[behind], noise, end=False)
         if left is None or right is None:
             continue
         rate = 0.5 * (left[1] + right[1])
@@ -98,17 +98,32 @@ def _gap(
     return max(total / weight, 0.2 * step_s), 1.0 / math.sqrt(weight)
 
 
-def _line(
+def _edge(
     time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool
 ) -> tuple[float, float, float, float] | None:
-    """Fit value and rate at the end (or beginning) of a stretch: value, rate, and their sigmas."""
+    """Return value, rate and their sigmas at the end (or beginning) of a stretch.
+
+    From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
+    """
+    whole = _parabola(time_s, temp_c, noise, end=end, window_s=_WINDOW_S)
+    half = _parabola(time_s, temp_c, noise, end=end, window_s=0.5 * _WINDOW_S)
+    if whole is None or half is None:
+        return whole
+    value_sigma = math.hypot(half[2], half[0] - whole[0])
+    rate_sigma = math.hypot(half[3], half[1] - whole[1])
+    return half[0], half[1], value_sigma, rate_sigma
+
+
+def _parabola(
+    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool, window_s: float
+) -> tuple[float, float, float, float] | None:
     edge = time_s[-1] if end else time_s[0]
-    near = (np.abs(time_s - edge) <= _WINDOW_S) & np.isfinite(temp_c)
+    near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
     # Spikes are not out yet: a median of three takes the lone ones.
-    if np.count_nonzero(near) < 5:
+    if np.count_nonzero(near) < 8:
         return None
     x, y = time_s[near] - edge, temp_c[near]
-    design = np.stack([np.ones_like(x), x], axis=1)
+    design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
     for _ in range(3):
         coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)

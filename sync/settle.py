@@ -24,6 +24,15 @@ from torsight.core.tracks import StickAngles
 
 _SURE_GAP_S: Final = 0.01
 _LONGEST_AWAY_S: Final = 900.0
+_AWAY_CELLS_S: Final = (
+    (0.0, 10.0, 0.12),
+    (10.0, 30.0, 0.08),
+    (30.0, 80.0, 0.05),
+    (80.0, 240.0, 0.03),
+    (240.0, 900.0, 0.02),
+)
+"""Ranges of the time away, and how likely each is: each is short enough for its middle to be a start for the search."""
+_MOST_ACCOUNTS: Final = 10
 _STEP_S: Final = 10.0
 _CLOCK_ONLY: Final = 0.7
 
@@ -58,13 +67,14 @@ def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) ->
             for option in (
                 (_with_gap(account, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
                 *(
-                    (_with_gap(account, number, middle_s, half_s), weight + float(np.log1p(-_CLOCK_ONLY)))
-                    for middle_s, half_s in away
+                    (_with_gap(account, number, middle_s, half_s), weight + float(np.log(share)))
+                    for middle_s, half_s, share in away
                 ),
             )
         ]
+    accounts.sort(key=lambda account: -account[1])
     found: list[tuple[MotionEvidence, LogReading, float]] = []
-    for account, weight in accounts[:8]:
+    for account, weight in accounts[:_MOST_ACCOUNTS]:
         evidence = motion_evidence(angles, account.log, prior=prior, jumps=jumps_of(account))
         if evidence is not None:
             found.append((evidence, account, weight))
@@ -114,8 +124,8 @@ def _moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
     return reading
 
 
-def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float]]:
-    """Return ranges (middle, half width) of the time that the logger was away, from strokes against heatings."""
+def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
+    """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
     strokes = find_strokes(angles)
     flanks = picture_log(reading.log, max_gap_s=longest_gap_s(reading.log)).flanks
     if not strokes or not flanks:
@@ -137,9 +147,12 @@ def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tu
             for away in away_s
         ]
     )
-    good = share >= share.max() - 0.05
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
-    return [
-        (float(0.5 * (away_s[begin] + away_s[end - 1])), float(0.5 * (away_s[end - 1] - away_s[begin]) + _STEP_S))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
-    ][:3]
+    good = away_s[share >= share.max() - 0.05]
+    found = []
+    for low, high, weight in _AWAY_CELLS_S:
+        # What the coarse steps call good reaches a step further on both sides.
+        inside = good[(good > low - _STEP_S) & (good < high + _STEP_S)]
+        if len(inside):
+            begin, end = max(low, inside[0] - _STEP_S), min(high, inside[-1] + _STEP_S)
+            found.append((float(0.5 * (begin + end)), float(0.5 * (end - begin)), weight))
+    return found

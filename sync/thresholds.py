@@ -137,8 +137,9 @@ def refine(
     point[0] = start_s
     limit = np.full(len(point), 5.0)
     limit[1] = 3e-4
+    limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
     best: Belief | None = None
-    for _ in range(10):
+    for _ in range(12):
         wire = _wire(crossings, picture, point, jumps, lag_s)
         if np.count_nonzero(wire.known) < _FEWEST:
             return None

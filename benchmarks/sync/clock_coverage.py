@@ -6,8 +6,8 @@ lag of the sensor; any other kind is an effect hidden in the synthetic rig (``ri
 light instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for the
 report only.
 
-Run: python benchmarks/sync/coverage.py --kind slow --seeds 200 --out slow.jsonl
-     python benchmarks/sync/coverage.py --report slow.jsonl fast.jsonl
+Run: python benchmarks/sync/clock_coverage.py --kind slow --seeds 200 --out slow.jsonl
+     python benchmarks/sync/clock_coverage.py --report slow.jsonl fast.jsonl
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--no-restart", action="store_true")
     parser.add_argument("--light", action="store_true")
-    parser.add_argument("--out", type=Path, default=Path("coverage.jsonl"))
+    parser.add_argument("--out", type=Path, default=Path("clock_coverage.jsonl"))
     parser.add_argument("--report", type=Path, nargs="+")
     options = parser.parse_args()
     if options.report:
