@@ -14,6 +14,7 @@ import pytest
 from made_up_run import discovery, write_made_up_run
 
 from torsight.report import write_report
+from torsight.report.export import NAMES
 
 TABLES = ("angle", "markers", "merged", "curves")
 
@@ -138,11 +139,20 @@ def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: P
     assert not (run / "figures" / "next_experiment.svg").exists()
 
 
+def test_what_others_keep_in_the_figures_folder_stays(run: Path) -> None:
+    own = run / "figures" / "for_the_paper.svg"
+    own.parent.mkdir()
+    own.write_text("<svg/>", encoding="utf-8")
+    write_report(run)
+    assert own.read_text(encoding="utf-8") == "<svg/>"
+
+
 def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path) -> None:
     rewrite(run, evidence={"gains": {"sensor_lag": 4000.0, "clock_offset": 3000.0, "fatigue": -1.0}, "best_set": []})
     text = write_report(run).read_text(encoding="utf-8")
     pictures = sorted((run / "figures").glob("*.svg"))
     assert len(pictures) >= 12
+    assert {path.stem for path in pictures} <= NAMES
     assert {"both_clocks.svg", "angle_sigma.svg", "before_after.svg"} <= {path.name for path in pictures}
     for path in pictures:
         picture = path.read_text(encoding="utf-8")

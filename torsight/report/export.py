@@ -9,14 +9,21 @@ from typing import Final
 
 from torsight.core.storage import write_table, write_text
 from torsight.report.figures import Figure
+from torsight.report.residuals import LABELS
 
 FOLDER: Final = "figures"
+NAMES: Final = frozenset(
+    {"before_after", "candidates", "unseen_half_cycles", "next_experiment", "pulls", "angle_time", "temperatures"}
+    | {"angle_temperature_a", "angle_temperature_b", "angle_sigma", "both_clocks", "markers", "residual_left"}
+    | {f"residual_{name}" for name in (*LABELS, "direction", "half_cycle")}
+)
+"""Every figure that a report may hold; only files of these names are ever removed."""
 
 
 def write_figures(folder: Path, figures: Iterable[Figure], style: str) -> None:
     """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
 
-    Files of figures that the page no longer shows are removed.
+    Files of figures that an earlier page showed and this one does not are removed; what others put there stays.
     """
     target = folder / FOLDER
     standing = f"<style>{plain_style(style)}</style>"
@@ -28,9 +35,9 @@ def write_figures(folder: Path, figures: Iterable[Figure], style: str) -> None:
         if figure.data is not None:
             write_table(target / f"{figure.name}.csv", figure.data)
             written.add(f"{figure.name}.csv")
-    for path in target.glob("*") if target.is_dir() else ():
-        if path.suffix in {".svg", ".csv"} and path.name not in written and not path.name.startswith("."):
-            path.unlink(missing_ok=True)
+    for name in (f"{figure}{suffix}" for figure in NAMES for suffix in (".svg", ".csv")):
+        if name not in written:
+            (target / name).unlink(missing_ok=True)
 
 
 def plain_style(style: str) -> str:

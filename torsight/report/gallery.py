@@ -54,16 +54,21 @@ def _card(row: Mapping[str, Any], out: Path) -> dict[str, Any]:
         return card
     try:
         results = read_results(folder)
+        card |= {"pictures": _pictures(results), "lines": _lines(results)}
     except TorsightError as error:
         return card | {"message": str(error)}
-    card["link"] = os.path.relpath(folder / "report.html", out)
-    card["pictures"] = _pictures(results)
-    if results.discovery is not None:
-        friction = results.discovery["parameters"].get("tau_c_mnm")
-        card["lines"] = [verdict_sentence(results.discovery)]
-        if friction is not None:
-            card["lines"].append(f"friction torque {estimate(friction)}")
-    return card
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        # A file that was changed by hand: its own card says so, the others stand.
+        return card | {"message": f"its results are damaged ({type(error).__name__}: {error})"}
+    return card | {"link": os.path.relpath(folder / "report.html", out)}
+
+
+def _lines(results: RunResults) -> list[str]:
+    if results.discovery is None:
+        return []
+    friction = results.discovery["parameters"].get("tau_c_mnm")
+    torque = [] if friction is None else [f"friction torque {estimate(friction)}"]
+    return [verdict_sentence(results.discovery), *torque]
 
 
 def _pictures(results: RunResults) -> list[str]:
