@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
@@ -25,7 +26,9 @@ from torsight.viewer.live.following import LogFollower
 from torsight.viewer.live.intake import WAITING_FRAMES, Intake, Picture
 from torsight.viewer.live.latency import Latency
 from torsight.viewer.live.model import STEP_S, Thinned
+from torsight.viewer.live.outcome import Outcome
 from torsight.viewer.live.sources import open_pictures
+from torsight.viewer.live.standing import standing
 from tracker.orient import orient
 
 # --- frames -----------------------------------------------------------------------------------------------------------
@@ -320,6 +323,34 @@ def test_latency_percentiles_are_those_of_the_samples_to_a_bin() -> None:
     for percent in (50.0, 99.0):
         assert latency.percentile_ms(percent) == pytest.approx(np.percentile(durations_s, percent) * 1e3, abs=0.11)
     assert latency.to_json()["longest_ms"] == pytest.approx(durations_s.max() * 1e3)
+
+
+def test_how_things_stand_is_told_with_units() -> None:
+    outcome = Outcome()
+    for degrees_now in (-10.0, 30.0, math.nan):
+        outcome.count(math.radians(degrees_now), dropped=math.isnan(degrees_now), missed=0)
+    words = standing(
+        outcome,
+        angle_deg=-12.34,
+        model_deg=(-15.0, 2.66),
+        temperatures={"A": 51.23, "B": 24.0},
+        latency_ms=1.7,
+        trouble="",
+    )
+    for part in (
+        "−12.3°",
+        "A 51.2 °C  B 24.0 °C",
+        "40.0°",
+        "3, 2 measured, 1 dropped",
+        "1.7 ms",
+        "−15.0°, residual 2.7°",
+    ):
+        assert part in words
+    nothing = standing(
+        Outcome(), angle_deg=math.nan, model_deg=(math.nan, math.nan), temperatures={}, latency_ms=1.0, trouble="rest"
+    )
+    for part in ("not known yet", "none yet", "**Model** rest"):
+        assert part in nothing
 
 
 def test_thinning_gives_the_mean_of_every_step() -> None:

@@ -20,10 +20,11 @@ from rerun.experimental import ViewerClient
 from torsight.core.errors import NoResultError, OutputError
 from torsight.viewer import layout
 from torsight.viewer.live.feed import MOST_WAITING, Feed
+from torsight.viewer.live.intake import Picture
 from torsight.viewer.live.session import Session
 from torsight.viewer.live.sources import open_pictures
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR, overlay
-from torsight.viewer.pictures import WHOLE, pictures_of, viewer_without_screen
+from torsight.viewer.pictures import WHOLE, patiently, pictures_of, viewer_without_screen
 from torsight.viewer.program import free_port
 
 FRAMES = 120
@@ -150,6 +151,57 @@ def test_a_film_that_is_still_written_is_followed_to_its_end(rig: tuple[Path, np
     np.testing.assert_allclose(seen, np.arange(FRAMES) / FPS, atol=2e-3)
 
 
+class Rushing:
+    """A camera that is polite until the markers are followed, then far too fast, and that loses two pictures itself."""
+
+    name = "rushing"
+    speed: float | None = None
+    waits = False
+    pixel_aspect = 1.0
+    ended_because = "unplugged"
+
+    def __init__(self, film: Path) -> None:
+        pictures = open_pictures(str(film)).frames(threading.Event())
+        self.luma = [picture.luma for picture in pictures]
+        self.session: Session | None = None
+
+    def frames(self, stop: threading.Event) -> Iterator[Picture]:
+        for index, luma in enumerate([*self.luma, *self.luma[::-1]]):
+            while 20 < index <= 40 and self.session is not None and not self.session._steady:
+                stop.wait(0.01)
+            if index <= 40:
+                stop.wait(0.01)
+            late = 2 if index > 50 else 0
+            yield Picture((index + late) / FPS, luma, missed=2 if index == 51 else 0)
+
+    def describe(self) -> dict[str, object]:
+        return {"kind": "camera"}
+
+
+def test_dropped_frames_are_counted_and_told_and_shift_nothing(rig: tuple[Path, np.ndarray], tmp_path: Path) -> None:
+    pictures = Rushing(rig[0] / "film.mkv")
+    session = Session(pictures, log=rig[0] / "temps.csv", folder=tmp_path / "live", offset_s=0.0)
+    pictures.session = session
+    outcome = session.run(threading.Event())
+    table = pd.read_csv(tmp_path / "live" / "angle.csv")
+    frames = 2 * FRAMES
+    assert table["frame"].tolist() == list(range(frames))
+    late = np.where(np.arange(frames) > 50, 2, 0)
+    np.testing.assert_allclose(table["time_s"], (np.arange(frames) + late) / FPS, atol=1e-6)
+    assert outcome.dropped > 0
+    assert outcome.missed == 2
+    assert (table["valid"] < 0.5).sum() >= outcome.dropped
+    account = json.loads((tmp_path / "live" / "track.json").read_text(encoding="utf-8"))
+    assert account["frames"]["dropped"] == outcome.dropped
+    told = [event["text"] for event in account["events"] if event["kind"] == "dropped"]
+    assert told[-1] == f"{outcome.dropped} frames dropped so far, 2 lost by the source"
+    assert any("unplugged" in event["text"] for event in account["events"])
+    # The pictures that were taken still give the angle of their own instant.
+    expected = np.concatenate([rig[1], rig[1][::-1]])
+    error = (table["angle_deg"] - expected)[table["valid"] > 0.5]
+    assert np.sqrt(np.mean(error**2)) < 0.1
+
+
 # --- the screen -------------------------------------------------------------------------------------------------------
 
 
@@ -235,8 +287,8 @@ def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.nda
         session = threading.Thread(target=play, args=(rig[0], tmp_path / "live"), kwargs={"feed": feed})
         try:
             with viewer_without_screen() as client:
-                client.open(feed.address)
-                client.take_screenshot()
+                patiently(client.open, feed.address)
+                patiently(client.take_screenshot)
                 os.kill(viewer_process(), signal.SIGSTOP)
                 session.start()
                 session.join()
@@ -249,8 +301,8 @@ def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.nda
         assert account["latency_logged"]["frames"] > 0
         model_curves(feed)
         with viewer_without_screen() as client:
-            client.open(feed.address)
-            client.take_screenshot()
+            patiently(client.open, feed.address)
+            patiently(client.take_screenshot)
             panes = panes_once_drawn(client)
     finally:
         feed.close()

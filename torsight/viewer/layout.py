@@ -86,7 +86,8 @@ def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
             ),
             column_shares=[4, 6],
         ),
-        rrb.TimePanel(state="collapsed", timeline=TIME),
+        # A record that is still made is followed; a finished one stands where it is put.
+        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following" if span_s is None else None),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_layout=False,

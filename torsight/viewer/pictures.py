@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from torsight.core.errors import OutputError
 from torsight.viewer.layout import TIME
@@ -15,10 +15,14 @@ from torsight.viewer.program import LOOPBACK, Viewer, free_port
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
+Answer = TypeVar("Answer")
+
 WHOLE: Final = "whole"
 """Name of the picture of all panes together."""
 
 START_S: Final = 30.0
+PATIENCE_S: Final = 120.0
+"""How long a viewer is asked again that did not answer in time."""
 SETTLE_S: Final = 0.7
 """Panes slide into place after the first picture, and the video is decoded beside."""
 
@@ -48,20 +52,31 @@ def take_pictures(
         When the viewer cannot draw here: it needs a Vulkan driver, one in software will do.
     """
     with viewer_without_screen(size_px) as client:
-        client.open(str(recording.resolve()))
+        patiently(client.open, str(recording.resolve()))
         if time_s is not None:
-            client.set_time(TIME, duration=time_s, play_state="paused")
+            patiently(client.set_time, TIME, duration=time_s, play_state="paused")
         # The first picture is drawn before all that was opened is there.
-        client.take_screenshot()
+        patiently(client.take_screenshot)
         time.sleep(SETTLE_S)
         return pictures_of(client)
 
 
 def pictures_of(client: ViewerClient) -> dict[str, bytes]:
     """Return what a viewer shows now, pane by pane."""
-    views = {view.name: view.view_id for view in client.get_state().views}
-    pictures = {WHOLE: client.take_screenshot()}
-    return pictures | {name: client.take_screenshot(identifier) for name, identifier in views.items()}
+    views = {view.name: view.view_id for view in patiently(client.get_state).views}
+    pictures = {WHOLE: patiently(client.take_screenshot)}
+    return pictures | {name: patiently(client.take_screenshot, identifier) for name, identifier in views.items()}
+
+
+def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> Answer:
+    """Ask a viewer again where a busy machine kept it from answering in its own time."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return ask(*arguments, **options)
+        except TimeoutError:
+            if time.monotonic() > end:
+                raise
 
 
 @contextmanager

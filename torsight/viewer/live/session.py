@@ -16,7 +16,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
-from torsight.core.wording import estimate, number
+from torsight.core.wording import estimate
 from torsight.viewer import layout
 from torsight.viewer.live.account import write_track_account
 from torsight.viewer.live.clock import LogClock
@@ -26,6 +26,7 @@ from torsight.viewer.live.intake import WAITING_FRAMES, Intake, LiveFrame, Pictu
 from torsight.viewer.live.latency import Latency
 from torsight.viewer.live.outcome import Outcome
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
+from torsight.viewer.live.standing import standing
 from torsight.viewer.live.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.overlay import overlay
 
@@ -39,6 +40,7 @@ PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
 MODEL_EVERY_S: Final = 1.0
+STOPPED_FIT_S: Final = 5.0
 FEED_OPENS_S: Final = 15.0
 """How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
 SHOWN_PX: Final = 640
@@ -104,6 +106,7 @@ class Session:
         self._due = dict.fromkeys(("picture", "beside", "log", "model", "dropped"), -math.inf)
         self._told_dropped = 0
         self._angle_deg = math.nan
+        self._model_deg = math.nan, math.nan
         self._temperatures: dict[str, float] = {}
         self._trouble = ""
         self._steady = False
@@ -131,7 +134,8 @@ class Session:
                 self.outcome.served_first = first
                 self._watch(stop)
             self._tell_the_end()
-            self._last_news()
+            # Who ends it by hand does not want to wait long.
+            self._last_news(min(self._last_fit_s, STOPPED_FIT_S) if stop.is_set() else self._last_fit_s)
             if self._intake.error is not None:
                 raise self._intake.error
         finally:
@@ -269,9 +273,10 @@ class Session:
             for time_s, row in due:
                 self._model.temperature(time_s, tuple(row[1:]))
 
-    def _last_news(self) -> None:
+    def _last_news(self, limit_s: float) -> None:
         if self._model is not None and self.outcome.measured:
-            for news in self._model.last(self._last_fit_s):
+            self._say("fitting the friction of the whole record")
+            for news in self._model.last(limit_s):
                 self._news(news)
         if self._feed is not None:
             self._feed.put("summary", self._words())
@@ -281,6 +286,8 @@ class Session:
             return
         self._trouble = news.trouble
         self._tell_half_cycles(news)
+        if len(news.time_s):
+            self._model_deg = news.angle_rad[-1] / DEG, news.residual_rad[-1] / DEG
         if self._feed is not None and len(news.time_s):
             self._feed.put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
             known = np.isfinite(news.residual_rad)
@@ -304,27 +311,21 @@ class Session:
     def _tell_half_cycles(self, news: ModelNews) -> None:
         for begin in news.half_cycles[self.outcome.half_cycles :]:
             self.outcome.half_cycles += 1
-            words = f"half-cycle {self.outcome.half_cycles}: spring {begin.spring} is driven"
+            words = f"number {self.outcome.half_cycles}, spring {begin.spring} is driven"
             self._tell(begin.time_s, self._frame, "half-cycle", words)
             if self._feed is not None and math.isfinite(begin.angle_rad):
                 entry = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
                 self._feed.put("series", layout.HALF_CYCLE, *entry)
 
     def _words(self) -> str:
-        """Return how things stand, in Markdown."""
-        outcome, angle = self.outcome, self._angle_deg
-        rows = [
-            ("Angle", f"{angle:.1f}°" if math.isfinite(angle) else "not known yet"),
-            ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in self._temperatures.items())),
-            ("Range of motion", f"{outcome.high_deg - outcome.low_deg:.1f}°" if outcome.measured else "–"),
-            ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped"),
-            ("Latency", f"median {number(self._latency.percentile_ms(50.0), 2)} ms"),
-        ]
-        if outcome.friction is not None:
-            rows.append(("Friction torque", f"{estimate(outcome.friction)}, plain model"))
-        if self._trouble:
-            rows.append(("Model", self._trouble))
-        return "\n".join(["### Live", "", *(f"- **{name}** {words or 'none yet'}" for name, words in rows), ""])
+        return standing(
+            self.outcome,
+            angle_deg=self._angle_deg,
+            model_deg=self._model_deg,
+            temperatures=self._temperatures,
+            latency_ms=self._latency.percentile_ms(50.0),
+            trouble=self._trouble,
+        )
 
     def _tell(self, time_s: float, frame: int, kind: str, text: str) -> None:
         self._events.append({"time_s": time_s, "frame": frame, "kind": kind, "text": text})
