@@ -31,5 +31,6 @@ def init(
     for template, target in targets.items():
         write_text(target, template.read_text(encoding="utf-8"))
         say(f"wrote {target}")
-    say(f"Fill them in, then: torsight run {folder / 'experiment.toml'}")
+    experiment = folder / "experiment.toml"
+    say(f"Fill them in, then: torsight doctor {experiment}, and torsight run {experiment}")
     return Answer({"folder": str(folder)}, files=tuple(targets.values()))
