@@ -20,6 +20,12 @@ RANGE_C: Final = (-80.0, 250.0)
 _SPIKE_FLOOR_C: Final = 1.0
 _STUCK_S: Final = 2.0
 _STUCK_ROWS: Final = 8
+_FROZEN_ROWS: Final = 30
+_FROZEN_RUNS: Final = 4
+_FROZEN_SHARE: Final = 0.3
+_TO_AND_FRO: Final = 0.25
+_ALIKE_SHARE: Final = 0.4
+"""Of readings that noise moves less than this share equal the one before: thirty in a row are no chance."""
 
 
 def clean_channel(
@@ -102,7 +108,7 @@ def _spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray
 
 
 def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark runs of one value that end in a jump; the run's first reading is kept."""
+    """Mark runs of one value that end in a jump, or that noise cannot leave alone; the run's first reading is kept."""
     stuck = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
     if len(index) < _STUCK_ROWS:
@@ -116,4 +122,23 @@ def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
             continue
         if abs(known[end] - known[begin]) > jump_c:
             stuck[index[begin + 1 : end]] = True
+    for begin, end in _frozen(np.diff(known), edges):
+        if at_s[end - 1] - at_s[begin] >= _STUCK_S:
+            stuck[index[begin + 1 : end]] = True
     return stuck
+
+
+def _frozen(step_c: NDArray[np.float64], edges: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return runs of one value in a channel whose neighbouring readings elsewhere are seldom alike.
+
+    None where there are many, or where they make up much of the log, or where no noise moves the readings to and fro:
+    then the sensor is a quiet one.
+    """
+    runs = [(begin, end) for begin, end in itertools.pairwise(edges.tolist()) if end - begin >= _FROZEN_ROWS]
+    inside = sum(end - begin - 1 for begin, end in runs)
+    alike = int(np.count_nonzero(step_c == 0)) - inside
+    others = len(step_c) - inside
+    seldom = others > 0 and alike < _ALIKE_SHARE * others
+    moves = np.sign(step_c[step_c != 0])
+    seldom &= len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
+    return runs if seldom and len(runs) <= _FROZEN_RUNS and inside < _FROZEN_SHARE * len(step_c) else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -59,6 +60,13 @@ def read_temperature_log(path: Path) -> LogReading:
             limit=f"at least {_MIN_ROWS}",
             do="record it again",
         )
+    if float(np.ptp(ordered.time_s)) == 0.0 and not ordered.block[-1]:
+        raise InputError(
+            "holds one and the same time in every row",
+            where=f"{path}, column time_s",
+            value=f"{ordered.time_s[0]:g}",
+            do="record it again, with a clock that runs",
+        )
     _require_order(ordered, len(frame), path=path)
     columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
     stamps, merged = _distinct(ordered, columns, first_line=first_line, repairs=repairs)
@@ -70,7 +78,7 @@ def read_temperature_log(path: Path) -> LogReading:
         if not np.isfinite(temperatures[name]).any():
             raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
     require_units(joined.time_s, temperatures, where=str(path))
-    switches = {name: _switch(merged.numbers[name]) for name in _SWITCHES if name in merged.numbers}
+    switches = _read_switches(merged.numbers, repairs)
     extra: dict[str, NDArray[np.generic]] = {
         name: values for name, values in merged.numbers.items() if name not in (*REQUIRED, *_SWITCHES)
     }
@@ -240,6 +248,24 @@ def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
     rank = np.arange(len(group)) - first[group]
     time_s = ordered.time_s + width[group] * rank / size[group]
     return OrderedStamps(ordered.row, time_s, ordered.block, ordered.repairs)
+
+
+def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Repair]) -> dict[str, NDArray[np.bool_]]:
+    """Return the switches that the log has; a column without any state that can be read is told and left out."""
+    switches: dict[str, NDArray[np.bool_]] = {}
+    for name in _SWITCHES:
+        if name not in numbers:
+            continue
+        unread = int(np.count_nonzero(~np.isfinite(numbers[name])))
+        if unread == len(numbers[name]):
+            repairs.append(Repair("no_switch", unread, f"{name}: no field is 0, 1, on or off; left out"))
+            continue
+        if unread:
+            repairs.append(
+                Repair("no_switch", unread, f"{name}: {unread} fields are not 0, 1, on or off; taken as the one before")
+            )
+        switches[name] = _switch(numbers[name])
+    return switches
 
 
 def _switch(values: NDArray[np.float64]) -> NDArray[np.bool_]:

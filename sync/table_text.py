@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
-_COMMA_NUMBER: Final = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
-_SURE_COMMA: Final = re.compile(r"(?<![\d.,])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
+_SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
 _PREAMBLE_LINES: Final = 60
 
@@ -61,6 +62,8 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
     body = _whole_rows(lines[header + 1 :], len(names), delimiter, path=path, first_line=header + 2, repairs=repairs)
     joined = "\n".join(body)
     decimal = _decimal(joined, delimiter, path=path, repairs=repairs)
+    if delimiter == "," and decimal == ",":
+        joined, decimal = _QUOTED_NUMBER.sub(r"\1.\2", joined), "."
     if not joined.strip():
         raise InputError("has a header but no rows", where=str(path), do="record it again")
     try:
@@ -204,13 +207,13 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
 
 def _decimal(body: str, delimiter: str, *, path: Path, repairs: list[Repair]) -> str:
     """Return the decimal sign, refusing what can be read in two ways."""
-    if delimiter == ",":
-        return "."
-    first = _COMMA_NUMBER.search(body)
+    # Between commas a comma within a number stands in quotes.
+    numbers = " ".join(match.group(0)[1:-1] for match in _QUOTED_NUMBER.finditer(body)) if delimiter == "," else body
+    first = _COMMA_NUMBER.search(numbers) or (_BOTH_SIGNS.search(numbers) if delimiter != "," else None)
     if first is None:
         return "."
-    line = body.count("\n", 0, first.start()) + 2
-    if _BOTH_SIGNS.search(body) or not _SURE_COMMA.search(body):
+    if _BOTH_SIGNS.search(numbers) or not _SURE_COMMA.search(numbers):
+        line = body.count("\n", 0, body.index(first.group(0))) + 2
         raise InputError(
             "has numbers whose comma can be a decimal sign or a thousands sign",
             where=f"{path}, near line {line}",
@@ -218,5 +221,6 @@ def _decimal(body: str, delimiter: str, *, path: Path, repairs: list[Repair]) ->
             limit="'.' as decimal sign, no thousands sign",
             do="export it with '.' as decimal sign",
         )
-    repairs.append(Repair("decimal_comma", 1, "decimal commas were read as decimal points"))
+    count = len(_COMMA_NUMBER.findall(numbers))
+    repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
     return ","

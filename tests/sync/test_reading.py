@@ -236,3 +236,69 @@ def test_restart_at_zero_from_negative_stamps_is_no_pause(tmp_path):
     (restart,) = reading.restarts
     assert restart.gap_s == pytest.approx(0.25, abs=1e-6)
     np.testing.assert_allclose(reading.log.time_s, time_s - 300.0, atol=1e-6)
+
+
+def noisy(rows=1200, seed=4):
+    rng = np.random.default_rng(seed)
+    time_s = np.round(0.05 * np.arange(rows), 3)
+    temp_c = 24.0 + 30.0 * np.clip((time_s - 10.0) / 30.0, 0.0, 1.0)
+    return time_s, np.round(temp_c + 0.03 * rng.standard_normal(rows), 2)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(900, 1200), (50, 120)])
+def test_a_sensor_that_hangs_without_a_jump(tmp_path, begin, end):
+    time_s, temp_c = noisy()
+    hung = temp_c.copy()
+    hung[begin:end] = hung[begin]
+    pd.DataFrame({"time_s": time_s, "temp_a_c": hung, "temp_b_c": temp_c}).to_csv(tmp_path / "t.csv", index=False)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert kinds(reading)["stuck"] == pytest.approx(end - begin - 1, abs=2)
+    assert np.isnan(reading.log.temp_a_c[begin + 5 : end - 5]).all()
+    assert np.isfinite(reading.log.temp_b_c).all()
+
+
+def test_a_quiet_sensor_at_rest_is_not_stuck(tmp_path):
+    time_s, _ = noisy()
+    temp_c = np.round(24.0 + 30.0 * np.clip((time_s - 10.0) / 45.0, 0.0, 1.0), 2)
+    pd.DataFrame({"time_s": time_s, "temp_a_c": temp_c, "temp_b_c": 24.0}).to_csv(tmp_path / "t.csv", index=False)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.repairs == ()
+    assert np.array_equal(reading.log.temp_a_c, temp_c)
+
+
+def test_decimal_commas_in_quotes(tmp_path):
+    rows = "".join(f'"{i},25","24,5","2{i},75"\n' for i in range(5))
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.time_s.tolist() == [0.25, 1.25, 2.25, 3.25, 4.25]
+    assert reading.log.temp_b_c.tolist() == [20.75, 21.75, 22.75, 23.75, 24.75]
+    assert kinds(reading) == {"decimal_comma": 15}
+
+
+def test_iso_stamps_with_a_decimal_comma(tmp_path):
+    rows = "".join(f"2024-05-01T10:00:0{i},500;24.5;2{i}.75\n" for i in range(5))
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.time_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert reading.log.temp_a_c.tolist() == [24.5] * 5
+
+
+def test_thousands_are_refused(tmp_path):
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + "".join(f"{i};1,024.5;25.5\n" for i in range(5)))
+    with pytest.raises(InputError, match="thousands"):
+        read_temperature_log(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(("words", "left"), [(("an", "aus"), 6), (("on", "?"), 3)])
+def test_a_switch_that_cannot_be_read_is_told(tmp_path, words, left):
+    rows = "".join(f"{i},24.5,25.5,{words[i % 2]}\n" for i in range(6))
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c,heat_a\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert kinds(reading) == {"no_switch": left}
+    assert (reading.log.heat_a is None) == (left == 6)
+
+
+def test_a_clock_that_stands_still_is_refused(tmp_path):
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n" + "1.0,24.5,25.5\n" * 9)
+    with pytest.raises(InputError, match="same time"):
+        read_temperature_log(tmp_path / "t.csv")
