@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.effects import Effect, load_effects, load_nameless
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
 from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
@@ -75,8 +75,9 @@ class ActuatorProblem:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Every effect file as a candidate, but for what is always fitted."""
-        return tuple(_candidate(effect) for effect in load_effects().values() if effect.family != ALWAYS_FAMILY)
+        """Every effect file as a candidate, but for what is always fitted; then the mechanisms without a name."""
+        named = [_candidate(effect) for effect in load_effects().values() if effect.family != ALWAYS_FAMILY]
+        return (*named, *(_candidate(effect, named=False) for effect in load_nameless().values()))
 
     @cached_property
     def time_s(self) -> Array:
@@ -236,7 +237,7 @@ def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
     )
 
 
-def _candidate(effect: Effect) -> Candidate:
+def _candidate(effect: Effect, *, named: bool = True) -> Candidate:
     own = effect.propose
 
     def in_radians(time_s: Array, residual_deg: Array) -> tuple[Mapping[str, float], ...]:
@@ -245,7 +246,9 @@ def _candidate(effect: Effect) -> Candidate:
     propose = None if own is None else in_radians
     # The time of an event is known to about a second once it is found; its bounds span all times.
     scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
-    return Candidate(effect.id, effect.family, effect.parameters, effect.starts, propose, scales)
+    return Candidate(
+        effect.id, effect.family, effect.parameters, effect.starts, propose, scales, named=named, drivers=effect.drivers
+    )
 
 
 def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

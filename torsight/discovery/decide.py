@@ -9,6 +9,7 @@ name here. Sets that explain the record within a small cost of the best are riva
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
 from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import LEAST_PULLED, predictable
+
+LEAST_BY_PRIORS: Final = 15.0
+"""Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,11 +65,12 @@ def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = 
     best = field.base
     for size in range(1, settings.most_effects + 1):
         for contender in field.of_size(size):
-            if contender.cost < best.cost and judge.earned(contender):
+            if contender.named and contender.cost < best.cost and judge.earned(contender):
                 best = contender
                 break
     chosen = best if judge.adequate(best) else field.base
-    rivals = tuple(judge.rivals(chosen)) if chosen is not field.base else ()
+    chosen = judge.nameless(chosen) or chosen
+    rivals = tuple(judge.rivals(chosen)) if chosen.effects and chosen.named else ()
     return Decision(
         chosen=chosen,
         best=best,
@@ -114,10 +119,11 @@ class _Judge:
 
     def _better(self, contender: Contender, without: Contender) -> bool:
         gain = without.cost - contender.cost
-        if gain < self._threshold:
-            return False
-        # What takes several values back to where they were measured need not show in the residual they had imitated.
+        # What takes several values back to where they were measured need not show in the residual they had imitated;
+        # and the priors are what they say they are, which cannot be said of a residual's noise.
         by_priors = without.prior - contender.prior >= 0.5 * gain
+        if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
+            return False
         removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
         if not by_priors and removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
             return False
@@ -172,13 +178,25 @@ class _Judge:
         near = self.over_floor(contender) <= self._settings.near_floor and not pulled
         return near or self.share(contender) >= self._settings.share_explained
 
+    def nameless(self, chosen: Contender) -> Contender | None:
+        """Return a mechanism without a name that explains the record clearly better, one for one, than what is chosen.
+
+        Each effect of a set costs what a rival may be worse by, so that two names are not given where one mechanism
+        does it; and a name is preferred as long as it is a rival.
+        """
+        limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - 2)
+        for contender in self._field.of_size(1):
+            if not contender.named and contender.cost < limit and self.earned(contender) and self.adequate(contender):
+                return contender
+        return None
+
     def rivals(self, chosen: Contender) -> list[Contender]:
         """Return the other sets of the same size that explain the record as well."""
         limit = chosen.cost + self._settings.rival_gain
         return [
             c
             for c in self._field.of_size(len(chosen.effects))
-            if c is not chosen and c.cost <= limit and self.earned(c) and self.adequate(c)
+            if c is not chosen and c.named and c.cost <= limit and self.earned(c) and self.adequate(c)
         ]
 
 

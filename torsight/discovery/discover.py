@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.effects import load_effects
+from torsight.actuator.effects import load_effects, load_nameless
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import ActuatorModel
@@ -88,7 +88,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
         verdict=findings.verdict,
         effects=_effects(findings, spread, parameters, seed=seed),
         alternatives=tuple(rival.effects for rival in decision.rivals),
-        drivers=() if findings.closure is None else findings.closure.drivers,
+        drivers=findings.drivers,
         before=before,
         after=after,
         held_out=blocks,
@@ -200,7 +200,7 @@ def _effects(
     rng = np.random.default_rng(seed)
     draws = rng.multivariate_normal(chosen.fit.solution.x, spread, size=_DRAWS, method="eigh")
     found = []
-    for name in chosen.effects:
+    for name in chosen.effects if chosen.named else ():
         effect = load_effects()[name]
         own = {p.name: parameters[p.name] for p in effect.parameters}
         columns = {p.name: draws[:, names.index(p.name)] for p in effect.parameters}
@@ -253,7 +253,11 @@ def _notes(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull,
     if far:
         listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
         notes.append(f"The record contradicts characterised values: {listed}; check the actuator file")
-    if findings.decision.chosen.effects:
+    chosen = findings.decision.chosen
+    if not chosen.named:
+        titles = ", ".join(load_nameless()[name].title for name in chosen.effects)
+        notes.append(f"What is missing is none of the library's effects; it acts like {titles}, which stands in for it")
+    if chosen.effects:
         pulled = [pull for pull in plain_pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
         if pulled:
             listed = ", ".join(f"{p.name} by {p.sigmas:+.1f} σ" for p in pulled)

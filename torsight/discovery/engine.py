@@ -18,7 +18,7 @@ from torsight.core.progress import Progress, silent
 from torsight.discovery.decide import Decision, decide, much_left
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.search import Field, Search, Settings
-from torsight.discovery.stand_in import LEAST_GAIN, learn_closure
+from torsight.discovery.stand_in import LEAST_GAIN, declared_drivers, learn_closure, likely_driver
 from torsight.discovery.validate import HeldOut, block_labels
 
 Verdict = Literal["none", "identified", "ambiguous", "unknown"]
@@ -39,7 +39,9 @@ class Findings:
     before, after : HeldOut or None
         Prediction of unseen blocks by the base model and by the named set; None where there is one block only.
     closure : Closure or None
-        The learned stand-in, for ``unknown``.
+        The learned stand-in, for ``unknown``; None where a mechanism without a name stands in.
+    drivers : tuple of (str, float)
+        What is missing depends on this, for ``unknown``: variable and share, strongest first.
     """
 
     verdict: Verdict
@@ -48,6 +50,7 @@ class Findings:
     before: HeldOut | None
     after: HeldOut | None
     closure: Closure | None
+    drivers: tuple[tuple[str, float], ...] = ()
 
 
 def find_missing(
@@ -90,10 +93,19 @@ def find_missing(
             much = much_left(field, field.base, settings=chosen_settings)
             closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)
     unnamed = closure is not None or much_left(field, field.base, settings=chosen_settings)
-    return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure)
+    drivers: tuple[tuple[str, float], ...] = ()
+    if not decision.chosen.named:
+        drivers = declared_drivers(field, decision.chosen)
+    elif closure is not None:
+        drivers = closure.drivers
+    elif unnamed and can_hold_out and not decision.chosen.effects:
+        drivers = likely_driver(field, field.base, seed=seed)
+    return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure, drivers)
 
 
 def _verdict(decision: Decision, *, unnamed: bool) -> Verdict:
+    if not decision.chosen.named:
+        return "unknown"
     if decision.chosen.effects:
         return "ambiguous" if decision.rivals else "identified"
     return "unknown" if unnamed else "none"

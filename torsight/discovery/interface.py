@@ -45,6 +45,11 @@ class Candidate:
         name to size).
     propose : callable or None
         From times and a residual (measured less model; NaN where not measured) to more such points.
+    named : bool
+        False for a mechanism that only competes with those that have a name here: where it explains the record better
+        than all of them, something without a name is missing.
+    drivers : tuple of str
+        What a mechanism without a name depends on.
     """
 
     id: str
@@ -53,6 +58,8 @@ class Candidate:
     starts: tuple[Mapping[str, float], ...] = ()
     propose: Propose | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
+    named: bool = True
+    drivers: tuple[str, ...] = ()
 
     def starting_points(
         self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None

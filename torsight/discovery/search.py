@@ -97,6 +97,11 @@ class Contender:
         return self.fit.effects
 
     @property
+    def named(self) -> bool:
+        """Whether every effect has a name to be told."""
+        return all(self.fitter.candidates[name].named for name in self.effects)
+
+    @property
     def cost(self) -> float:
         """The objective at the search's weights, with priors that allow for a wrong value."""
         return self.fit.solution.data_cost + self.prior
@@ -169,10 +174,13 @@ class Search:
         self._fits = {(): fit}
 
     def _grow(self, size: int) -> None:
-        parents = self._ranked(size - 1)[: self._settings.beam]
+        # A mechanism without a name stands alone: in company it would take over the error of the others' forms.
+        parents = [fit for fit in self._ranked(size - 1) if self._named(fit.effects)][: self._settings.beam]
         work: dict[EffectSet, tuple[Fit, str]] = {}
         for parent in parents:
-            for name in self._fitter.candidates:
+            for name, candidate in self._fitter.candidates.items():
+                if size > 1 and not candidate.named:
+                    continue
                 effects = self._fitter.ordered((*parent.effects, name))
                 if len(effects) == size and effects not in work:
                     work[effects] = (parent, name)
@@ -207,6 +215,9 @@ class Search:
         starts = [{**parent.values, **own}, {**parent.values, **base, **own}]
         return self._fitter.fit(self._fitter.ordered((*parent.effects, name)), starts, keep=1, near=parent)
 
+    def _named(self, effects: EffectSet) -> bool:
+        return all(self._fitter.candidates[name].named for name in effects)
+
     def _ranked(self, size: int) -> list[Fit]:
         return sorted((f for f in self._fits.values() if len(f.effects) == size), key=lambda f: (f.cost, f.effects))
 
@@ -238,8 +249,10 @@ class Search:
         found = self._ranked(size)
         if not found:
             return False
-        floor = float(self._fitter.weight @ self._floor**2)
-        left = found[0].solution.data_cost > _MUCH_LEFT * floor
+        # Values that are pulled off their priors say as much as a residual that is left.
+        expected = float(self._fitter.weight @ self._floor**2)
+        held = sum(parameter.sigma is not None for parameter in found[0].parameters)
+        left = found[0].cost - held > _MUCH_LEFT * expected
         gained = found[0].cost + LEAST_PROMISE < self._ranked(size - 1)[0].cost
         return left if size == 1 else left and gained
 

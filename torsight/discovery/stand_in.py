@@ -86,6 +86,30 @@ def predictable(field: Field, contender: Contender, *, seed: int) -> float:
     return 0.0 if found is None else found.alone - found.left[-1]
 
 
+def likely_driver(field: Field, contender: Contender, *, seed: int) -> tuple[tuple[str, float], ...]:
+    """Return the variable that tells most of what is left on unseen blocks, where none tells it reliably."""
+    found = _learn(field, contender, seed=seed, least=1)
+    return () if found is None else ((found.chosen[0], 1.0),)
+
+
+def declared_drivers(field: Field, contender: Contender) -> tuple[tuple[str, float], ...]:
+    """Return the drivers of a mechanism without a name, with the share of what it does that each alone tells."""
+    problem, fit, weight = contender.fitter.problem, contender.fit, field.fitter.weight
+    candidate = contender.fitter.candidates[contender.effects[0]]
+    without = problem.predict({**fit.values, **candidate.null_point()}, fit.effects)
+    done = fit.solution.prediction - without
+    done = done - np.average(done, weights=weight)
+    bases = bases_of(problem.drivers, weight)
+    told = {}
+    for name in candidate.drivers:
+        columns = np.column_stack([basis.columns(problem.drivers) for basis in bases.get(name, ())] or [done * 0.0])
+        columns = np.column_stack([columns, np.ones(len(done))]) * np.sqrt(weight)[:, None]
+        fitted = columns @ np.linalg.lstsq(columns, done * np.sqrt(weight))[0]
+        told[name] = float(np.sum(fitted**2)) + 1e-12
+    total = sum(told.values())
+    return tuple(sorted(((name, size / total) for name, size in told.items()), key=lambda item: -item[1]))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Learned:
     """What the search for drivers came to: information left on unseen blocks without, and after each driver."""
@@ -99,7 +123,7 @@ class _Learned:
     left: tuple[float, ...]
 
 
-def _learn(field: Field, contender: Contender, *, seed: int) -> _Learned | None:
+def _learn(field: Field, contender: Contender, *, seed: int, least: int = 0) -> _Learned | None:
     problem, fit, weight = field.fitter.problem, contender.fit, field.fitter.weight
     labels = block_labels(problem)
     if not problem.drivers or len(labels) < 2:
@@ -117,7 +141,7 @@ def _learn(field: Field, contender: Contender, *, seed: int) -> _Learned | None:
     height = float(np.sqrt(np.average(residual**2 + hidden**2, weights=weight)))
     design = _Design(problem.block, labels, weight, residual, known, 1.0 / (2.0 * height) ** 2)
     alone = design.score({})
-    chosen, left = _forward(design, groups, alone, seed=seed)
+    chosen, left = _forward(design, groups, alone, seed=seed, least=least)
     return _Learned(design, bases, groups, size, alone, tuple(chosen), tuple(left)) if chosen else None
 
 
@@ -200,8 +224,10 @@ class _Design:
         return out
 
 
-def _forward(design: _Design, groups: Mapping[str, Array], alone: float, *, seed: int) -> tuple[list[str], list[float]]:
-    """Return drivers in the order in which they help on unseen blocks, and what is left after each."""
+def _forward(
+    design: _Design, groups: Mapping[str, Array], alone: float, *, seed: int, least: int
+) -> tuple[list[str], list[float]]:
+    """Return drivers in the order in which they help on unseen blocks (``least`` in any case), and what each leaves."""
     chosen: list[str] = []
     left: list[float] = []
     before = alone
@@ -214,7 +240,8 @@ def _forward(design: _Design, groups: Mapping[str, Array], alone: float, *, seed
             break
         best = min(scores, key=lambda name: (scores[name], name))
         chance = min((design.score({**kept, best: design.shifted(groups[best], s)}) for s in shifts), default=before)
-        if scores[best] > before - _LEAST_STEP * alone or scores[best] >= min(chance, before):
+        helps = scores[best] <= before - _LEAST_STEP * alone and scores[best] < min(chance, before)
+        if not helps and len(chosen) >= least:
             break
         chosen.append(best)
         left.append(scores[best])

@@ -75,6 +75,8 @@ class Effect:
         True for an error between two recorders' clocks: it is not applied in predictions.
     order : int
         Among effects that act at the same place, smaller ones come first; then the ids decide.
+    drivers : tuple of str
+        What it depends on, strongest first, where it is never named (:mod:`torsight.actuator.nameless`).
     """
 
     id: str
@@ -88,16 +90,28 @@ class Effect:
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
     is_clock: bool = False
     order: int = 0
+    drivers: tuple[str, ...] = ()
 
 
 @functools.cache
 def load_effects() -> Mapping[str, Effect]:
     """Return all effects of this folder by id, in the order of their ids."""
+    return _effects_in(__name__)
+
+
+@functools.cache
+def load_nameless() -> Mapping[str, Effect]:
+    """Return the mechanisms that compete with the named effects by id; see :mod:`torsight.actuator.nameless`."""
+    return _effects_in("torsight.actuator.nameless")
+
+
+def _effects_in(package: str) -> Mapping[str, Effect]:
     found = {}
-    for module in sorted(pkgutil.iter_modules(__path__), key=lambda item: item.name):
-        effect = importlib.import_module(f"{__name__}.{module.name}").EFFECT
+    folder = importlib.import_module(package).__path__
+    for module in sorted(pkgutil.iter_modules(folder), key=lambda item: item.name):
+        effect = importlib.import_module(f"{package}.{module.name}").EFFECT
         if effect.id != module.name:
-            msg = f"effects/{module.name}.py declares the id {effect.id}"
+            msg = f"{module.name}.py of {package} declares the id {effect.id}"
             raise ValueError(msg)
         found[effect.id] = effect
     return found
@@ -111,10 +125,10 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     ConfigError
         For an id that no file declares.
     """
-    known = load_effects()
+    known = {**load_effects(), **load_nameless()}
     for name in ids:
         if name not in known:
-            raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(known))
+            raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(load_effects()))
     return tuple(sorted((known[name] for name in set(ids)), key=_order))
 
 

@@ -1,10 +1,10 @@
 r"""Tight coils rub on each other.
 
-.. math:: τ_f = τ_c + k \sum_{A,B} (θ − θ_{on})_+
+.. math:: τ_f = τ_c + k R \sum_{A,B} \left(\frac{(θ − θ_{on})_+}{R}\right)^p
 
-θ winding of either spring, θ_on winding beyond which coils touch (°), k rise of friction (mN·m/rad). Predicted
-residual: grows towards the ends of the stroke, its sign follows the direction of motion. Source: the paper, section
-4.1, step 2.
+θ winding of either spring, θ_on winding beyond which coils touch (°), k mean rise of friction over the first R = 100°
+(mN·m/rad), p exponent (1: a line; more where ever more coils touch). Predicted residual: grows towards the ends of the
+stroke, its sign follows the direction of motion. Source: the paper, section 4.1, step 2.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
+_REACH_RAD: Final = 100.0 * DEG
 
 
-def rubbing_torque(theta_a_rad: Array, *, theta_p_rad: float, slope_nm: float, onset_rad: float) -> Array:
-    """Return k Σ (θ − θ_on)₊ of both springs, N·m."""
-    theta_b_rad = theta_p_rad - theta_a_rad
-    return slope_nm * (np.maximum(0.0, theta_a_rad - onset_rad) + np.maximum(0.0, theta_b_rad - onset_rad))
+def rubbing_torque(
+    theta_a_rad: Array, *, theta_p_rad: float, slope_nm: float, onset_rad: float, exponent: float
+) -> Array:
+    """Return k R Σ ((θ − θ_on)₊ / R)^p of both springs, N·m."""
+    past_a = np.maximum(0.0, theta_a_rad - onset_rad) / _REACH_RAD
+    past_b = np.maximum(0.0, theta_p_rad - theta_a_rad - onset_rad) / _REACH_RAD
+    return slope_nm * _REACH_RAD * (past_a**exponent + past_b**exponent)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -35,6 +39,7 @@ def apply(ports: Ports, values: Values) -> Ports:
         theta_p_rad=ports.rig.theta_p_rad,
         slope_nm=values["coil_friction_mnm_per_rad"] * MNM,
         onset_rad=values["coil_onset_deg"] * DEG,
+        exponent=values["coil_exponent"],
     )
     one = np.ones_like(added)
     return ports.with_friction(one, one, added)
@@ -48,6 +53,7 @@ EFFECT: Final = Effect(
     parameters=(
         Parameter(name="coil_friction_mnm_per_rad", value=0.1, unit="mN·m/rad", lower=0.0, upper=20.0, null=0.0),
         Parameter(name="coil_onset_deg", value=620.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
+        Parameter(name="coil_exponent", value=1.0, unit="", lower=0.5, upper=4.0, sigma=0.5),
     ),
     apply=apply,
     starts=({"coil_friction_mnm_per_rad": 0.3, "coil_onset_deg": 690.0}, {"coil_onset_deg": 550.0}),

@@ -1,8 +1,9 @@
 r"""The recoverable angle falls from cycle to cycle.
 
-.. math:: θ_L(n) = θ_L (1 − r)^n
+.. math:: θ_L(n) = θ_L (1 − r)^{1 + q + … + q^{n−1}}
 
-n how often this spring had been heated before, r loss per cycle. Predicted residual: changes with the number of the
+n how often this spring had been heated before, r loss in the first cycle, q what each further cycle loses as a share
+of the one before (1: without end; less: towards a limit). Predicted residual: changes with the number of the
 cycle, not within one; the stroke gets shorter. Later records go on counting. Source: functional fatigue of NiTi,
 e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
 """
@@ -20,14 +21,16 @@ from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 
 
-def recoverable_share(cycle: NDArray[np.int64], *, loss: float) -> NDArray[np.float64]:
-    """Return (1 − r)^n."""
-    return (1.0 - loss) ** cycle.astype(np.float64)
+def recoverable_share(cycle: NDArray[np.int64], *, loss: float, persistence: float) -> NDArray[np.float64]:
+    """Return (1 − r)^(1 + q + … + q^(n−1))."""
+    count = cycle.astype(np.float64)
+    settled = count if persistence == 1.0 else (1.0 - persistence**count) / (1.0 - persistence)
+    return np.asarray((1.0 - loss) ** settled, np.float64)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Scale the recoverable angle of every half-cycle."""
-    share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"])
+    share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"], persistence=values["fatigue_persistence"])
     return replace(ports, theta_l_scale=ports.theta_l_scale * share)
 
 
@@ -36,7 +39,10 @@ EFFECT: Final = Effect(
     family="material",
     acts_on="phase",
     title="the recoverable angle falls from cycle to cycle",
-    parameters=(Parameter(name="fatigue_per_cycle", value=0.005, unit="", lower=0.0, upper=0.4, null=0.0),),
+    parameters=(
+        Parameter(name="fatigue_per_cycle", value=0.005, unit="", lower=0.0, upper=0.4, null=0.0),
+        Parameter(name="fatigue_persistence", value=1.0, unit="", lower=0.0, upper=1.2, sigma=0.3),
+    ),
     apply=apply,
     starts=({"fatigue_per_cycle": 0.03},),
 )

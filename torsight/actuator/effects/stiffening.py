@@ -1,10 +1,11 @@
 r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 
-.. math:: τ = τ_0(θ) + k_3 (θ − θ_{on})_+^3
+.. math:: τ = τ_0(θ) + k_3 R^3 \left(\frac{(θ − θ_{on})_+}{R}\right)^p
 
-θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³; for either spring, beside what its
-phase makes. Predicted residual: stroke is lost at both ends, alike for both directions. Source: the paper, section 4.1,
-step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
+θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3: the usual
+cubic; 1: a third slope); for either spring, beside what its phase makes. Predicted residual: stroke is lost at both
+ends, alike for both directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory
+Alloys (2008), ch. 1.
 """
 
 from __future__ import annotations
@@ -20,19 +21,21 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
+_REACH_RAD: Final = 100.0 * DEG
 
 
-def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float) -> Array:
-    """Return k_3 (θ − θ_on)₊³, N·m."""
-    return cubic_nm * np.maximum(0.0, theta_rad - onset_rad) ** 3
+def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponent: float) -> Array:
+    """Return k_3 R³ ((θ − θ_on)₊ / R)^p, N·m."""
+    return cubic_nm * _REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / _REACH_RAD) ** exponent
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen: B's torque drives φ up, A's down."""
     cubic_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
     theta_a_rad = ports.grid_rad()
-    torque_a = extra_torque(theta_a_rad, cubic_nm=cubic_nm, onset_rad=onset_rad)
-    torque_b = extra_torque(ports.rig.theta_p_rad - theta_a_rad, cubic_nm=cubic_nm, onset_rad=onset_rad)
+    law = {"cubic_nm": cubic_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
+    torque_a = extra_torque(theta_a_rad, **law)
+    torque_b = extra_torque(ports.rig.theta_p_rad - theta_a_rad, **law)
     return ports.with_stray(torque_b - torque_a)
 
 
@@ -44,6 +47,7 @@ EFFECT: Final = Effect(
     parameters=(
         Parameter(name="stiffening_mnm_per_rad3", value=0.03, unit="mN·m/rad³", lower=0.0, upper=50.0, null=0.0),
         Parameter(name="stiffening_onset_deg", value=600.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
+        Parameter(name="stiffening_exponent", value=3.0, unit="", lower=0.8, upper=6.0, sigma=1.0),
     ),
     apply=apply,
     starts=(

@@ -1,0 +1,46 @@
+r"""Play between the disk and the stick.
+
+The stick follows the disk once half the play w is used up on either side. Predicted residual: a step of w at every
+change of direction. Source: Tao and Kokotovic, Adaptive Control of Systems with Actuator Nonlinearities (1996).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.compiled import compiled
+from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG
+
+
+@compiled
+def follow(angle_rad: Array, half_rad: float) -> Array:
+    """Return what follows an angle through a play of twice ``half_rad``; at the start it leans to the positive side."""
+    out = np.empty_like(angle_rad)
+    follower = angle_rad[0]
+    for i in range(angle_rad.size):
+        follower = min(max(follower, angle_rad[i] - half_rad), angle_rad[i] + half_rad)
+        out[i] = follower
+    return out
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Let the reading follow through the play."""
+    half_rad = 0.5 * values["play_deg"] * DEG
+    return ports.with_reading(lambda phi_rad, _time_s: follow(phi_rad, half_rad))
+
+
+EFFECT: Final = Effect(
+    id="backlash",
+    family="unnamed",
+    acts_on="reading",
+    title="play between disk and stick",
+    parameters=(Parameter(name="play_deg", value=1.0, unit="°", lower=0.0, upper=60.0, null=0.0),),
+    apply=apply,
+    starts=({"play_deg": 4.0},),
+    drivers=("direction",),
+)

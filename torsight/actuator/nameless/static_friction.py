@@ -1,0 +1,35 @@
+r"""Friction at rest exceeds sliding friction and grows with the rest.
+
+.. math:: τ_s = τ_c (1 + e (1 − e^{−t_r/t_0}))
+
+e excess after a long rest, t_r time at rest, t_0 time of growth (s). Predicted residual: motion starts late and with a
+jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Set excess and time."""
+    return replace(ports, static_excess=values["static_excess"], static_time_s=values["static_time_s"])
+
+
+EFFECT: Final = Effect(
+    id="static_friction",
+    family="unnamed",
+    acts_on="friction",
+    title="friction that grows at rest",
+    parameters=(
+        Parameter(name="static_excess", value=0.3, unit="", lower=0.0, upper=5.0, null=0.0),
+        Parameter(name="static_time_s", value=60.0, unit="s", lower=1.0, upper=600.0, sigma=60.0),
+    ),
+    apply=apply,
+    drivers=("dwell_s", "angle_rate_deg_s"),
+)
