@@ -5,8 +5,8 @@
     python benchmarks/trust/fuzz.py --reader model --minutes 5
 
 Each reader runs in a process of its own under libFuzzer, from the good file of its kind (``tests/fuzz/readers.py``);
-the corpus that it finds is kept between runs in ``--corpus``. An input that ends in anything but a record or an error of
-ours stops that reader and is kept beside the corpus. A hang is an input over ten seconds, too much memory is 2 GB.
+the corpus that it finds is kept between runs in ``--corpus``. An input that ends in anything but a record or an error
+of ours stops that reader and is kept beside the corpus. A hang is an input over ten seconds, too much memory is 2 GB.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
+from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.progress import Progress, silent
 
 RESULT_COLUMNS: Final = (
@@ -118,6 +118,8 @@ def run_task(task: Task) -> dict[str, Any]:
         return {"name": task.name, "status": "done", "message": "", **result_row(task.folder)}
     except TorsightError as error:
         message = str(error)
+    except OSError as error:
+        message = str(refused_by_system(error))
     except Exception as error:  # noqa: BLE001 - one record's trouble, of whatever kind, must not stop the others
         message = f"internal error, {type(error).__name__}: {error}; run it alone with --debug"
     return {"name": task.name, "status": "failed", "message": message, "folder": str(task.folder)}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import answering
-from torsight.core.errors import InputError, TorsightError
+from torsight.core.errors import InputError, TorsightError, refused_by_system
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -117,17 +117,6 @@ def _asked_to_end() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _refused(error: OSError) -> TorsightError:
-    """Return what the system refused as an error of ours: a full disk, a name that is too long, no right to a file."""
-    told = InputError(
-        f"the system refuses it ({error.strerror})",
-        where=str(error.filename) if error.filename is not None else None,
-        do="check the path, the rights and the free space; earlier files are untouched",
-    )
-    told.__cause__ = error
-    return told
-
-
 def _interrupted(code: int) -> int:
     sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track goes on\n")
     return code
@@ -151,7 +140,7 @@ def _other(error: Exception, *, debug: bool) -> int:
         _tell(InputError("needs more memory than there is", value=str(error), do="check the input's size"), debug=debug)
         return 3
     if isinstance(error, OSError) and error.strerror:
-        _tell(_refused(error), debug=debug)
+        _tell(refused_by_system(error), debug=debug)
         return 3
     if debug:
         traceback.print_exception(error)

@@ -95,6 +95,17 @@ class OutputError(TorsightError, OSError):
     exit_code: ClassVar[int] = 3
 
 
+def refused_by_system(error: OSError) -> InputError:
+    """Return what the system refused as an error of ours: a name that is too long, no right to a file, a full disk."""
+    told = InputError(
+        f"the system refuses it ({error.strerror or error})",
+        where=str(error.filename) if error.filename is not None else None,
+        do="check the path, the rights and the free space; earlier files are untouched",
+    )
+    told.__cause__ = error
+    return told
+
+
 class NoResultError(TorsightError, RuntimeError):
     """The inputs are fine but no result could be had: no marker, no motion, no convergence (exit code 4)."""
 

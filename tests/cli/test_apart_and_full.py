@@ -1,0 +1,151 @@
+"""Inputs are never written over, and a disk that is full loses nothing."""
+
+from __future__ import annotations
+
+import re
+import resource
+import shlex
+import shutil
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.bad_inputs import make_world
+from tests.fuzz.readers import READERS, TESTS, make_neighbours
+from torsight.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("good") / "world"
+    make_world(folder)
+    (folder / "tests.toml").write_text(TESTS)
+    (folder / "scene.toml").write_text(
+        '[motion]\nkind = "still"\nduration_s = 0.2\n[camera]\nwidth_px = 64\nheight_px = 64\n'
+    )
+    return folder
+
+
+@pytest.fixture
+def world(good: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(good, tmp_path / "world"))
+
+
+def leave(command: str, folder: Path) -> int:
+    words = shlex.split(re.sub(r"\{([^}]*)\}", lambda found: str(folder / found[1]), command))
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return int(end.value.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("command", "copies"),
+    [
+        ("simulate {actuator.toml} {temps.csv} --start-angle 178 --out {temps.csv}", {}),
+        ("simulate {actuator.toml} {temps.csv} --start-angle 178 --out {actuator.toml}", {}),
+        ("simulate {actuator.toml} {temps.csv} --start-angle 178 --out {link.csv}", {"link.csv": "temps.csv"}),
+        ("predict {model.json} {temps.csv} --start-angle 178 --out {temps.csv}", {}),
+        ("sync --angle {merged.csv} --temperature {temps.csv} --out {}", {}),
+        ("discover {curves.csv} --actuator {actuator.toml} --out {}", {"curves.csv": "merged.csv"}),
+        ("fit {fit.json} --actuator {actuator.toml} --out {}", {"fit.json": "merged.csv"}),
+        ("track {film.avi} --timestamps {angle.csv} --out {}", {}),
+        ("track {angle.csv} --out {}", {}),
+        ("calibrate {blank} --board {board.toml} --out {board.toml}", {}),
+        ("characterise {actuator.toml} --out {}", {}),
+        ("render {experiment.toml} --out {}", {}),
+        ("run {experiment.toml} --out {}", {"merged.csv": "temps.csv"}),
+    ],
+)
+def test_an_input_is_never_written_over(
+    command: str, copies: dict[str, str], world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, target in copies.items():
+        (world / name).unlink(missing_ok=True)
+        (world / name).symlink_to(target)
+    if command.startswith("run"):
+        text = (world / "experiment.toml").read_text()
+        (world / "experiment.toml").write_text(text.replace("temps.csv", "merged.csv"))
+    before = {path: path.read_bytes() for path in world.rglob("*") if path.is_file()}
+    assert leave(command, world) == 2
+    assert "would be written over, and it is an input" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in world.rglob("*") if path.is_file()} == before
+
+
+def test_paths_stay_where_they_say(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """``..`` leads up from the file that says it, a shell's signs are letters, and nothing is made on the way."""
+    text = (world / "experiment.toml").read_text()
+    for name in ("../film.avi", "$HOME/film.avi", "~/film.avi", "`touch made`", "film.avi; touch made"):
+        (world / "experiment.toml").write_text(text.replace("film.avi", name))
+        assert leave("run {experiment.toml}", world) == 3
+        assert f"{name}: no such file" in capsys.readouterr().err
+    assert not list(world.parent.rglob("made"))
+    assert not (world / "results").exists()
+
+
+@contextmanager
+def full_disk(limit_bytes: int) -> Iterator[None]:
+    """Let no file grow beyond a limit, as on a disk that has that much left; holds for root, too."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+
+
+@pytest.mark.parametrize(
+    ("command", "output"),
+    [
+        ("simulate {actuator.toml} {temps.csv} --start-angle 178 --out {sim.csv}", "sim.csv"),
+        ("simulate {actuator.toml} {temps.csv} --start-angle 178 --out {sim.parquet}", "sim.parquet"),
+        ("predict {good.json} {temps.csv} --start-angle 178 --out {sim.csv}", "sim.csv"),
+        ("sync --angle {angle.csv} --temperature {temps.csv} --offset 0 --out {out}", "out/merged.csv"),
+        ("fit {merged.csv} --actuator {actuator.toml} --out {out}", "out/fit.json"),
+        ("board --out {board.pdf}", "board.pdf"),
+        ("render {scene.toml} --out {out}", "out/temps.csv"),
+        ("init {out}", "out/experiment.toml"),
+        ("batch {experiment.toml} --out {out} --jobs 1", "out/results.csv"),
+        ("track {dots.avi} --out {out}", "out/markers.csv"),
+    ],
+)
+def test_a_full_disk_is_told_and_loses_nothing(
+    command: str, output: str, world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_neighbours(world)
+    make_world_film(world)
+    (world / "good.json").write_bytes(READERS["model"].good)
+    older = world / output
+    older.parent.mkdir(exist_ok=True)
+    older.write_text("older")
+    if command.startswith("init"):
+        command += " --force"
+    before = {path: path.read_bytes() for path in world.rglob("*") if path.is_file()}
+    with full_disk(100):
+        code = leave(command, world)
+    told = capsys.readouterr().err
+    assert code == 3, told
+    assert "File too large" in told
+    assert "earlier files are untouched" in told
+    after = {path: path.read_bytes() for path in world.rglob("*") if path.is_file() and ".track" not in path.parts}
+    assert after == before
+
+
+def make_world_film(folder: Path) -> None:
+    """Write a film of two sticks with dots of which one turns."""
+    import cv2
+
+    writer = cv2.VideoWriter(str(folder / "dots.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (320, 240))
+    for k in range(20):
+        picture = np.full((240, 320, 3), 200, np.uint8)
+        for angle, radii in ((200.0, (40, 90)), (20.0 + 3.0 * k, (40, 90))):
+            for radius in radii:
+                x, y = 160 + radius * np.cos(np.deg2rad(angle)), 120 - radius * np.sin(np.deg2rad(angle))
+                cv2.circle(picture, (round(16 * x), round(16 * y)), 16 * 7, (40, 40, 40), -1, cv2.LINE_AA, 4)
+        writer.write(picture)
+    writer.release()
