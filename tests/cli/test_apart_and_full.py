@@ -131,7 +131,7 @@ def test_a_full_disk_is_told_and_loses_nothing(
     told = capsys.readouterr().err
     assert code == 3, told
     assert "File too large" in told
-    assert "earlier files are untouched" in told
+    assert "choose another --out folder" in told
     after = {path: path.read_bytes() for path in world.rglob("*") if path.is_file() and ".track" not in path.parts}
     assert after == before
 
