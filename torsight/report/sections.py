@@ -123,7 +123,10 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
         return Tile("Missing effect", "no known one", "", f"a learned closure stands in{depends}")
     first = effects[0]
     names = ", ".join(effect_name(str(effect["id"])) for effect in effects)
-    values = [f"{name} {estimate(value)}" for name, value in list((first.get("parameters") or {}).items())[:1]]
+    own = dict(first.get("parameters") or {})
+    # What is worked out from the fitted values is worked out for people.
+    telling = {name: value for name, value in own.items() if name not in (discovery.get("parameters") or {})} or own
+    values = [f"{name} {estimate(value)}" for name, value in list(telling.items())[:1]]
     if len(effects) > 1:
         values = [f"{len(effects)} effects act together"]
     return Tile("Missing effect", names, "", "; ".join(values))
