@@ -2,8 +2,8 @@
 
 Every programme is played on the record's own wires, each rival predicts the angle it would give, and the worst case of
 all pairs after a refit (:mod:`.separation`) is the programme's worth. The search takes every kind of half-cycle alone,
-then mixes the best with every other; the last few are weighed by true refits. A programme that is surely enough is
-not preferred for more than that, but for being shorter.
+then mixes the best with every other; the last few are weighed by true refits. Beyond what is surely enough more
+separation counts little, and so does being shorter.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from torsight.discovery.separation import Explanation, least_gain, linear_gains,
 Array = NDArray[np.float64]
 
 _ENOUGH: Final = 25.0
-"""A programme this many times over the gain at which rivals cease to be rivals is good enough; a shorter one wins."""
+"""A programme this many times over the gain at which rivals cease to be rivals is surely enough."""
 _SURE: Final = 30.0
 """Standard deviations beyond which the noise is not what could go wrong."""
 _LEAST_DURATION_S: Final = 3600.0
@@ -121,7 +121,7 @@ class _Weighed:
     gains: Array
 
     def worth(self, enough: float) -> float:
-        """Return what is maximised: the least gain as far as it is needed, and a little for being short."""
+        """Return what is maximised: the least gain as far as it is needed, a little for more and for being short."""
         gain = least_gain(self.gains)
         return min(gain, enough) * (1.0 - 0.02 * self.duration_s / 3600.0) + 1e-3 * min(gain, 100.0 * enough)
 
