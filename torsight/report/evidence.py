@@ -148,9 +148,10 @@ def pulls(
                 plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
             plot.dots([pull], [place + shift], kind, radius=4.5)
             plot.legend(kind, "line", "plain model" if kind == "before" else "extended model")
-    data: dict[str, list[Any]] = {
-        "parameter": names,
-        "plain_sigmas": [found[name, "before"] for name in names],
-        "extended_sigmas": [found.get((name, "after")) for name in names],
-    }
+    data: dict[str, list[Any]] = {"parameter": names}
+    for fit, kind, _ in fits:
+        label = "plain" if kind == "before" else "extended"
+        ends = [(known[name].interval(fit[name]) if name in fit else None) or (None, None) for name in names]
+        data[f"{label}_sigmas"] = [found[name, kind] for name in names]
+        data |= {f"{label}_low_sigmas": [low for low, _ in ends], f"{label}_high_sigmas": [high for _, high in ends]}
     return Figure("pulls", "How far the fit was pulled off", "", plot.render(), data=data)
