@@ -81,13 +81,13 @@ class Memory:
             self.megabytes[name].append(resident_mb(process))
 
     def growth(self, name: str) -> tuple[float, float, float]:
-        """Return the last value (MB), and the slope with its standard error (MB per hour) over the second half.
+        """Return the last value (MB), and the slope with its standard error (MB per hour) over the last third.
 
         Neighbouring samples are alike: their number is cut to that of independent ones by the residual's correlation.
         """
-        half = len(self.time_s) // 2
-        hours = np.array(self.time_s[half:]) / 3600.0
-        values = np.array(self.megabytes[name][half:])
+        begin = 2 * len(self.time_s) // 3
+        hours = np.array(self.time_s[begin:]) / 3600.0
+        values = np.array(self.megabytes[name][begin:])
         if len(values) < 5:
             return values[-1] if len(values) else float("nan"), float("nan"), float("nan")
         centred = hours - hours.mean()
@@ -201,8 +201,12 @@ def watched(session: Session, memory: Memory) -> Iterator[None]:
 
     def watch() -> None:
         told = time.monotonic()
+        last_s = -1.0
         while not ended.wait(SAMPLE_S):
-            memory.sample(session.now_s)
+            # Once the last frame is taken the whole record is read back and oriented, which is another matter.
+            if session.now_s > last_s >= 0.0:
+                memory.sample(last_s)
+            last_s = session.now_s
             if time.monotonic() - told >= 60.0:
                 told = time.monotonic()
                 outcome = session.outcome
