@@ -117,3 +117,21 @@ def test_unknown_offset_writes_nothing(pair, tmp_path):
     with pytest.raises(NoResultError, match="--offset"):
         sync_to_folder(tmp_path / "still.csv", pair / "temps.csv", settings={}, out=tmp_path)
     assert not (tmp_path / "sync.json").exists()
+
+
+def test_parquet_in_and_out(pair, tmp_path):
+    for name in ("angle", "temps"):
+        pd.read_csv(pair / f"{name}.csv").to_parquet(tmp_path / f"{name}.parquet")
+    settings = {"offset_s": OFFSET_S, "drift_ppm": 0.0}
+    from_csv = run(pair, tmp_path / "csv", **settings)
+    sync_to_folder(
+        tmp_path / "angle.parquet",
+        tmp_path / "temps.parquet",
+        settings=settings,
+        out=tmp_path / "out",
+        table=tmp_path / "merged.parquet",
+    )
+    again = pd.read_parquet(tmp_path / "merged.parquet")
+    assert again["temp_a_c"].to_numpy() == pytest.approx(from_csv.temp_a_c, nan_ok=True)
+    written = pd.read_csv(tmp_path / "out" / "merged.csv")
+    assert list(again.columns) == list(written.columns)

@@ -40,6 +40,9 @@ def sync(
     film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
     fps: Annotated[float | None, typer.Option(metavar="HZ", help="Frame rate of pictures.")] = None,
+    table: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the merged table here, too (.csv or .parquet).")
+    ] = None,
 ) -> Answer:
     """Put angles and temperatures on one clock, with an interval for offset and drift.
 
@@ -59,12 +62,14 @@ def sync(
             film=film,
             timestamps=timestamps,
             fps=fps,
+            table=table,
             progress=progress,
         )
     content = read_json(out / "sync.json")
     for line in told(content):
         say(line)
-    return Answer(content, files=(out / "merged.csv", out / "sync.json"))
+    files = (out / "merged.csv", out / "sync.json", *(() if table is None else (table,)))
+    return Answer(content, files=files)
 
 
 def sync_to_folder(
@@ -76,6 +81,7 @@ def sync_to_folder(
     film: str | Path | None = None,
     timestamps: Path | None = None,
     fps: float | None = None,
+    table: Path | None = None,
     progress: Progress = silent,
 ) -> SyncedTable:
     """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
@@ -90,6 +96,8 @@ def sync_to_folder(
         Folder for the results.
     film, timestamps, fps
         The film that the angles come from, as it was tracked; needed for ``led`` alone.
+    table : Path, optional
+        Another place for the merged table, CSV or Parquet by its suffix.
     progress : Progress
         Told about every step.
 
@@ -112,6 +120,7 @@ def sync_to_folder(
     values = _numbers(settings)
     events = Path(settings["led_events"]) if "led_events" in settings else None
     written = [out / "merged.csv", out / "sync.json", *([out / "led_events.csv"] if "led" in settings else [])]
+    written += [] if table is None else [table]
     require_apart(written, [angle, temperature, events, timestamps])
     progress("read angle and log", 0.0, steps)
     angles = read_angles(angle)
@@ -124,13 +133,14 @@ def sync_to_folder(
     clock, reading = found.clock, found.reading
     progress("merge", 2.0, steps)
     max_gap_s = longest_gap_s(reading.log) if values["max_gap_s"] is None else values["max_gap_s"]
-    table = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
-    require_overlap(table, angles, reading.log, clock, where=str(temperature))
+    merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
+    require_overlap(merged, angles, reading.log, clock, where=str(temperature))
     progress("write", 3.0, steps)
-    write_merged(out / "merged.csv", table)
-    write_json(out / "sync.json", sync_content(clock, reading, table, max_gap_s=max_gap_s))
+    for path in [out / "merged.csv", *([] if table is None else [table])]:
+        write_merged(path, merged)
+    write_json(out / "sync.json", sync_content(clock, reading, merged, max_gap_s=max_gap_s))
     progress("write", steps, steps)
-    return table
+    return merged
 
 
 def _light(
@@ -174,7 +184,8 @@ def told(content: Mapping[str, Any]) -> list[str]:
     lines += [f"log: {repair['text']}" for repair in content["log"]["repairs"]]
     empty = content["rows_without_temperature"]
     if empty:
-        lines.append(f"{empty} of {content['rows']} rows have no temperature (outside the log or in a gap)")
+        limit = f"outside the log or in a gap of more than {content['max_gap_s']:g} s"
+        lines.append(f"{empty} of {content['rows']} rows have no temperature ({limit})")
     return lines
 
 
