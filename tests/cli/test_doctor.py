@@ -177,6 +177,16 @@ def test_what_cannot_be_looked_at_is_refused(
     assert words in answer["error"]["message"]
 
 
+def test_an_experiment_whose_angles_are_there_already(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_world(tmp_path / "world")
+    path = tmp_path / "world" / "experiment.toml"
+    path.write_text(path.read_text().replace('[video]\npath = "film.avi"', '[angle]\nfile = "angle.csv"'))
+    code, answer, _ = doctor(str(path), capsys=capsys)
+    assert code == 0
+    about = {item["about"]: item["text"] for item in answer["result"]["findings"]}
+    assert "800 of 800 frames have an angle, known to 0.0500°" in about["angle"]
+
+
 def test_an_actuator_that_claims_to_be_exact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "actuator.toml").write_text(ACTUATOR.partition("[uncertainty]")[0])
     code, answer, _ = doctor(str(tmp_path / "actuator.toml"), capsys=capsys)

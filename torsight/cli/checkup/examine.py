@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from torsight.actuator.spec import ActuatorSpec, read_actuator
-from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.film import MODEL_ERROR_DEG, check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.experiment import read_experiment
@@ -16,11 +18,21 @@ from torsight.core.camera import read_camera
 from torsight.core.errors import ConfigError, TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, missing_file, read_toml
+from torsight.core.tables import read_angles
+from torsight.core.tracks import StickAngles
+from torsight.core.units import DEG
 from tracker.hints import read_markers
 
-_TOML_KINDS: Final = {"video": "experiment", "material": "actuator", "intrinsics": "camera", "moving": "markers"}
+_TOML_KINDS: Final = {
+    "video": "experiment",
+    "angle": "experiment",
+    "material": "actuator",
+    "intrinsics": "camera",
+    "moving": "markers",
+}
 """A table or key that tells what a TOML file is."""
 _SHORT: Final = 0.98
+_SHARE_VALID: Final = 0.9
 
 
 @dataclass(slots=True)
@@ -31,6 +43,8 @@ class Inputs:
     ----------
     films : list of str
         None, one, or two of a stereo pair.
+    angle : Path or None
+        Angles that are there already, instead of a film.
     timestamps, log, actuator, camera : Path or None
         The files.
     markers : Path or mapping or None
@@ -42,6 +56,7 @@ class Inputs:
     """
 
     films: list[str] = field(default_factory=list)
+    angle: Path | None = None
     timestamps: Path | None = None
     log: Path | None = None
     actuator: Path | None = None
@@ -95,8 +110,10 @@ def _kind(path: Path) -> str:
 
 def _of_experiment(path: Path) -> Inputs:
     experiment = read_experiment(path)
+    films = [name for name in (experiment.video, experiment.video_right) if name is not None]
     return Inputs(
-        films=[name for name in (experiment.video, experiment.video_right) if name is not None],
+        films=films if experiment.angle is None else [],
+        angle=experiment.angle,
         timestamps=experiment.timestamps,
         log=experiment.temperature,
         actuator=experiment.actuator,
@@ -125,6 +142,10 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
         more, programme = check_programme(log, spec, where=str(inputs.log), progress=progress)
         findings += more
         content["programme"] = programme
+    angles = _read(findings, "angle", inputs.angle, read_angles)
+    if angles is not None:
+        findings += _look_at_angles(angles)
+        findings += _look_at_overlap(float(angles.time_s[-1] - angles.time_s[0]), log, inputs.settings)
     if len(inputs.films) == 2 and (camera is None or camera.right is None):
         error = ConfigError(
             "two films need a camera file with a second camera",
@@ -160,6 +181,16 @@ def _read(findings: list[Finding], about: str, source: Any, reader: Any) -> Any:
     except TorsightError as error:
         findings.append(refusal(about, error))
         return None
+
+
+def _look_at_angles(angles: StickAngles) -> list[Finding]:
+    """Say how many frames have an angle, and how well it is known."""
+    if not angles.valid.any():
+        return [Finding("angle", "stops", "no frame has an angle.", "track the film again")]
+    sigma_deg = float(np.median(angles.sigma_rad[angles.valid])) / DEG
+    text = f"{int(angles.valid.sum())} of {len(angles)} frames have an angle, known to {sigma_deg:.4f}°."
+    good = angles.valid.mean() > _SHARE_VALID and sigma_deg < MODEL_ERROR_DEG
+    return [Finding("angle", "fine" if good else "limits", text, angle_deg=sigma_deg)]
 
 
 def _look_at_priors(spec: ActuatorSpec) -> list[Finding]:
