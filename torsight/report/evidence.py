@@ -151,8 +151,8 @@ def pulls(
     data: dict[str, list[Any]] = {"parameter": names}
     for fit, kind, _ in fits:
         label = "plain" if kind == "before" else "extended"
-        ends = [known[name].interval(fit.get(name) or {}) for name in names]
+        spreads = [known[name].interval(fit.get(name) or {}) for name in names]
         data[f"{label}_sigmas"] = [found[name, kind] for name in names]
-        data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in ends]
-        data[f"{label}_high_sigmas"] = [None if end is None else end[1] for end in ends]
+        data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]
+        data[f"{label}_high_sigmas"] = [None if end is None else end[1] for end in spreads]
     return Figure("pulls", "How far the fit was pulled off", "", plot.render(), data=data)
