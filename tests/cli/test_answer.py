@@ -14,8 +14,8 @@ from tests.cli.bad_inputs import make_world
 from torsight.cli.answer import Answer
 from torsight.cli.main import COMMANDS, main
 
-SILENT = ("live", "view")
-"""Commands that show things and have no result to give."""
+SILENT = ("view",)
+"""Commands that show something and have no result to give."""
 
 
 def answer_of(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str, Any], str]:
