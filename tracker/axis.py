@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.rules import AXIS_ENOUGH, AXIS_STEP_RAD
+
 Point = tuple[float, float]
 
-_STEP_RAD: Final = math.radians(3.0)
-"""How far the stick has to turn before another frame adds something new."""
+_PARTS: Final = 36
 _PRIOR: Final = 0.05
 """Weight of the first guess of the axis, in frames."""
 
@@ -32,8 +33,8 @@ class Axis:
         Normal equations of (c, q_inner, q_outer).
     last_rad : float
         Direction at which the last frame was added.
-    covered_rad : (36,) bool
-        Which tens of degrees have been seen.
+    seen : (36,) int64
+        How many frames were taken in of each ten degrees.
     solution : (6,) float64 or None
         The present estimate; None while nothing is known.
     """
@@ -41,7 +42,7 @@ class Axis:
     normal: NDArray[np.float64] = field(default_factory=lambda: np.zeros((6, 6)))
     right: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
     last_rad: float = math.nan
-    seen: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(36, bool))
+    seen: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_PARTS, np.int64))
     solution: NDArray[np.float64] | None = None
 
     def suppose(self, centre: Point) -> None:
@@ -50,15 +51,15 @@ class Axis:
             self.normal[axis, axis] += _PRIOR
             self.right[axis] += _PRIOR * centre[axis]
 
-    def add(self, inner: Point, outer: Point) -> None:
-        """Take in one frame with both markers, if the stick has turned since the last one."""
+    def add(self, inner: Point, outer: Point) -> bool:
+        """Take in one frame with both markers, if it is of something new; return whether it was."""
         angle = math.atan2(outer[1] - inner[1], outer[0] - inner[0])
-        if not math.isnan(self.last_rad) and abs(math.remainder(angle - self.last_rad, math.tau)) < _STEP_RAD:
-            return
-        bin_ = int((angle % math.tau) / math.tau * 36) % 36
-        if self.seen[bin_] and self.seen.sum() > 3 and not math.isnan(self.last_rad) and self.normal[0, 0] > 4000.0:
-            return
-        self.seen[bin_] = True
+        if not math.isnan(self.last_rad) and abs(math.remainder(angle - self.last_rad, math.tau)) < AXIS_STEP_RAD:
+            return False
+        part = int((angle % math.tau) / math.tau * _PARTS) % _PARTS
+        if self.seen[part] >= AXIS_ENOUGH:
+            return False
+        self.seen[part] += 1
         self.last_rad = angle
         cos, sin = math.cos(angle), math.sin(angle)
         for index, point in enumerate((inner, outer)):
@@ -69,6 +70,7 @@ class Axis:
             self.normal += rows.T @ rows
             self.right += rows.T @ np.array(point)
         self._solve()
+        return True
 
     def _solve(self) -> None:
         values = np.linalg.eigvalsh(self.normal)
@@ -124,7 +126,7 @@ class Axis:
             normal=np.array(state["normal"]),
             right=np.array(state["right"]),
             last_rad=math.nan if state["last_rad"] is None else float(state["last_rad"]),
-            seen=np.array(state["seen"], bool),
+            seen=np.array(state["seen"], np.int64),
         )
         if axis.normal.any():
             axis._solve()

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Region
+from tracker.rules import ALONE_PX, APART_PX, JUMP_PX, TURN_RAD
 from tracker.sight import Sight, between, direction, distance_to_strip
 
-_JUMP_PX: Final = 8.0
-"""How far it may jump between two frames when both of its markers agree."""
-_ALONE_PX: Final = 5.0
-"""The same for one marker whose partner is not seen."""
-_APART_PX: Final = 2.5
-_TURN_RAD: Final = math.radians(2.0)
-"""How far a bumped camera may turn it."""
+_SURE_RAD: Final = math.radians(0.4)
+"""How far it may turn at once while the moving stick, which may lie over it, is not seen."""
 _SEARCH_PX: Final = 45.0
 
 
@@ -26,7 +22,7 @@ class BaseStick(Pair):
 
     def __init__(self, markers: Sequence[Marker], stick: int) -> None:
         super().__init__(markers, stick)
-        self.reference_rad = self.direction_rad
+        self.reference_rad = self.last_rad = self.direction_rad
         self.zero = self.ends
         self.shift: Point = (0.0, 0.0)
 
@@ -47,25 +43,38 @@ class BaseStick(Pair):
             sight.reasons[index] = "shadowed"
         return evidence
 
-    def judge(self, sight: Sight) -> None:
-        """Refuse readings that are not of a stick that stands still."""
+    def judge(self, sight: Sight, *, moving_seen: bool) -> None:
+        """Refuse readings that are not of a stick that stands still.
+
+        While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction
+        will do.
+        """
         self.check_length(sight)
         i, j = self.indices
         a, b = sight.good(i), sight.good(j)
         if a is not None and b is not None:
             one = (a.x_px - self.inner.x_px, a.y_px - self.inner.y_px)
             two = (b.x_px - self.outer.x_px, b.y_px - self.outer.y_px)
-            turned = between(direction((a.x_px, a.y_px), (b.x_px, b.y_px)), self.reference_rad)
-            jumped = max(math.hypot(*one), math.hypot(*two)) > _JUMP_PX
-            if math.dist(one, two) > _APART_PX or jumped or turned > _TURN_RAD:
+            now_rad = direction((a.x_px, a.y_px), (b.x_px, b.y_px))
+            jumped = max(math.hypot(*one), math.hypot(*two)) > JUMP_PX
+            turned = between(now_rad, self.reference_rad) > TURN_RAD
+            if not moving_seen:
+                turned = turned or between(now_rad, self.last_rad) > _SURE_RAD
+            if math.dist(one, two) > APART_PX or jumped or turned:
                 sight.reasons[i] = sight.reasons[j] = "lost"
+            elif moving_seen:
+                self.last_rad = now_rad
             return
         for index, marker, reading in ((i, self.inner, a), (j, self.outer, b)):
-            if reading is not None and marker.distance(reading.x_px, reading.y_px) > _ALONE_PX:
+            if reading is not None and marker.distance(reading.x_px, reading.y_px) > ALONE_PX:
                 sight.reasons[index] = "lost"
 
-    def find(self, sight: Sight, moving: Pair) -> None:
-        """Look for it nearby after both markers were lost: a bump carries it away but hardly turns it."""
+    def find(self, sight: Sight, moving: Pair, goes_along: Callable[[Point], bool]) -> None:
+        """Look for it nearby after both markers were lost: a bump carries it away but hardly turns it.
+
+        What looks like the base may be the moving stick, as long as that one is not seen elsewhere: then
+        ``goes_along(step)`` has to find that one shifted by the same step.
+        """
         if any(sight.reasons[i] in ("", "shadowed", "dark") for i in self.indices):
             return
         if self.inner.lost > 3 and self.inner.lost % 4:
@@ -75,26 +84,34 @@ class BaseStick(Pair):
         pairs = [
             pair
             for pair in self.look_for(sight.luma, region)
-            if between(pair.direction_rad, self.reference_rad) < _TURN_RAD
+            if between(pair.direction_rad, self.reference_rad) < TURN_RAD
+            and abs(pair.length_px - self.length_px) < 0.8 + 0.01 * self.length_px
             and all(
                 marker.lost or marker.distance(dot.x_px, dot.y_px) > 4.0
                 for marker in moving.markers
                 for dot in (pair.inner, pair.outer)
             )
         ]
+        if any(sight.reasons[i] for i in moving.indices):
+            pairs = [
+                pair
+                for pair in pairs
+                if between(pair.direction_rad, self.last_rad) < _SURE_RAD
+                and goes_along((pair.inner.x_px - self.inner.x_px, pair.inner.y_px - self.inner.y_px))
+            ]
         if len(pairs) == 1:
             sight.take(self.indices[0], pairs[0].inner)
             sight.take(self.indices[1], pairs[0].outer)
 
-    def seen_shift(self, sight: Sight) -> Point:
-        """Return the shift of the picture since the start; the last known one where the base is not seen."""
+    def seen_shift(self, sight: Sight) -> Point | None:
+        """Return the shift of the picture since the start; None where the base is not seen."""
         shifts = [
             (reading.x_px - zero[0], reading.y_px - zero[1])
             for index, zero in zip(self.indices, self.zero, strict=True)
             if (reading := sight.good(index)) is not None
         ]
         if not shifts:
-            return self.shift
+            return None
         return sum(s[0] for s in shifts) / len(shifts), sum(s[1] for s in shifts) / len(shifts)
 
     def assumed(self, index: int) -> Point:
@@ -105,12 +122,12 @@ class BaseStick(Pair):
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
         state = {"reference_rad": self.reference_rad, "zero": self.zero, "shift": self.shift}
-        return super().to_state() | state
+        return super().to_state() | state | {"last_rad": self.last_rad}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state."""
         super().restore(state)
-        self.reference_rad = float(state["reference_rad"])
+        self.reference_rad, self.last_rad = float(state["reference_rad"]), float(state["last_rad"])
         inner, outer = state["zero"]
         self.zero = ((float(inner[0]), float(inner[1])), (float(outer[0]), float(outer[1])))
         self.shift = (float(state["shift"][0]), float(state["shift"][1]))

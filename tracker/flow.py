@@ -44,7 +44,7 @@ class TileFlow:
         self._window = (2 * window + 1, 2 * window + 1)
         self.reach_px = float(_REACH_PX)
         for index, light in enumerate(lights):
-            self.expect(index, light=light, view=STILL)
+            self._render(index, light, STILL)
 
     def expect(self, index: int, *, light: float, view: View) -> None:
         """Render a marker's template anew where its light or view has changed enough to matter."""
@@ -53,6 +53,18 @@ class TileFlow:
         smeared = abs(view.smear_x_px - seen.smear_x_px) + abs(view.smear_y_px - seen.smear_y_px) > _SMEAR_PX
         if abs(light - old) < 0.15 * old and not turned and not smeared:
             return
+        self._render(index, light, view)
+
+    def to_state(self) -> list[list[float]]:
+        """Return what :meth:`restore` needs to look for the markers in the same way."""
+        return [[light, *view] for light, view in zip(self._lights, self._views, strict=True)]
+
+    def restore(self, state: list[list[float]]) -> None:
+        """Go back to a noted state; the templates have to be restored before."""
+        for index, (light, *view) in enumerate(state):
+            self._render(index, float(light), View(*(float(value) for value in view)))
+
+    def _render(self, index: int, light: float, view: View) -> None:
         self._lights[index], self._views[index] = light, view
         columns = slice(self._side * index, self._side * (index + 1))
         self._wanted[:, columns] = self._templates[index].tile(self._half, light=light, view=view)

@@ -20,20 +20,19 @@ from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.moving import MovingStick
 from tracker.pair import Pair
+from tracker.recover import Region
+from tracker.rules import DARK, SHARP_PX, SPARSE
 from tracker.sight import Sight, between, direction, make_row
 from tracker.smear import Shutter
 from tracker.source import Frame
 from tracker.sticks import crossing_point
+from tracker.template import DotTemplate
+from tracker.usual import UsualFrames
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
 _SHAKEN_PX: Final = 0.7
 """Shift between two frames from which the moving stick is looked for again at the shifted place."""
-_DARK: Final = 0.4
-"""Share of the usual brightness of the picture below which the light is off."""
-_SPARSE: Final = 16
-_SMEAR_PX: Final = 1.5
-"""Speed per frame from which the smear during the exposure is looked at."""
 
 
 class Follower:
@@ -55,12 +54,16 @@ class Follower:
         self.base: BaseStick | None = None
         self.moving: MovingStick | None = None
         self.brightness = 0.0
-        self.last_s = math.nan
+        self.usual: UsualFrames | None = None
         if moving is not None:
             self._name_sticks(moving)
 
     def step(self, frame: Frame) -> NDArray[np.void]:
         """Follow the markers into the next frame and return its row."""
+        if self.usual is not None and frame.luma is not None and not frame.damaged:
+            row = self.usual.step(frame.time_s, frame.luma)
+            if row is not None:
+                return row
         predicted = self._predict(frame.time_s)
         if frame.luma is None or frame.damaged:
             for index, marker in enumerate(self.markers):
@@ -72,8 +75,9 @@ class Follower:
         if self.base is not None and self.moving is not None:
             shift = self._judge(sight, self.base, self.moving)
         else:
-            for pair in self.pairs:
+            for pair, other in (self.pairs, self.pairs[::-1]):
                 pair.check_length(sight)
+                self._find_unnamed(sight, pair, other)
         self._tell_dark(sight)
         self._note(sight, shift)
         return sight.row()
@@ -141,10 +145,10 @@ class Follower:
         i, j = moving.indices
         strip = (sight.place(i), sight.place(j))
         moving.vote(base.cover(sight, strip, moving.inner.template.window_px))
-        base.judge(sight)
+        base.judge(sight, moving_seen=not (sight.reasons[i] or sight.reasons[j]))
         if not self._is_dark(sight):
-            base.find(sight, moving)
-        shift = base.seen_shift(sight)
+            base.find(sight, moving, lambda step: self._goes_along(sight, moving, step))
+        shift = base.seen_shift(sight) or moving.told_shift(sight, base.shift)
         dx, dy = shift[0] - base.shift[0], shift[1] - base.shift[1]
         if math.hypot(dx, dy) > _SHAKEN_PX and any(sight.reasons[k] for k in moving.indices):
             for k in moving.indices:
@@ -156,14 +160,50 @@ class Follower:
             moving.find(sight, base, shift)
         return shift
 
+    def _goes_along(self, sight: Sight, moving: MovingStick, step: Point) -> bool:
+        """Return whether the moving stick is read shifted by a step; the readings are kept if it is."""
+        before = (list(sight.predicted), list(sight.readings), list(sight.reasons))
+        for k in moving.indices:
+            x, y = sight.predicted[k]
+            sight.predicted[k] = (x + step[0], y + step[1])
+        self._read(sight, moving.indices)
+        if not any(sight.reasons[k] for k in moving.indices):
+            return True
+        sight.predicted[:], sight.readings[:], sight.reasons[:] = before
+        return False
+
+    def _find_unnamed(self, sight: Sight, pair: Pair, other: Pair) -> None:
+        """Look for a stick that is lost before it is known which one moves: it may turn fast from the start."""
+        if not any(sight.reasons[k] for k in pair.indices) or any(sight.reasons[k] for k in other.indices):
+            return
+        if self._is_dark(sight):
+            return
+        (ax, ay), (bx, by) = pair.ends
+        region = Region(0.5 * (ax + bx), 0.5 * (ay + by), 1.5 * pair.length_px + 40.0)
+        taken = [(sight.place(k), marker.radius_px) for k, marker in zip(other.indices, other.markers, strict=True)]
+        found = [
+            candidate
+            for candidate in pair.look_for(sight.luma, region)
+            if all(
+                math.dist(place, (dot.x_px, dot.y_px)) > 1.6 * radius
+                for place, radius in taken
+                for dot in (candidate.inner, candidate.outer)
+            )
+        ]
+        # Dots of one make can be paired both ways round: the one that has turned less is meant.
+        found.sort(key=lambda candidate: between(candidate.direction_rad, pair.direction_rad))
+        if len(found) == 1 or (len(found) == 2 and between(found[0].direction_rad, found[1].direction_rad) > 2.5):
+            sight.take(pair.indices[0], found[0].inner)
+            sight.take(pair.indices[1], found[0].outer)
+
     def _is_dark(self, sight: Sight) -> bool:
-        level = float(sight.luma[::_SPARSE, ::_SPARSE].mean())
-        return level < _DARK * self.brightness
+        level = float(sight.luma[::SPARSE, ::SPARSE].mean())
+        return level < DARK * self.brightness
 
     def _tell_dark(self, sight: Sight) -> None:
         """Name darkness as the reason, and keep account of the usual brightness."""
-        level = float(sight.luma[::_SPARSE, ::_SPARSE].mean())
-        if level < _DARK * self.brightness:
+        level = float(sight.luma[::SPARSE, ::SPARSE].mean())
+        if level < DARK * self.brightness:
             sight.reasons = ["dark" if reason else "" for reason in sight.reasons]
             return
         self.brightness = level if self.brightness == 0.0 else self.brightness + 0.05 * (level - self.brightness)
@@ -186,14 +226,16 @@ class Follower:
         for pair in self.pairs:
             pair.note_length(sight)
         if self.moving is not None:
-            self.moving.learn(sight, shift)
+            seen = self.base is not None and self.base.seen_shift(sight) is not None
+            self.moving.learn(sight, shift, base_seen=seen)
         else:
             self._look_for_motion(sight)
 
     def _look_at_smear(self, sight: Sight, steps: Sequence[Point]) -> None:
         for index, step in enumerate(steps):
-            if math.hypot(*step) > _SMEAR_PX and sight.good(index) is not None:
-                self.shutter.learn(self.markers[index], sight, index, step)
+            reading = sight.good(index)
+            if math.hypot(*step) > SHARP_PX and reading is not None:
+                self.shutter.learn(self.markers[index], sight.luma, (reading.x_px, reading.y_px), step)
 
     def _look_for_motion(self, sight: Sight) -> None:
         if any(sight.reasons):
@@ -216,14 +258,23 @@ class Follower:
         centre = crossing_point(*self.base.ends, *self.moving.ends)
         if centre is not None:
             self.moving.axis.suppose(centre)
+        if all(isinstance(marker.template, DotTemplate) for marker in self.markers):
+            self.usual = UsualFrames(self, self.base, self.moving)
+
+    def settle(self) -> None:
+        """Bring all that the compiled way has learned back into the markers and sticks."""
+        if self.usual is not None:
+            self.usual.give_back()
 
     def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""
+        self.settle()
         return {
             "moving": None if self.moving is None else self.moving.stick,
             "markers": [marker.to_state() for marker in self.markers],
             "pairs": [pair.to_state() for pair in self.pairs],
             "shutter": self.shutter.to_state(),
+            "flow": self.flow.to_state(),
             "brightness": self.brightness,
         }
 
@@ -236,4 +287,5 @@ class Follower:
         for pair, content in zip(self.pairs, state["pairs"], strict=True):
             pair.restore(content)
         self.shutter.restore(state["shutter"])
+        self.flow.restore(state["flow"])
         self.brightness = float(state["brightness"])

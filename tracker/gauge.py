@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from tracker.linear import Reading
+from tracker.rules import ALWAYS, GAUGE_RATE, LEAST_STEP, LIGHT_RATE, NEVER
 
-_RATE: Final = 0.03
 _START_SPREAD: Final = 0.15
-_NEVER: Final = {"dot": 0.3, "texture": 0.9}
+_NEVER: Final = {"dot": NEVER, "texture": 0.9}
 """A residual above this share of the step is not of the marker."""
-_ALWAYS: Final = {"dot": 0.015, "texture": 0.5}
+_ALWAYS: Final = {"dot": ALWAYS, "texture": 0.5}
 """A residual below this share of the step hides nothing. Texture changes its shading as it turns under the light: half
 of its spread left over is a correlation of 0.9."""
-_LEAST_STEP: Final = 4.0
-"""Grey levels below which there is no dot to be seen."""
 
 
 @dataclass(slots=True)
@@ -56,7 +54,7 @@ class Gauge:
         if reading is None:
             return "outside"
         step = abs(reading.step)
-        if step < _LEAST_STEP or not reading.converged:
+        if step < LEAST_STEP or not reading.converged:
             return "hidden"
         if not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
             return "hidden"
@@ -72,19 +70,19 @@ class Gauge:
 
     def learn_light(self, reading: Reading) -> None:
         """Take in how bright a good reading is."""
-        self.light += 0.1 * (reading.light - self.light)
-        self.step += 0.1 * (abs(reading.step) - self.step)
+        self.light += LIGHT_RATE * (reading.light - self.light)
+        self.step += LIGHT_RATE * (abs(reading.step) - self.step)
 
     def learn(self, reading: Reading) -> None:
         """Take in a good reading."""
         self.learn_light(reading)
         step = abs(reading.step)
         off = _share(reading.residual, step) - self.residual
-        self.residual += _RATE * off
-        self.residual_spread += _RATE * (abs(off) - self.residual_spread)
+        self.residual += GAUGE_RATE * off
+        self.residual_spread += GAUGE_RATE * (abs(off) - self.residual_spread)
         off = _share(reading.patch, step) - self.patch
-        self.patch += _RATE * off
-        self.patch_spread += _RATE * (abs(off) - self.patch_spread)
+        self.patch += GAUGE_RATE * off
+        self.patch_spread += GAUGE_RATE * (abs(off) - self.patch_spread)
 
     def to_state(self) -> list[Any]:
         """Return what :meth:`from_state` restores exactly."""

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracker.gauge import Gauge
 from tracker.linear import SAME, STILL, Change, Reading, View
+from tracker.rules import KEPT, RATE, STALE
 from tracker.template import Template
 
 Point = tuple[float, float]
-
-_KEPT: Final = 4
-_RATE: Final = 0.1
-_STALE: Final = 15
-"""Frames for which a lost marker is still carried on along its last motion."""
 
 
 @dataclass(slots=True)
@@ -64,7 +60,7 @@ class Marker:
         Of several ways to predict the one is taken that did best lately: a smooth fast motion wants the curved one, a
         shaking camera the averaged one.
         """
-        if not self.history or self.lost > _STALE:
+        if not self.history or self.lost > STALE:
             return None
         if self.lost:
             return _ways(self.history, time_s)[1]
@@ -81,29 +77,29 @@ class Marker:
         if self.lost:
             # Only readings close to each other tell a velocity.
             self.history = self.history[-1:] if self.lost <= 3 else []
-        elif len(self.history) == _KEPT:
+        elif len(self.history) == KEPT:
             for way, (px, py) in enumerate(_ways(self.history, time_s)):
                 miss = (x - px) ** 2 + (y - py) ** 2
-                self.misses[way] += _RATE * (miss - self.misses[way])
+                self.misses[way] += RATE * (miss - self.misses[way])
         self.history.append((time_s, x, y))
-        del self.history[:-_KEPT]
+        del self.history[:-KEPT]
         self.x_px, self.y_px = reading.x_px, reading.y_px
         self.lost = 0
 
     def _look(self, reading: Reading) -> None:
         old, view = self.change, self.view
-        radius, e, f = (was + _RATE * (now - was) for was, now in zip(old, reading.change, strict=True))
+        radius, e, f = (was + RATE * (now - was) for was, now in zip(old, reading.change, strict=True))
         self.change = SAME if self.template.reshape((radius, e, f)) else (radius, e, f)
         self.view = view._replace(
-            slope_x=view.slope_x + _RATE * (reading.slope[0] - view.slope_x),
-            slope_y=view.slope_y + _RATE * (reading.slope[1] - view.slope_y),
+            slope_x=view.slope_x + RATE * (reading.slope[0] - view.slope_x),
+            slope_y=view.slope_y + RATE * (reading.slope[1] - view.slope_y),
         )
 
     def miss(self, x_px: float, y_px: float) -> None:
         """Note that it was not read, and where it is taken to be."""
         self.x_px, self.y_px = x_px, y_px
         self.lost += 1
-        if self.lost > _STALE:
+        if self.lost > STALE:
             self.history = []
 
     def distance(self, x_px: float, y_px: float) -> float:

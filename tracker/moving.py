@@ -12,17 +12,14 @@ from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Region
-from tracker.sight import Sight, distance_to_strip
+from tracker.rules import CLOSE, MOST_VOTES, NEAR, SHAKE_PX, VOTES
+from tracker.sight import Sight, direction, distance_to_strip
 
+_UNSEEN_PX: Final = 4.0
 _CARRIED: Final = 15
 """Frames for which its last turning is carried on while it is not seen."""
 _SHORT: Final = 5
 """Frames after which one dot alone is no longer taken for a marker."""
-_CLOSE: Final = 0.6
-_NEAR: Final = 1.6
-"""Distance from a base dot, in radii: below the first they cannot be told apart, below the second not after a gap."""
-_VOTES: Final = 2
-_MOST_VOTES: Final = 20
 
 
 class MovingStick(Pair):
@@ -32,6 +29,7 @@ class MovingStick(Pair):
         super().__init__(markers, stick)
         self.axis = Axis()
         self.above = 0
+        self.offset: Point | None = None
 
     def place_from(self, seen: int, at: Point, shift: Point) -> Point | None:
         """Return where the other marker is when one is at a place; None while the axis is not known."""
@@ -64,19 +62,22 @@ class MovingStick(Pair):
 
     def vote(self, evidence: int) -> None:
         """Take in evidence of which stick is above."""
-        self.above = max(-_MOST_VOTES, min(_MOST_VOTES, self.above + evidence))
+        self.above = max(-MOST_VOTES, min(MOST_VOTES, self.above + evidence))
 
     def judge(self, sight: Sight, base: BaseStick, shift: Point) -> None:
         """Refuse readings that could be of a base dot, or are not on the marker's circle."""
         self.check_length(sight)
+        alone = sum(sight.good(index) is None for index in self.indices) == 1
         for index, marker in zip(self.indices, self.markers, strict=True):
             reading = sight.good(index)
             if reading is None:
                 continue
             if self._crossing(reading, base):
                 self.vote(1)
-            radii = _CLOSE if marker.lost <= 3 else _NEAR
-            if _near_dot(reading, base, radii) and self.above < _VOTES:
+            radii = CLOSE if marker.lost <= 3 and not alone else NEAR
+            near = _near_dot(reading, base, radii, more_px=_UNSEEN_PX if alone else 0.0)
+            if near and (alone or self.above < VOTES):
+                # One dot alone next to a base dot may be either, whichever stick is above.
                 sight.reasons[index] = "shadowed"
             elif marker.lost and self._off_circle(reading, shift, outer=marker is self.outer):
                 sight.reasons[index] = "hidden"
@@ -95,8 +96,8 @@ class MovingStick(Pair):
         pairs = [
             pair
             for pair in self.look_for(sight.luma, self._region(shift))
-            if not _near_dot(pair.inner, base, _NEAR)
-            and not _near_dot(pair.outer, base, _NEAR)
+            if not _near_dot(pair.inner, base, NEAR)
+            and not _near_dot(pair.outer, base, NEAR)
             and not self._off_circle(pair.inner, shift, outer=False)
             and not self._off_circle(pair.outer, shift, outer=True)
         ]
@@ -104,11 +105,37 @@ class MovingStick(Pair):
             sight.take(self.indices[0], pairs[0].inner)
             sight.take(self.indices[1], pairs[0].outer)
 
-    def learn(self, sight: Sight, shift: Point) -> None:
+    def told_shift(self, sight: Sight, last: Point) -> Point:
+        """Return the shift of the picture as its circles tell it while the base is not seen; the last one otherwise."""
+        away = self._away(sight)
+        if away is None or self.offset is None or self.above < VOTES:
+            # Under the base, or not known to be above it, what is seen here may be the base's own dots.
+            return last
+        shift = (away[0] - self.offset[0], away[1] - self.offset[1])
+        return shift if math.dist(shift, last) < SHAKE_PX else last
+
+    def _away(self, sight: Sight) -> Point | None:
+        """Return how far both markers are, in the mean, from where they would be in the picture of the first frame."""
+        a, b = sight.good(self.indices[0]), sight.good(self.indices[1])
+        if a is None or b is None:
+            return None
+        if abs(math.hypot(b.x_px - a.x_px, b.y_px - a.y_px) - self.length_px) > 0.8 + 0.01 * self.length_px:
+            return None
+        turn = direction((a.x_px, a.y_px), (b.x_px, b.y_px))
+        inner, outer = self.axis.place(turn, outer=False), self.axis.place(turn, outer=True)
+        if inner is None or outer is None:
+            return None
+        return 0.5 * (a.x_px + b.x_px - inner[0] - outer[0]), 0.5 * (a.y_px + b.y_px - inner[1] - outer[1])
+
+    def learn(self, sight: Sight, shift: Point, *, base_seen: bool) -> None:
         """Take a frame with both markers into the account of the axis."""
+        if not base_seen:
+            return
         a, b = sight.good(self.indices[0]), sight.good(self.indices[1])
         if a is not None and b is not None:
             self.axis.add((a.x_px - shift[0], a.y_px - shift[1]), (b.x_px - shift[0], b.y_px - shift[1]))
+            away = self._away(sight)
+            self.offset = None if away is None else (away[0] - shift[0], away[1] - shift[1])
 
     def _region(self, shift: Point) -> Region:
         centre = self.axis.centre
@@ -127,21 +154,26 @@ class MovingStick(Pair):
 
     def _crossing(self, reading: Reading, base: BaseStick) -> bool:
         """Return whether a marker is seen whole in the middle of the base stick, away from its dots: it is above."""
-        if _near_dot(reading, base, _CLOSE):
+        if _near_dot(reading, base, NEAR):
             return False
         away = distance_to_strip((reading.x_px, reading.y_px), base.ends, beyond=0.1)
         return away < 1.2 * base.inner.radius_px
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
-        return super().to_state() | {"axis": self.axis.to_state(), "above": self.above}
+        return super().to_state() | {"axis": self.axis.to_state(), "above": self.above, "offset": self.offset}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state."""
         super().restore(state)
         self.axis = Axis.from_state(state["axis"])
         self.above = int(state["above"])
+        self.offset = None if state["offset"] is None else (float(state["offset"][0]), float(state["offset"][1]))
 
 
-def _near_dot(reading: Reading, base: BaseStick, radii: float) -> bool:
-    return any(m.distance(reading.x_px, reading.y_px) < radii * m.radius_px for m in base.markers)
+def _near_dot(reading: Reading, base: BaseStick, radii: float, *, more_px: float = 0.0) -> bool:
+    # A base dot that was not seen lately may have moved with the picture.
+    return any(
+        m.distance(reading.x_px, reading.y_px) < radii * m.radius_px + (more_px if m.lost else 0.0)
+        for m in base.markers
+    )

@@ -14,6 +14,7 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import rotation_matrix
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
+from tracker.lone import lone_direction
 from tracker.noise import LengthWitness, witness
 from tracker.rays import carry, meet_plane, undistort
 from tracker.steady import steady_direction
@@ -168,9 +169,12 @@ def from_plane(
     moving_rad, moving_variance = _direction(plane[2], plane[3])
     base_rad[base.outlier] = np.nan
     moving_rad[moving.outlier] = np.nan
+    lone = lone_direction((plane[0], plane[1]), (_scaled(plane[2], scale), _scaled(plane[3], scale)), moving_rad)
+    one = np.isfinite(lone.angle_rad)
+    moving_rad = np.where(one, lone.angle_rad, moving_rad)
     base_rad = _continuous(base_rad)
     steady_rad, steady_variance = steady_direction(base_rad, base_variance * max(scale, base.scale) ** 2)
-    variance = moving_variance * scale**2 + steady_variance + floor[0] + floor[1]
+    variance = np.where(one, lone.variance_rad2, moving_variance * scale**2) + steady_variance + floor[0] + floor[1]
     if systematic_rad2 is not None:
         variance = variance + systematic_rad2
     angle_rad, certain = unwrap(tracks.time_s, moving_rad - steady_rad)
@@ -186,8 +190,13 @@ def from_plane(
     )
     noise = _noise_report(base, moving)
     noise["angle_bound_deg"] = float(np.sqrt(np.nanmedian(moving_variance))) / DEG if valid.any() else None
-    report = {"method": method, "noise": noise}
+    report = {"method": method, "noise": noise, "from_one_marker": int((valid & one).sum())}
     return Orientation(angles, position_mm, report, (max(scale, base.scale), scale))
+
+
+def _scaled(points: Points, scale: float) -> Points:
+    """Return positions with the errors that the stick's length shows."""
+    return points[0], points[1] * scale**2
 
 
 def _floor(tracks: MarkerTracks) -> tuple[float, float]:

@@ -6,21 +6,23 @@ import math
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracker.marker import Marker, Point
-from tracker.sight import Sight
+from tracker.rules import SHARP_PX, SLACK_KNOWN, SLACK_UNKNOWN
 from tracker.template import DotTemplate
 
 _SHARES: Final = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05)
 """Shares of the frame interval that are tried."""
+_TRIED: Final = np.array(_SHARES)
 _RATE: Final = 0.15
-_UNKNOWN: Final = 0.1
-_KNOWN: Final = 0.015
+_CLEAR: Final = 0.15
+"""By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
+and that looks a little like a smear."""
 _LEARNED: Final = 12
 """Fast readings after which the shutter counts as known."""
-_SHARP_PX: Final = 1.5
-_EVERY: Final = 3
-"""Only every so many fast readings are looked at: each costs as much as several readings."""
+_SELDOM: Final = 200
+"""Once the shutter is known only every so many fast readings are looked at: each costs as much as several frames."""
 
 
 class Shutter:
@@ -29,7 +31,7 @@ class Shutter:
     def __init__(self) -> None:
         self.share = 0.0
         self._cost = [0.0] * len(_SHARES)
-        self._count = 0
+        self.count = 0
 
     def smear(self, step: Point) -> Point:
         """Return the smear of a marker that moves by ``step`` per frame."""
@@ -38,7 +40,7 @@ class Shutter:
     def sharp(self, step: Point) -> bool:
         """Return whether a marker that moves by ``step`` per frame is known to be sharp enough to show its shape."""
         length = math.hypot(*step)
-        return length < _SHARP_PX or (self._count >= _LEARNED and self.share * length < _SHARP_PX)
+        return length < SHARP_PX or (self.known and self.share * length < SHARP_PX)
 
     def slack(self, step: Point) -> float:
         """Return by which share of the brightness step a fit may be worse than at rest.
@@ -49,33 +51,45 @@ class Shutter:
         length = math.hypot(*step)
         if length < 0.5:
             return 0.0
-        return (_UNKNOWN if self._count < _LEARNED else _KNOWN) * math.sqrt(length)
+        return (SLACK_UNKNOWN if not self.known else SLACK_KNOWN) * math.sqrt(length)
 
-    def learn(self, marker: Marker, sight: Sight, index: int, step: Point) -> None:
+    @property
+    def known(self) -> bool:
+        """Whether enough fast readings have been seen."""
+        return self.count >= _LEARNED
+
+    def learn(self, marker: Marker, luma: NDArray[np.uint8], place: Point, step: Point) -> None:
+        """Take in a fast marker; every now and then look at it."""
+        self.count += 1
+        if self.count % self.every == 0:
+            self.look(marker, luma, place, step)
+
+    def look(self, marker: Marker, luma: NDArray[np.uint8], place: Point, step: Point) -> None:
         """Compare how well smears of several lengths fit a fast marker's picture."""
-        self._count += 1
-        reading = sight.good(index)
-        if (
-            reading is None
-            or not isinstance(marker.template, DotTemplate)
-            or (self._count > _LEARNED and self._count % _EVERY)
-        ):
+        if not isinstance(marker.template, DotTemplate):
             return
-        costs: list[float] = []
-        for share in _SHARES:
-            misfit = marker.template.misfit(sight.luma, reading.x_px, reading.y_px, path=step, share=share)
-            if misfit is None:
-                return
-            costs.append(math.log(misfit + 1e-3))
+        misfits = marker.template.misfits(luma, *place, path=step, shares=_TRIED)
+        if misfits is None:
+            return
+        costs = [math.log(misfit + 1e-3) for misfit in misfits]
         # Short smears hardly differ: they say less.
         base = min(costs)
         weight = _RATE if math.hypot(*step) > 4.0 else 0.5 * _RATE
         self._cost = [was + weight * (min(cost - base, 2.0) - was) for was, cost in zip(self._cost, costs, strict=True)]
         self.share = self._best()
 
+    @property
+    def every(self) -> int:
+        """Return how often to look: often at first, for a shutter seldom changes."""
+        if self.count <= 2 * _LEARNED:
+            return 1
+        return 4 if self.count <= 8 * _LEARNED else _SELDOM
+
     def _best(self) -> float:
         """Return the share of least cost, between the ones that were tried."""
         at = int(np.argmin(self._cost))
+        if self._cost[0] - self._cost[at] < _CLEAR:
+            return 0.0
         if at in (0, len(_SHARES) - 1):
             return _SHARES[at]
         a, b, c = self._cost[at - 1 : at + 2]
@@ -85,10 +99,10 @@ class Shutter:
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
-        return {"share": self.share, "cost": list(self._cost), "count": self._count}
+        return {"share": self.share, "cost": list(self._cost), "count": self.count}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state."""
         self.share = float(state["share"])
         self._cost = [float(value) for value in state["cost"]]
-        self._count = int(state["count"])
+        self.count = int(state["count"])

@@ -95,6 +95,7 @@ def track_film(
                 store.checkpoint(follower.to_state())
         if frame.index % _REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
+    follower.settle()
     rows = store.rows()
     progress("tracking", len(rows), len(rows))
     return _result(rows, start, follower, source)

@@ -2,8 +2,8 @@
 
 Run: python benchmarks/tracking/speed.py [--frames 9000]
 
-Every way runs in a process of its own; its start-up (the same command on the first frames of the film) is taken off. The
-film is drawn by the tests' renderer, one swing of the stick that is repeated.
+Every way runs in a process of its own; its start-up (the same command on the first frames of the film) is taken off.
+The film is drawn by the tests' renderer, one swing of the stick that is repeated.
 """
 
 from __future__ import annotations
