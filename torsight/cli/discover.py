@@ -36,17 +36,26 @@ def discover(
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
     content = read_json(out / "discovery.json")
     say(f"Missing           {verdict_sentence(content)}")
-    before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
-    say(
-        f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see "
-        f"(noise floor {report.noise_floor_deg:.2f}°)"
-    )
+    say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
     if report.next_experiment is not None:
         say(f"Next experiment   {report.next_experiment.text}")
     for note in report.notes:
         say(f"Note              {note}")
     say(f"Results           {out}")
     return Answer(content, files=tuple(out / name for name in FILES))
+
+
+def _errors(report: DiscoveryReport) -> str:
+    before, after = report.before, report.after
+    if not report.held_out:
+        return (
+            f"{before.rmse_train_deg:.2f}° rms before, {after.rmse_train_deg:.2f}° after, on the very record that was "
+            "fitted: one half-cycle only, none could be held out"
+        )
+    return (
+        f"{before.rmse_held_out_deg:.2f}° rms before, {after.rmse_held_out_deg:.2f}° after, on half-cycles that the "
+        "fit did not see"
+    )
 
 
 def discover_to_folder(

@@ -19,6 +19,7 @@ from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
 from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import LEAST_PULLED, predictable
+from torsight.discovery.validate import block_labels
 
 LEAST_BY_PRIORS: Final = 15.0
 """Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
@@ -210,7 +211,9 @@ def covariance(field: Field, contender: Contender) -> Array:
     """Return the parameters' covariance (m, m), inflated for the residual's correlation.
 
     The weights already count pieces of information and not samples; what is added is the set's own residual where it
-    is larger than the one that the weights come from.
+    is larger than the one that the weights come from. A model that is a little wrong moves its values from block to
+    block by more than noise would: what leaving out whole blocks does to a value (the jackknife) is added to its
+    variance.
     """
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
@@ -219,7 +222,20 @@ def covariance(field: Field, contender: Contender) -> Array:
     derivative = fit.solution.jacobian
     information = derivative.T @ (derivative * weight[:, None]) / inflation
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
-    return np.asarray(np.linalg.inv(information))
+    found = np.asarray(np.linalg.inv(information))
+    plain = np.diag(found)
+    widened = np.sqrt((plain + _between_blocks(field, contender)) / plain)
+    return found * np.outer(widened, widened)
+
+
+def _between_blocks(field: Field, contender: Contender) -> Array:
+    """Return the jackknife's variance of every value over the blocks (m,); zero where there is one block only."""
+    names = [p.name for p in contender.fit.parameters]
+    if len(block_labels(field.fitter.problem)) < 2:
+        return np.zeros(len(names))
+    values = np.array([[fold[name] for name in names] for _, fold in contender.held_out.folds])
+    count = len(values)
+    return np.asarray((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
 
 
 def pieces(field: Field) -> float:

@@ -25,6 +25,8 @@ from torsight.discovery.validate import HeldOut, held_out_by_refit
 
 LEAST_PROMISE: Final = 10.0
 """Half of the least gain that is ever believed."""
+_LEAST_LINEAR: Final = 2.0
+"""Extensions that promise less in the linear picture are not fitted; low, as weights from a poor fit see little."""
 _SHARPENINGS: Final = 6
 _MUCH_LEFT: Final = 1.3
 """Larger sets are tried while the residual's information is this many times the floor's."""
@@ -191,7 +193,7 @@ class Search:
         self._fits |= {fit.effects: fit for fit in found}
 
     def _promising(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, tuple[Fit, str]]:
-        """Leave out extensions of a set that promise nothing in the linear picture; the best few stay in."""
+        """Leave out extensions that promise nothing in the linear picture; those that promise the best fits stay in."""
 
         def gain(item: tuple[Fit, str]) -> float:
             parent, name = item
@@ -201,8 +203,13 @@ class Search:
             return linear_gain(self._fitter, parent, name, starts)
 
         gains: list[float] = in_parallel(list(work.values()), gain)
-        ranked = sorted(zip(gains, work, strict=True), key=lambda item: (-item[0], item[1]))
-        kept = [effects for promised, effects in ranked if promised > LEAST_PROMISE][: self._settings.most_extensions]
+        # What counts is where a set would end up: a poor parent promises much and leads nowhere.
+        expected = {
+            effects: parent.cost - promised
+            for promised, (effects, (parent, _)) in zip(gains, work.items(), strict=True)
+            if promised > _LEAST_LINEAR
+        }
+        kept = sorted(expected, key=lambda effects: (expected[effects], effects))[: self._settings.most_extensions]
         return {effects: work[effects] for effects in kept}
 
     def _extend(self, item: tuple[Fit, str]) -> Fit:
@@ -212,8 +219,11 @@ class Search:
             return self._fitter.extend(parent, name)
         own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
         base = {p.name: single.values[p.name] for p in self._problem.parameters}
+        points = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(parent))
         starts = [{**parent.values, **own}, {**parent.values, **base, **own}]
-        return self._fitter.fit(self._fitter.ordered((*parent.effects, name)), starts, keep=1, near=parent)
+        starts += [{**parent.values, **point} for point in points[:4]]
+        effects = self._fitter.ordered((*parent.effects, name))
+        return self._fitter.fit(effects, starts, max_iterations=16, near=parent)
 
     def _named(self, effects: EffectSet) -> bool:
         return all(self._fitter.candidates[name].named for name in effects)
