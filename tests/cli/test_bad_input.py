@@ -9,8 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.bad_inputs import BAD, make_world
+from tests.cli.bad_inputs import BAD as FIRST
+from tests.cli.bad_inputs import make_world
+from tests.cli.bad_units import MORE
 from torsight.cli.main import main
+
+BAD = FIRST | MORE
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +25,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_table_is_long_enough() -> None:
-    assert len(BAD) >= 100
+    assert len(BAD) >= 200
 
 
 @pytest.mark.parametrize("name", BAD)
