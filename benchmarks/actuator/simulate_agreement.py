@@ -5,7 +5,8 @@
 A seed draws geometry, moduli, transformation temperatures, stress influences, critical angle, pre-deformation, friction
 (cases a and b), room temperature (some above M_f, some above A_s), the start angle (from mid-stroke to its end), the
 log's rate, and a chain of full and partial heatings with holds and reheats. The log goes through the command as a file:
-clean, with switches and without, and once more with noise of 0.1 °C. One line per seed is appended to OUT.jsonl.
+clean, with switches and without, and once more with noise of 0.1 °C. Without switches a reheat of a spring that had
+cooled to the room is a new half-cycle, where the drawn programme has one. One line per seed is appended to OUT.jsonl.
 """
 
 from __future__ import annotations

@@ -130,9 +130,10 @@ class Oracle:
             if direction != before:
                 ref, xi_0, before = Reference(theta, tau, xi), xi, direction
                 self.floor = self._wound(theta, tau)
-                if direction > 0 and xi > 1.0 - 1e-9:
-                    # Cold martensite on its loading curve: heated anew.
-                    theta_l = max(0.0, self.floor - v.theta_cr) * (1.0 - v.e_s / v.e_m)
+                if direction > 0:
+                    # What winding to this angle leaves bounds what heating recovers, for each share of martensite.
+                    left = max(0.0, self.floor - v.theta_cr) * (1.0 - v.e_s / v.e_m)
+                    theta_l = left if xi > 1.0 - 1e-9 else min(theta_l, left / max(xi, 1e-9))
             if self._law(temp, direction, tau, xi, xi_0) == xi:
                 angles.append(self.theta_a - 0.5 * v.theta_p)
                 continue

@@ -110,6 +110,17 @@ def test_a_spring_heated_twice_gives_way_before_the_other_one_is_heated():
     assert np.abs(phi[starts] - phi[starts - 1]).max() > 5.0 * DEG
 
 
+def test_a_reheat_after_nearly_all_has_cooled_is_one_after_all_has():
+    """Cooled to 99.99 % of martensite or to all of it: the second stroke may not jump between the two."""
+    strokes = []
+    for low in np.linspace(31.0, 35.0, 21):
+        log, _ = programme([(0, [(80.0, 1.0), (float(low), 1.0), (80.0, 1.0)])])
+        simulation = simulated(log, 177.6)
+        strokes.append(float(simulation.phi_rad.min()) / DEG)
+    assert np.abs(np.diff(strokes)).max() < 3.0
+    assert min(strokes) > -300.0
+
+
 @given(
     peaks=st.lists(st.floats(50.0, 85.0), min_size=2, max_size=3),
     reheat=st.tuples(st.floats(52.0, 66.0), st.floats(30.0, 48.0), st.floats(60.0, 80.0)),

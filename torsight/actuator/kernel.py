@@ -153,10 +153,15 @@ def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, sav
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW], g[XI_NOW], 0.0
         q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW], p)
         w[1], w[2] = w[0], 0.0
-        if heating and g[XI_NOW] > 1.0 - 1e-9:
-            who = int(g[WHO])
-            wound[who] = q[FLOOR]
-            q[THETA_L] = _recoverable(q[FLOOR], theta_l_scale, p)
+        if heating:
+            # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
+            # martensite and not yet wound that far, what it recovered before is what it recovers again.
+            left = _recoverable(q[FLOOR], theta_l_scale, p)
+            if g[XI_NOW] > 1.0 - 1e-9:
+                wound[int(g[WHO])] = q[FLOOR]
+                q[THETA_L] = left
+            else:
+                q[THETA_L] = min(q[THETA_L], left / max(g[XI_NOW], 1e-9))
     else:
         for i in range(q.size):
             q[i], saved_q[i] = saved_q[i], q[i]

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 TURN_C: Final = 1.0
 """A turn of the temperature counts when it goes this far back, °C (more where noise is large)."""
 _RISE_C: Final = 4.0
-_COOLED: Final = 0.65
+_COOLED: Final = 0.8
 _LIFT_C: Final = 0.25
 
 
