@@ -55,7 +55,8 @@ class Effect:
     id : str
         Name in files, code and report; the module's name.
     family : str
-        Kind of mechanism that rival effects share (``sensor``, ``heat``, ``friction``, ``material``, ``camera``).
+        Kind of mechanism that rival effects share (``sensor``, ``clock``, ``heat``, ``friction``, ``material``,
+        ``camera``; ``start`` for the state before the record).
     acts_on : str
         Where it acts: temperature, phase, torque, friction or reading.
     title : str
