@@ -139,6 +139,25 @@ def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: P
     assert not (run / "figures" / "next_experiment.svg").exists()
 
 
+@pytest.mark.parametrize(
+    ("verdict", "best_set", "percent"),
+    [
+        ("none", ["fatigue"], None),
+        ("unknown", [], None),
+        ("unknown", ["fatigue"], {"fatigue": 40.0, "stiffening": 10.0}),
+    ],
+)
+def test_candidates_are_drawn_only_where_something_was_explained(
+    run: Path, verdict: str, best_set: list[str], percent: dict[str, float] | None
+) -> None:
+    gains = {"fatigue": 80.0, "stiffening": 20.0}
+    rewrite(run, verdict=verdict, effects=[], evidence={"gains": gains, "best_set": best_set, "share_explained": 0.4})
+    write_report(run)
+    path = run / "figures" / "candidates.csv"
+    found = pd.read_csv(path).set_index("effect")["percent"].to_dict() if path.exists() else None
+    assert found == (None if percent is None else pytest.approx(percent))
+
+
 def test_what_others_keep_in_the_figures_folder_stays(run: Path) -> None:
     own = run / "figures" / "for_the_paper.svg"
     own.parent.mkdir()

@@ -47,7 +47,9 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     evidence = discovery.get("evidence") or {}
     gains = {name: float(gain) for name, gain in (evidence.get("gains") or {}).items() if gain is not None}
     best = max([*gains.values(), 0.0])
-    if best <= 0.0 or discovery.get("verdict") == "none":
+    verdict = discovery.get("verdict")
+    if best <= 0.0 or verdict == "none" or (verdict == "unknown" and not _whole(discovery)):
+        # A share of next to nothing would look like an explanation.
         return None
     share_of = "what there is to explain" if _whole(discovery) else "the best one's"
     ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
@@ -78,7 +80,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         "percent": [100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0) for _, gain in ranked],
     }
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
-    title = "What the known effects explain" if discovery.get("verdict") == "unknown" else "What else could explain it"
+    title = "What the known effects explain" if verdict == "unknown" else "What else could explain it"
     return Figure("candidates", title, caption.strip(), plot.render(), data=data)
 
 
