@@ -26,8 +26,10 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from recordings import same_recording
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from tests.recordings import same_recording
 from torsight.core.results import DOCUMENTS
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from

@@ -1,0 +1,75 @@
+"""How much faster a campaign is on two cores than on one.
+
+    python benchmarks/trust/batch_speed.py --records 64
+
+Renders a few short rigs, makes ``--records`` experiments of them, and does the whole campaign twice, each time from
+nothing: with one process and with ``--jobs``. For a machine that does nothing else; the ratio of both times counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from kills import SCENE, TORSIGHT
+
+from torsight.synthetic.render import render_scene
+from torsight.synthetic.scene import scene_from
+
+
+def campaign(folder: Path, *, records: int, rigs: int) -> Path:
+    """Make experiments over a few rendered rigs; every one has a seed, and so a task, of its own."""
+    for index in range(rigs):
+        scene = scene_from(tomllib.loads(SCENE.format(seed=23 + index)), where="scene")
+        render_scene(scene, out=folder / "rigs" / f"{index}")
+    text = (folder / "rigs" / "0" / "experiment.toml").read_text(encoding="utf-8")
+    for index in range(records):
+        rig = folder / "rigs" / f"{index % rigs}"
+        (rig / f"experiment_{index:03d}.toml").write_text(f"{text}\n[discovery]\nseed = {index}\n", encoding="utf-8")
+    for rig in (folder / "rigs").iterdir():
+        (rig / "experiment.toml").unlink()
+    return folder / "rigs"
+
+
+def timed(rigs: Path, out: Path, *, jobs: int) -> float:
+    """Do the campaign from nothing and return its wall time, s."""
+    shutil.rmtree(out, ignore_errors=True)
+    # One thread each: what is compared is processes.
+    environment = {**os.environ, **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")}
+    began = time.monotonic()
+    words = [*TORSIGHT, "batch", str(rigs), "--out", str(out), "--jobs", str(jobs)]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        sys.exit(done.stderr)
+    print(f"  {jobs} process(es): {time.monotonic() - began:7.1f} s; {done.stderr.strip().splitlines()[-1]}")
+    return time.monotonic() - began
+
+
+def main() -> None:
+    """Print both times and their ratio; end with 1 where it is below 1.7."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--records", type=int, default=64)
+    parser.add_argument("--rigs", type=int, default=4)
+    parser.add_argument("--jobs", type=int, default=2)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        rigs = campaign(folder, records=given.records, rigs=given.rigs)
+        print(f"{given.records} records, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
+        timed(next(rigs.rglob("experiment_*.toml")), folder / "warm", jobs=1)  # machine code is compiled once, and kept
+        one, several = timed(rigs, folder / "one", jobs=1), timed(rigs, folder / "several", jobs=given.jobs)
+    print(f"{one / several:.2f} × as fast with {given.jobs} processes (wanted: over 1.70)")
+    sys.exit(one / several <= 1.7)
+
+
+if __name__ == "__main__":
+    main()
