@@ -15,15 +15,16 @@ import numpy as np
 
 from sync.belief import DRIFT_SIGMA_PPM, Belief, ClockEstimate, conclude
 from sync.evidence import MotionEvidence
-from sync.light import LightEvents, light_evidence
+from sync.light import LightEvents, LightEvidence, light_evidence, missing_by_light
 from sync.repairs import LogReading
-from sync.settle import Settled, jumps_of, settle
+from sync.settle import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
 from torsight.core.errors import NoResultError
 from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 
 _GIVEN_SIGMA_S: Final = 1e-6
+_BY_LIGHT_SIGMA_S: Final = 1.0
 _GIVEN_SIGMA_PPM: Final = 1e-3
 _WIDE_S: Final = 1.0
 _VERY_WIDE_S: Final = 5.0
@@ -113,20 +114,17 @@ def find_clock(
 
 def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
     """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
-    evidence = light_evidence(light, angles.time_s, reading.log)
     settled = Settled(None, reading)
-    if evidence.rivals or jumps_of(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
+    if jumps_of(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
         settled = settle(angles, reading, prior=None)
-        near = None
-        if settled.evidence is not None:
-            estimate = conclude(settled.evidence.beliefs, middle_s=settled.evidence.middle_s)
-            low, high = estimate.offset_ci95_s
-            margin = 0.5 * (high - low) + 5.0
-            near = (low - margin, high + margin)
-        evidence = light_evidence(light, angles.time_s, settled.reading.log, near=near)
+    settled, evidence = _paired(angles, settled, reading, light)
     belief = evidence.belief
     if given_drift_ppm is not None:
-        belief = belief.updated(np.array([0.0, 1.0]), given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+        row = np.zeros(len(belief.mean))
+        row[1] = 1.0
+        belief = belief.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+    if len(belief.mean) > len(("offset", "drift")):
+        settled = Settled(settled.evidence, moved_to(settled.reading, [belief]))
     notes = list(_restart_notes(settled))
     if evidence.rivals:
         notes.append(f"{evidence.rivals} other shifts pair as many changes of the light: check the offset")
@@ -135,6 +133,46 @@ def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, gi
         f"{evidence.switchings}"
     )
     return Found(_as_map(conclude([belief], middle_s=evidence.middle_s), method, notes), settled.reading)
+
+
+def _paired(
+    angles: StickAngles, settled: Settled, reading: LogReading, light: LightEvents
+) -> tuple[Settled, LightEvidence]:
+    """Return the light's evidence, with rows behind a restart where the motion has them or, if more pair, the light."""
+    moved = _joined_by_light(angles, reading, light)
+    other = None if moved is None else light_evidence(light, angles.time_s, moved.log, jumps=jumps_of(moved))
+    try:
+        evidence = _light_with_motion(angles, settled, light)
+    except NoResultError:
+        if moved is None or other is None:
+            raise
+        return Settled(None, moved), other
+    if moved is not None and other is not None and other.matched > evidence.matched:
+        return Settled(None, moved), other
+    return settled, evidence
+
+
+def _light_with_motion(angles: StickAngles, settled: Settled, light: LightEvents) -> LightEvidence:
+    log, jumps = settled.reading.log, jumps_of(settled.reading)
+    evidence = light_evidence(light, angles.time_s, log, jumps=jumps)
+    if not evidence.rivals:
+        return evidence
+    motion = settled.evidence or settle(angles, settled.reading, prior=None).evidence
+    if motion is None:
+        return evidence
+    low, high = conclude(motion.beliefs, middle_s=motion.middle_s).offset_ci95_s
+    margin = 0.5 * (high - low) + 5.0
+    return light_evidence(light, angles.time_s, log, near=(low - margin, high + margin), jumps=jumps)
+
+
+def _joined_by_light(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
+    """Return the log with the one restart whose gap is not sure put where the light has it."""
+    unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
+    if len(unsure) != 1:
+        return None
+    after_s = float(reading.log.time_s[reading.restarts[unsure[0]].index - 1])
+    missing_s = missing_by_light(light, angles.time_s, reading.log, after_s=after_s)
+    return None if missing_s is None else with_gap(reading, unsure[0], missing_s, _BY_LIGHT_SIGMA_S)
 
 
 def _restart_notes(settled: Settled) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ offset and drift, instead of taking a mean with a root of the number of events.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,12 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.belief import DRIFT_SIGMA_PPM, Belief
+from sync.jumps import Jump
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import number_column, read_table
 from torsight.core.units import PPM
 
 _JITTER_S: Final = 1e-3
+_REPEATS: Final = 2.0
+"""Switchings that meet the frames at one phase repeat one error: two are taken to tell as much as one."""
 _ASTRAY: Final = 1e-3
 _GRID: Final = 161
 _LARGEST_DRIFT: Final = 300.0 * PPM
@@ -101,6 +105,7 @@ def light_evidence(
     log: TemperatureLog,
     *,
     near: tuple[float, float] | None = None,
+    jumps: Sequence[Jump] = (),
 ) -> LightEvidence:
     """Pair the light's changes with the switch's and estimate the clock.
 
@@ -114,6 +119,8 @@ def light_evidence(
         With at least one heating switch.
     near : (float, float), optional
         Range of offsets to choose from where several shifts pair as many events.
+    jumps : sequence of Jump
+        Joints of the log whose gap is not sure: further unknowns of the belief.
 
     Raises
     ------
@@ -153,13 +160,64 @@ def light_evidence(
         chosen, offsets = (inside[0], inside) if inside else (chosen, offsets)
     pairs = _pairs(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s, chosen)
     index, partner = (np.array(item, dtype=np.int64) for item in zip(*pairs, strict=True))
+    away_s, offset_s = film_s[index] - middle_s, log_s[partner] - film_s[index]
+    if jumps:
+        behind = np.stack([log_s[partner] > jump.after_s for jump in jumps], axis=1)
+        variance = _REPEATS * ((film_step_s[index] ** 2 + log_step_s[partner] ** 2) / 12.0 + _JITTER_S**2)
+        belief = _with_jumps(away_s, offset_s, behind, variance, [jump.sigma_s for jump in jumps])
+        return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1)
     belief = _intersected(
-        away_s=film_s[index] - middle_s,
-        offset_s=log_s[partner] - film_s[index],
-        film_step_s=film_step_s[index],
-        log_step_s=log_step_s[partner],
+        away_s=away_s, offset_s=offset_s, film_step_s=film_step_s[index], log_step_s=log_step_s[partner]
     )
     return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1)
+
+
+def missing_by_light(
+    events: LightEvents, frame_s: NDArray[np.float64], log: TemperatureLog, *, after_s: float
+) -> float | None:
+    """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
+
+    None where one side alone pairs as many events as both. Of several answers the shortest is taken.
+    """
+    film_s, film_step_s = _middles(events, frame_s)
+    best: tuple[int, float] | None = None
+    for switch in _switches(log):
+        log_s, log_step_s, goes_on = _switchings(log.time_s, switch)
+        sides = []
+        for rows in (log_s <= after_s, log_s > after_s):
+            if not rows.any():
+                break
+            count, offsets = _best_shifts(
+                film_s, events.goes_on, log_s[rows], goes_on[rows], film_step_s, log_step_s[rows]
+            )
+            sides.append((count, offsets))
+        if len(sides) < len(("before", "behind")) or not all(count for count, _ in sides):
+            continue
+        apart_s = min((a - b for a in sides[0][1] for b in sides[1][1] if a - b > -1.0), key=abs, default=None)
+        total = sides[0][0] + sides[1][0]
+        if apart_s is not None and total <= len(film_s) and (best is None or total > best[0]):
+            best = (total, apart_s)
+    return None if best is None else best[1]
+
+
+def _with_jumps(
+    away_s: NDArray[np.float64],
+    offset_s: NDArray[np.float64],
+    behind: NDArray[np.bool_],
+    variance: NDArray[np.float64],
+    jump_sigma_s: Sequence[float],
+) -> Belief:
+    """Return the belief about offset, drift and the time missing at each joint, by least squares.
+
+    Rows behind a joint stand earlier than they belong by what is missing there.
+    """
+    sigmas = [10.0, DRIFT_SIGMA_PPM * PPM, *jump_sigma_s]
+    mean = np.zeros(len(sigmas))
+    mean[0] = float(np.median(offset_s))
+    belief = Belief(mean, np.diag(np.square(sigmas)), 0.0)
+    for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):
+        belief = belief.updated(np.array([1.0, away, *(-1.0 * later)]), float(seen), float(spread))
+    return belief
 
 
 def _intersected(

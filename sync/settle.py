@@ -22,7 +22,7 @@ from sync.motion import find_strokes
 from sync.repairs import LogReading
 from torsight.core.tracks import StickAngles
 
-_SURE_GAP_S: Final = 0.01
+SURE_GAP_S: Final = 0.01
 _LONGEST_AWAY_S: Final = 900.0
 _AWAY_CELLS_S: Final = (
     (0.0, 10.0, 0.12),
@@ -65,9 +65,9 @@ def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) ->
             option
             for account, weight in accounts
             for option in (
-                (_with_gap(account, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
+                (with_gap(account, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
                 *(
-                    (_with_gap(account, number, middle_s, half_s), weight + float(np.log(share)))
+                    (with_gap(account, number, middle_s, half_s), weight + float(np.log(share)))
                     for middle_s, half_s, share in away
                 ),
             )
@@ -86,7 +86,7 @@ def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) ->
         for other, _, weight in found
         for belief in other.beliefs
     ]
-    return Settled(replace(evidence, beliefs=tuple(beliefs)), _moved_to(chosen, evidence.beliefs))
+    return Settled(replace(evidence, beliefs=tuple(beliefs)), moved_to(chosen, evidence.beliefs))
 
 
 def jumps_of(reading: LogReading) -> tuple[Jump, ...]:
@@ -95,11 +95,11 @@ def jumps_of(reading: LogReading) -> tuple[Jump, ...]:
     return tuple(
         Jump(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
         for restart in reading.restarts
-        if _SURE_GAP_S < restart.gap_sigma_s < np.inf
+        if SURE_GAP_S < restart.gap_sigma_s < np.inf
     )
 
 
-def _with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
+def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
     """Return the log with everything behind a restart moved later, and how sure that is."""
     restart = reading.restarts[number]
     time_s = reading.log.time_s.copy()
@@ -113,14 +113,14 @@ def _with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float)
     )
 
 
-def _moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
+def moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
     """Move the restarts by what the likeliest belief says is missing."""
     best = max(beliefs, key=lambda belief: belief.log_weight)
-    unsure = [n for n, restart in enumerate(reading.restarts) if _SURE_GAP_S < restart.gap_sigma_s < np.inf]
+    unsure = [n for n, restart in enumerate(reading.restarts) if SURE_GAP_S < restart.gap_sigma_s < np.inf]
     for place, number in enumerate(unsure):
         # A gap cannot be shorter than nothing.
         longer_s = max(float(best.mean[2 + place]), -0.9 * reading.restarts[number].gap_s)
-        reading = _with_gap(reading, number, longer_s, float(np.sqrt(best.covariance[2 + place, 2 + place])))
+        reading = with_gap(reading, number, longer_s, float(np.sqrt(best.covariance[2 + place, 2 + place])))
     return reading
 
 

@@ -198,3 +198,23 @@ def test_two_instruments_without_a_known_offset(shared_data):
     # and 10682.8 s of the meter's: the specimen follows the chamber, so the offset is at most some 30 s.
     assert low < 0.0 < high
     assert any("wide" in note for note in clock.notes)
+
+
+@pytest.mark.parametrize("away_s", [0.0, 7.0])
+def test_a_light_tells_how_long_a_logger_was_away(away_s):
+    rig, cycles = FAST, fast_programme(3, half_cycles=4)
+    pair = make_pair(3, rig=rig, cycles=cycles, film_fps=30.0, log_step_s=0.015, offset_s=-41.0, drift_ppm=50.0)
+    angles, log = records(pair)
+    index = int(np.searchsorted(log.time_s, pair.switch_true_s[2, 0] - 5.0 - 41.0))
+    behind = index + round(away_s / 0.015)
+    keep = np.r_[0:index, behind : len(log)]
+    true_s = log.time_s[keep]
+    joined = true_s.copy()
+    joined[index:] += joined[index - 1] + 0.015 - joined[index]
+    cut = TemperatureLog(joined, log.temp_a_c[keep], log.temp_b_c[keep], log.heat_a[keep], log.heat_b[keep])
+    reading = LogReading(cut, restarts=(Restart(index, 0.0, 0.015, np.inf),))
+    found = find_clock(angles, reading, light=light_of(pair))
+    assert covers(found.clock.offset_ci95_s, -41.0, widen=2.3)
+    assert found.clock.offset_ci95_s[1] - found.clock.offset_ci95_s[0] < 0.1
+    # Behind the joint the rows stand where they were, to a frame or two.
+    assert abs(found.reading.log.time_s[-1] - true_s[-1]) < 0.1
