@@ -104,7 +104,7 @@ def _friction_tile(results: RunResults) -> list[Tile]:
     note = interval.rstrip(")") or "no interval"
     discovery = results.discovery or {}
     plain = (discovery.get("plain_parameters") or {}).get("tau_c_mnm")
-    if plain is not None and discovery.get("verdict") not in {None, "none"}:
+    if plain is not None and number(plain.get("value"), 2) != number(friction.get("value"), 2):
         note += f"; the plain model said {number(plain.get('value'))}"
     return [Tile("Friction torque", value, unit, note)]
 
