@@ -34,7 +34,7 @@ def campaign(folder: Path, *, records: int, rigs: int) -> Path:
     text = (folder / "rigs" / "0" / "experiment.toml").read_text(encoding="utf-8")
     for index in range(records):
         rig = folder / "rigs" / f"{index % rigs}"
-        (rig / f"experiment_{index:03d}.toml").write_text(f"{text}\n[discovery]\nseed = {index}\n", encoding="utf-8")
+        (rig / f"experiment_{index:03d}.toml").write_text(text.replace("seed = 0", f"seed = {index}"), encoding="utf-8")
     for rig in (folder / "rigs").iterdir():
         (rig / "experiment.toml").unlink()
     return folder / "rigs"
