@@ -27,11 +27,13 @@ from torsight.actuator.spec import KEYS, ActuatorSpec
 from torsight.actuator.spring_tests import SpringTests
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
+from torsight.core.progress import Progress, silent
 from torsight.core.units import MPA
 
 Array = NDArray[np.float64]
 
 LAWS: Final = ("liang_rogers", "tanaka")
+_STEP: Final = "spring tests"
 _K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
 _LEAST_HEATING_C: Final = 5.0
 
@@ -89,7 +91,9 @@ class Characterisation:
         }
 
 
-def characterise(tests: SpringTests, *, source: str = "characterisation") -> Characterisation:
+def characterise(
+    tests: SpringTests, *, source: str = "characterisation", progress: Progress = silent
+) -> Characterisation:
     """Fit all four steps.
 
     Raises
@@ -97,14 +101,20 @@ def characterise(tests: SpringTests, *, source: str = "characterisation") -> Cha
     InputError
         When a test does not hold what its step needs.
     """
-    recovery = {law: free_recovery(tests, law=law) for law in LAWS}
+    recovery = {}
+    for number, law in enumerate(LAWS):
+        progress(_STEP, number, 4)
+        recovery[law] = free_recovery(tests, law=law)
     better = min(LAWS, key=lambda law: recovery[law].rmse)
     lines = force_angle(tests)
     _require_plausible(lines.estimates, where=source)
     known = {**recovery["liang_rogers"].estimates, **lines.estimates}
+    progress(_STEP, 2, 4)
     heating = block_heating(tests, known)
     known |= heating.estimates
+    progress(_STEP, 3, 4)
     cooling = block_cooling(tests, known)
+    progress(_STEP, 4, 4)
     known |= cooling.estimates
     names = (
         "E_A_gpa",

@@ -163,8 +163,8 @@ def step_figure(
         lines.append(Line(x, measured, f"{name}, measured", f"{colour}."))
         lines.append(Line(x[order], fitted[order], f"{name}, model", f"{colour}-"))
         for law, other in (others or {}).items():
-            x, _, fitted = other.curves[name]
-            lines.append(Line(x[order], fitted[order], f"{name}, {law}", f"{colour}--"))
+            other_x, _, other_fitted = other.curves[name]
+            lines.append(Line(other_x[order], other_fitted[order], f"{name}, {law}", f"{colour}--"))
     return draw(path, lines, x_label=x_label, y_label=y_label, title=title)
 
 

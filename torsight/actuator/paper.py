@@ -7,7 +7,7 @@ the rig of figure 17 is off from its characterised values by their usual errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +33,7 @@ from torsight.actuator.phase import HEATING_LAWS
 from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
 from torsight.actuator.springs import Rig
+from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.storage import write_json, write_table
 from torsight.core.units import DEG, MM, MNM, MPA
@@ -145,29 +146,31 @@ def _block_log(tests: SpringTests, values: Mapping[str, float], rng: np.random.G
     return Block(np.concatenate([up, up[::-1]]), np.concatenate(parts), _BLOCK_DEG, "block test")
 
 
-def make_paper(out: Path, *, seed: int = 0) -> dict[str, Any]:
+def make_paper(out: Path, *, seed: int = 0, progress: Progress = silent) -> dict[str, Any]:
     """Draw figures 4, 5, 7, 9 to 12 and 15 to 17 into a folder, with ``paper.json``; return its content."""
     spec = reference_spec()
     rig = Rig.from_values(spec.values)
     case_a = play(spec.values)
     case_b = play({**spec.values, "tau_c_mnm": CASE_B_TAU_C_MNM})
-    found = characterise(spring_logs(seed=seed))
+    found = characterise(spring_logs(seed=seed), progress=progress)
     friction = _friction_test(seed=seed)
-    figures = [
-        strain_figure(out / "figure_04_strain.png", rig, active_coils=spec.values["active_coils"]),
-        stiffness_figure(out / "figure_05_stiffness.png", rig),
-        motion_figure(
-            out / "figure_07_motion.png",
-            {
-                "case (a)": _motion(case_a, spec.values),
-                "case (b)": _motion(case_b, {**spec.values, "tau_c_mnm": CASE_B_TAU_C_MNM}),
-            },
-            rig,
-        ),
-        *characterisation_figures(out, found),
-        *_cycle_figures(out, case_a),
-        _friction_figure(out / "figure_17_angle_temperature.png", friction),
+    motions = {
+        "case (a)": _motion(case_a, spec.values),
+        "case (b)": _motion(case_b, {**spec.values, "tau_c_mnm": CASE_B_TAU_C_MNM}),
+    }
+    drawings: list[Callable[[], list[Path]]] = [
+        lambda: [strain_figure(out / "figure_04_strain.png", rig, active_coils=spec.values["active_coils"])],
+        lambda: [stiffness_figure(out / "figure_05_stiffness.png", rig)],
+        lambda: [motion_figure(out / "figure_07_motion.png", motions, rig)],
+        lambda: list(characterisation_figures(out, found)),
+        lambda: list(_cycle_figures(out, case_a)),
+        lambda: [_friction_figure(out / "figure_17_angle_temperature.png", friction)],
     ]
+    figures: list[Path] = []
+    for number, drawing in enumerate(drawings):
+        progress("figures", number, len(drawings))
+        figures += drawing()
+    progress("figures", len(drawings), len(drawings))
     content = {"numbers": _numbers(case_a, found, friction, rig), "figures": [path.name for path in figures]}
     write_json(out / "paper.json", content)
     write_table(

@@ -28,14 +28,15 @@ def characterise(
     from torsight.actuator.characterisation import characterise as fit_tests
     from torsight.actuator.figures import characterisation_figures
     from torsight.actuator.spring_tests import read_tests
-    from torsight.cli.console import say
+    from torsight.cli.console import progress_bar, say
     from torsight.core.storage import require_apart, write_json, write_text
 
     made = (out / "actuator.toml", out / "characterisation.json")
     require_apart(made, [tests])
     read = read_tests(tests)
     require_apart(made, [Path(name) for name in read.sources])
-    found = fit_tests(read, source=str(tests))
+    with progress_bar() as progress:
+        found = fit_tests(read, source=str(tests), progress=progress)
     figures = characterisation_figures(out, found)
     write_text(out / "actuator.toml", "# Made by 'torsight characterise'.\n" + tomli_w.dumps(found.spec.to_tables()))
     content = {**found.to_json(), "figures": [path.name for path in figures]}

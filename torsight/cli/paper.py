@@ -20,9 +20,10 @@ def paper(
     Example: torsight paper --out paper
     """
     from torsight.actuator.paper import make_paper
-    from torsight.cli.console import say
+    from torsight.cli.console import progress_bar, say
 
-    content = make_paper(out, seed=seed)
+    with progress_bar() as progress:
+        content = make_paper(out, seed=seed, progress=progress)
     say(f"{len(content['figures'])} figures in {out}")
     for name, entry in content["numbers"].items():
         theirs = "–" if entry["paper"] is None else f"{entry['paper']:g}"
