@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 
 SIZE_PX = (320, 240)
 CENTRE_PX = (160.0, 120.0)
@@ -22,10 +23,13 @@ def angles_deg(frames: int) -> np.ndarray:
 def picture(angle_deg: float, *, seed: int, light: float = 1.0) -> np.ndarray:
     """Two light sticks with two dark dots each, drawn much finer than pixels, with noise."""
     luma = np.full((SIZE_PX[1], SIZE_PX[0]), 90, np.uint8)
-    for turn_rad in (BASE_RAD, BASE_RAD + math.radians(angle_deg)):
+    # The sticks' dots are at different distances from the axis: where one passes over the other they do not meet.
+    for turn_rad, radii in (
+        (BASE_RAD, (14, 26, 62, 78)),
+        (BASE_RAD + math.radians(angle_deg), (14, 44, 94, 110)),
+    ):
         places = [
-            (CENTRE_PX[0] + radius * math.cos(turn_rad), CENTRE_PX[1] - radius * math.sin(turn_rad))
-            for radius in (18, 34, 84, 100)
+            (CENTRE_PX[0] + radius * math.cos(turn_rad), CENTRE_PX[1] - radius * math.sin(turn_rad)) for radius in radii
         ]
         corners = [(round(256 * x), round(256 * y)) for x, y in places]
         cv2.line(luma, corners[0], corners[3], 215, 18, cv2.LINE_AA, 8)
@@ -48,6 +52,14 @@ def film_angles(path: Path, angles: np.ndarray, *, fps: float) -> None:
     for index, angle in enumerate(angles.tolist()):
         writer.write(cv2.cvtColor(picture(angle, seed=index), cv2.COLOR_GRAY2BGR))
     writer.release()
+
+
+def picture_angles_deg(markers: pd.DataFrame) -> np.ndarray:
+    """Return the angle between the sticks as it lies in the picture, from ``markers.csv``, folded to ±180."""
+    dx, dy = (
+        (markers[f"moving_outer_{axis}_px"] - markers[f"moving_inner_{axis}_px"]).to_numpy() for axis in ("x", "y")
+    )
+    return np.remainder(np.degrees(np.arctan2(-dy, dx) - BASE_RAD) + 180.0, 360.0) - 180.0
 
 
 def log_text(seconds: float, *, rate_hz: float = 20.0) -> str:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from live_rig import FPS, log_text, write_film
+from live_rig import FPS, log_text, picture_angles_deg, write_film
 from rerun.experimental import ViewerClient
 
 from torsight.core.errors import NoResultError, OutputError
@@ -62,9 +62,9 @@ def test_every_frame_has_its_row_and_its_angle_is_right(
     measured = table["valid"] > 0.5
     dropped = json.loads((record[0] / "track.json").read_text(encoding="utf-8"))["frames"]["dropped"]
     assert measured.sum() >= FRAMES - dropped
-    # Drawn exactly, with white noise of 1.5 grey levels on a stick of 50 px: under 0.1° rms.
+    # Drawn to a twentieth of a pixel on sticks of 36 and 50 px: 0.11° and 0.08°.
     error = (table["angle_deg"] - rig[1])[measured]
-    assert np.sqrt(np.mean(error**2)) < 0.1
+    assert np.sqrt(np.mean(error**2)) < 0.2
 
 
 def test_its_tables_have_the_columns_of_track(
@@ -198,8 +198,8 @@ def test_dropped_frames_are_counted_and_told_and_shift_nothing(rig: tuple[Path, 
     assert any("unplugged" in event["text"] for event in account["events"])
     # The pictures that were taken still give the angle of their own instant.
     expected = np.concatenate([rig[1], rig[1][::-1]])
-    error = (table["angle_deg"] - expected)[table["valid"] > 0.5]
-    assert np.sqrt(np.mean(error**2)) < 0.1
+    error = picture_angles_deg(pd.read_csv(tmp_path / "live" / "markers.csv")) - expected
+    assert np.sqrt(np.nanmean(error**2)) < 0.2
 
 
 # --- the screen -------------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from live_rig import FPS, SIZE_PX, write_film
 from torsight.core.errors import ConfigError, InputError
 from torsight.viewer.live import camera as camera_module
 from torsight.viewer.live import stream as stream_module
-from torsight.viewer.live.intake import Intake, Picture
+from torsight.viewer.live.intake import Intake, Picture, comes_in_time
 from torsight.viewer.live.sources import film_of, open_pictures
 from torsight.viewer.program import free_port
 
@@ -209,6 +209,18 @@ def test_a_film_plays_at_its_own_speed_or_faster(tmp_path: Path) -> None:
         # A frame is never early; how late one may be is the machine's affair.
         early = (arrived[1] + (np.arange(15) / (FPS * speed))) - np.array(arrived[1:])
         assert early.max() < 1e-3
+
+
+def test_only_what_comes_as_a_rig_moves_is_in_a_hurry(tmp_path: Path, plugged: list[FakeCapture]) -> None:
+    """A film in fast motion would keep every other program from the processor."""
+    write_film(tmp_path / "film.mkv", 2)
+    plugged.append(FakeCapture())
+    film = str(tmp_path / "film.mkv")
+    assert comes_in_time(open_pictures("0"))
+    assert comes_in_time(open_pictures("udp://127.0.0.1:5000"))
+    assert comes_in_time(open_pictures(film))
+    assert not comes_in_time(open_pictures(film, speed=50.0))
+    assert not comes_in_time(open_pictures(film, grows=True))
 
 
 def test_what_is_watched_knows_its_film(tmp_path: Path, plugged: list[FakeCapture]) -> None:

@@ -95,6 +95,11 @@ class Pictures(Protocol):
         """Return what is known of the source, for ``track.json``."""
 
 
+def comes_in_time(pictures: Pictures) -> bool:
+    """Return whether pictures come as a rig moves, so that each has its hurry; a film in fast motion has none."""
+    return not pictures.waits if pictures.speed is None else pictures.speed <= 1.0
+
+
 class Intake:
     """Reads pictures in a thread of its own and hands them on.
 
@@ -169,7 +174,7 @@ class Intake:
 
     def _read_all(self) -> None:
         pace = _Pace(self.pictures.speed)
-        with served_first(INTAKE):
+        with served_first(INTAKE, wanted=comes_in_time(self.pictures)):
             for index, picture in enumerate(self.pictures.frames(self._stop)):
                 if index == 1 and self.pictures.waits:
                     # A film stands at its first frame until that is measured.

@@ -23,15 +23,17 @@ SWITCH_S: Final = 0.0005
 
 
 @contextlib.contextmanager
-def served_first(level: int) -> Iterator[bool]:
+def served_first(level: int, *, wanted: bool = True) -> Iterator[bool]:
     """Schedule the calling thread before ordinary ones while the block lasts, and give whether the system allows it.
 
     Parameters
     ----------
     level : int
         Real-time priority; processes that are started in the block do not inherit it.
+    wanted : bool
+        False changes nothing.
     """
-    if not hasattr(os, "sched_setscheduler"):
+    if not wanted or not hasattr(os, "sched_setscheduler"):
         yield False
         return
     before = os.sched_getscheduler(0), os.sched_getparam(0)

@@ -22,7 +22,7 @@ from torsight.viewer.live.account import write_track_account
 from torsight.viewer.live.clock import LogClock
 from torsight.viewer.live.disk import Recorder, finish
 from torsight.viewer.live.following import LogFollower
-from torsight.viewer.live.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures
+from torsight.viewer.live.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
 from torsight.viewer.live.latency import Latency
 from torsight.viewer.live.outcome import Outcome
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
@@ -130,9 +130,11 @@ class Session:
         gc.freeze()
         self._intake.start()
         try:
-            with served_first(TRACKING) as first, quick_turns():
+            hurry = comes_in_time(self._intake.pictures)
+            with served_first(TRACKING, wanted=hurry) as first, quick_turns():
                 self.outcome.served_first = first
                 self._watch(stop)
+            self._poll_log()
             self._tell_the_end()
             # Who ends it by hand does not want to wait long.
             self._last_news(min(self._last_fit_s, STOPPED_FIT_S) if stop.is_set() else self._last_fit_s)
