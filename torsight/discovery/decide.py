@@ -126,7 +126,7 @@ class _Judge:
         if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
             return False
         removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
-        if not by_priors and removed < (self._settings.least_size * self._field.fitter.problem.resolution) ** 2:
+        if not by_priors and removed < self._least_size():
             return False
         return not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors)
 
@@ -143,6 +143,10 @@ class _Judge:
         if after >= before * keep:
             return False
         return not without.effects or before - after >= self._settings.share_of_rest * rest
+
+    def _least_size(self) -> float:
+        """Return the mean square below which an effect is not worth a name."""
+        return (self._settings.least_size * self._field.fitter.problem.resolution) ** 2
 
     def _residual(self, contender: Contender) -> Array:
         return self._field.fitter.problem.observed - contender.fit.solution.prediction
@@ -176,7 +180,9 @@ class _Judge:
         if not contender.effects:
             return True
         pulled = contender.prior - prior_count(self._field.fitter.problem) >= self._threshold
-        near = self.over_floor(contender) <= self._settings.near_floor and not pulled
+        # What is left may be many times a low floor and still less than anybody would miss.
+        little = self._over_time(self._residual(contender)) <= self._least_size()
+        near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
         return near or self.share(contender) >= self._settings.share_explained
 
     def nameless(self, chosen: Contender) -> Contender | None:
