@@ -6,7 +6,8 @@ first, by differences of third order at several strides (so that noise that was 
 found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets the value of a local
 parabola over a window before it, after it or around it. Each kind of window grows until the intervals of its estimates
 no longer meet (Goldenshluger and Nemirovski 1997; Katkovnik 1999): it stops at a corner by itself; the kind that ends
-with the smallest variance is used. Around a corner :mod:`torsight.actuator.corners` then fits both sides at once.
+with the smallest variance is used. Around a corner :mod:`torsight.actuator.corners` then fits both sides at once, and
+:mod:`torsight.actuator.holds` takes the mean of a top that is level.
 
 The wire behind a slow sensor, τ dT_m/dt = T − T_m, comes out of the same fits: where the wire is locally a parabola,
 the sensor reads the parabola less its own lag and a rest that decays with τ, and that is what is fitted. The noise is
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.compiled import compiled
 from torsight.actuator.corners import mend_corners
+from torsight.actuator.holds import level_holds
 
 Array = NDArray[np.float64]
 
@@ -77,12 +79,15 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     if n < _SHORTEST:
         slope = np.asarray(np.gradient(temp_c, time_s)) if n > 1 else np.zeros(n)
         return Conditioned(temp_c + lag_s * slope, slope, np.zeros(n), 0.0)
-    noise, _ = measure_noise(time_s, temp_c)
+    noise, alike = measure_noise(time_s, temp_c)
     # Rounding to a last digit is noise to a slope even where it is none to the value.
     least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
     value, rate, sigma = _smooth(*_blocks(time_s, temp_c), least, time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
         return Conditioned(temp_c, rate, np.full(n, noise), noise)
+    if lag_s == 0.0:
+        # Noise that is alike over several rows counts as more of it.
+        level_holds(time_s, temp_c, noise * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
     return Conditioned(value, rate, sigma, noise)
 
 
