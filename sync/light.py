@@ -211,7 +211,8 @@ def _with_jumps(
 
     Rows behind a joint stand earlier than they belong by what is missing there.
     """
-    sigmas = [10.0, DRIFT_SIGMA_PPM * PPM, *jump_sigma_s]
+    # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
+    sigmas = [10.0, 2.0 * DRIFT_SIGMA_PPM * PPM, *jump_sigma_s]
     mean = np.zeros(len(sigmas))
     mean[0] = float(np.median(offset_s))
     belief = Belief(mean, np.diag(np.square(sigmas)), 0.0)
