@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Region
@@ -25,6 +26,7 @@ class BaseStick(Pair):
         self.reference_rad = self.last_rad = self.direction_rad
         self.zero = self.ends
         self.shift: Point = (0.0, 0.0)
+        self.anchor: Point | None = None
 
     def cover(self, sight: Sight, strip: tuple[Point, Point], width_px: float) -> int:
         """Do not read markers that the moving stick's strip reaches; return evidence of which stick is above.
@@ -50,6 +52,7 @@ class BaseStick(Pair):
         will do.
         """
         self.check_length(sight)
+        self.anchor = None if moving_seen else self.anchor or self.shift
         i, j = self.indices
         a, b = sight.good(i), sight.good(j)
         if a is not None and b is not None:
@@ -66,8 +69,18 @@ class BaseStick(Pair):
                 self.last_rad = now_rad
             return
         for index, marker, reading in ((i, self.inner, a), (j, self.outer, b)):
-            if reading is not None and marker.distance(reading.x_px, reading.y_px) > ALONE_PX:
+            if reading is None:
+                continue
+            if marker.distance(reading.x_px, reading.y_px) > ALONE_PX or self._astray(index, reading):
                 sight.reasons[index] = "lost"
+
+    def _astray(self, index: int, reading: Reading) -> bool:
+        """Return whether one dot alone has gone from where it was when the moving stick was last seen elsewhere."""
+        if self.anchor is None:
+            return False
+        zero = self.zero[index - self.indices[0]]
+        away = (reading.x_px - zero[0] - self.anchor[0], reading.y_px - zero[1] - self.anchor[1])
+        return math.hypot(*away) > APART_PX
 
     def find(self, sight: Sight, moving: Pair, goes_along: Callable[[Point], bool]) -> None:
         """Look for it nearby after both markers were lost: a bump carries it away but hardly turns it.
@@ -122,12 +135,14 @@ class BaseStick(Pair):
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
         state = {"reference_rad": self.reference_rad, "zero": self.zero, "shift": self.shift}
-        return super().to_state() | state | {"last_rad": self.last_rad}
+        return super().to_state() | state | {"last_rad": self.last_rad, "anchor": self.anchor}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state."""
         super().restore(state)
         self.reference_rad, self.last_rad = float(state["reference_rad"]), float(state["last_rad"])
+        anchor = state["anchor"]
+        self.anchor = None if anchor is None else (float(anchor[0]), float(anchor[1]))
         inner, outer = state["zero"]
         self.zero = ((float(inner[0]), float(inner[1])), (float(outer[0]), float(outer[1])))
         self.shift = (float(state["shift"][0]), float(state["shift"][1]))

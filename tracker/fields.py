@@ -20,7 +20,9 @@ BRIGHTNESS, ABOVE = 10, 11
 SHARE, SHUTTER_KNOWN, FAST, EVERY, MOVING = 12, 13, 14, 15, 16
 # Offset of the circles (whether known, x, y), axis (whether known, six values, direction at which it was learned last).
 OFFSET, AXIS, AXIS_LAST = 17, 20, 27
-COMMON_FIELDS: Final = 28
+# Shortest and longest that either stick has been in the picture.
+RANGE: Final = 28
+COMMON_FIELDS: Final = 32
 
 # What the caller of the kernel has to look at: either moving marker for the shutter, and the axis.
 LOOK_INNER, LOOK_OUTER, LOOK_AXIS = 1, 2, 4

@@ -21,6 +21,7 @@ from tracker.fields import (
     LOST,
     MISSES,
     MOVING,
+    RANGE,
     SHARE,
     SHIFT,
     SHUTTER_KNOWN,
@@ -148,6 +149,8 @@ def note(
         if seen[2 * stick] and seen[2 * stick + 1]:
             length = math.hypot(two[X] - one[X], two[Y] - one[Y])
             common[LENGTH + stick] += 0.2 * (length - common[LENGTH + stick])
+            common[RANGE + 2 * stick] = min(common[RANGE + 2 * stick], common[LENGTH + stick])
+            common[RANGE + 2 * stick + 1] = max(common[RANGE + 2 * stick + 1], common[LENGTH + stick])
 
 
 @njit(cache=True, nogil=True)

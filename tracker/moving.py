@@ -15,6 +15,7 @@ from tracker.recover import Region
 from tracker.rules import CLOSE, MOST_VOTES, NEAR, SHAKE_PX, VOTES
 from tracker.sight import Sight, direction, distance_to_strip
 
+_SAME_PX: Final = 1.0
 _UNSEEN_PX: Final = 4.0
 _CARRIED: Final = 15
 """Frames for which its last turning is carried on while it is not seen."""
@@ -74,7 +75,8 @@ class MovingStick(Pair):
                 continue
             if self._crossing(reading, base):
                 self.vote(1)
-            radii = CLOSE if marker.lost <= 3 and not alone else NEAR
+            followed = marker.lost <= 3 or self.inner.lost + self.outer.lost == marker.lost
+            radii = CLOSE if followed and not alone else NEAR
             near = _near_dot(reading, base, radii, more_px=_UNSEEN_PX if alone else 0.0)
             if near and (alone or self.above < VOTES):
                 # One dot alone next to a base dot may be either, whichever stick is above.
@@ -88,10 +90,12 @@ class MovingStick(Pair):
                 sight.reasons[seen[0]] = "lost"
 
     def find(self, sight: Sight, base: BaseStick, shift: Point) -> None:
-        """Look for the stick all around its axis after both markers were lost."""
-        if any(sight.reasons[i] in ("", "dark") for i in self.indices):
+        """Look for the stick all around its axis after a marker was lost; one that is seen has to be part of it."""
+        reasons = [sight.reasons[i] for i in self.indices]
+        if "dark" in reasons or not any(reasons):
             return
-        if self.inner.lost > 20 and self.inner.lost % 3:
+        seen = [sight.good(i) for i in self.indices]
+        if max(self.inner.lost, self.outer.lost) > 20 and max(self.inner.lost, self.outer.lost) % 3:
             return
         pairs = [
             pair
@@ -100,6 +104,10 @@ class MovingStick(Pair):
             and not _near_dot(pair.outer, base, NEAR)
             and not self._off_circle(pair.inner, shift, outer=False)
             and not self._off_circle(pair.outer, shift, outer=True)
+            and all(
+                known is None or math.dist((known.x_px, known.y_px), (dot.x_px, dot.y_px)) < _SAME_PX
+                for known, dot in zip(seen, (pair.inner, pair.outer), strict=True)
+            )
         ]
         if len(pairs) == 1:
             sight.take(self.indices[0], pairs[0].inner)
@@ -150,7 +158,8 @@ class MovingStick(Pair):
             return False
         arm = self.axis.arm(outer=outer)
         away = math.hypot(reading.x_px - centre[0] - shift[0], reading.y_px - centre[1] - shift[1])
-        return abs(away - arm) > 0.1 * arm + 5.0
+        # Seen from aside circles are ellipses, as flat as the stick's own length varies.
+        return abs(away - arm) > (0.1 + self.varies) * arm + 5.0
 
     def _crossing(self, reading: Reading, base: BaseStick) -> bool:
         """Return whether a marker is seen whole in the middle of the base stick, away from its dots: it is above."""

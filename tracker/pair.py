@@ -31,6 +31,7 @@ class Pair:
         self.inner, self.outer = markers[2 * stick], markers[2 * stick + 1]
         self.indices = (2 * stick, 2 * stick + 1)
         self.length_px = self.inner.distance(self.outer.x_px, self.outer.y_px)
+        self.shortest_px = self.longest_px = self.length_px
         self.start_rad = self.direction_rad
 
     @property
@@ -59,6 +60,9 @@ class Pair:
         stale = min(self.inner.lost + self.outer.lost, 20)
         if abs(length - self.length_px) <= 0.8 + 0.01 * self.length_px * (1.0 + 0.5 * stale):
             return
+        if stale == 0 and abs(length - math.dist(sight.predicted[i], sight.predicted[j])) <= 0.8 + 0.01 * length:
+            # It turns fast enough, seen from aside, for its length in the picture to change from frame to frame.
+            return
         off = [math.hypot(r.x_px - sight.predicted[k][0], r.y_px - sight.predicted[k][1]) for r, k in ((a, i), (b, j))]
         if max(off) > 2.0 * min(off) + 0.5:
             sight.reasons[i if off[0] > off[1] else j] = "hidden"
@@ -70,6 +74,13 @@ class Pair:
         a, b = sight.good(self.indices[0]), sight.good(self.indices[1])
         if a is not None and b is not None:
             self.length_px += 0.2 * (math.hypot(b.x_px - a.x_px, b.y_px - a.y_px) - self.length_px)
+            self.shortest_px = min(self.shortest_px, self.length_px)
+            self.longest_px = max(self.longest_px, self.length_px)
+
+    @property
+    def varies(self) -> float:
+        """By which share its length in the picture has varied: a measure of how much from aside it is seen."""
+        return self.longest_px / self.shortest_px - 1.0
 
     def look_for(self, luma: NDArray[np.uint8], region: Region) -> list[Found]:
         """Return every pair of dots in a region that could be this stick."""
@@ -82,15 +93,16 @@ class Pair:
             places,
             inner=self.inner,
             outer=self.outer,
-            length_px=self.length_px,
-            tolerance_px=1.5 + 0.05 * self.length_px,
+            length_px=0.5 * (self.shortest_px + self.longest_px),
+            tolerance_px=1.5 + 0.05 * self.length_px + 0.6 * (self.longest_px - self.shortest_px),
         )
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
-        return {"length_px": self.length_px, "start_rad": self.start_rad}
+        lengths = [self.length_px, self.shortest_px, self.longest_px]
+        return {"lengths_px": lengths, "start_rad": self.start_rad}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state."""
-        self.length_px = float(state["length_px"])
+        self.length_px, self.shortest_px, self.longest_px = (float(value) for value in state["lengths_px"])
         self.start_rad = float(state["start_rad"])

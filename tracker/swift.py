@@ -139,6 +139,7 @@ def read_moving(
 ) -> bool:
     """Read both markers of the moving stick; return whether both are where they are expected."""
     first = 2 * int(common[MOVING])
+    places = np.empty((2, 2))
     for index in (first, first + 1):
         marker = markers[index]
         if marker[LOST] > 0.0 or marker[COUNT] < 2.0:
@@ -147,10 +148,15 @@ def read_moving(
         newest = HISTORY + 3 * (int(marker[COUNT]) - 1)
         steps[index, 0], steps[index, 1] = way[0] - marker[newest + 1], way[1] - marker[newest + 2]
         place = (way[0] + common[SHIFT], way[1] + common[SHIFT + 1])
+        places[index - first, 0], places[index - first, 1] = place
         step = (steps[index, 0], steps[index, 1])
         if not read_marker(luma, index, place, step, markers, common, looks, readings[index]):
             return False
-    return right_length(readings[first], readings[first + 1], common[LENGTH + int(common[MOVING])])
+    # It may turn fast enough, seen from aside, for its length in the picture to change from frame to frame.
+    expected = math.hypot(places[1, 0] - places[0, 0], places[1, 1] - places[0, 1])
+    usual = common[LENGTH + int(common[MOVING])]
+    one, two = readings[first], readings[first + 1]
+    return right_length(one, two, usual) or right_length(one, two, expected)
 
 
 @njit(cache=True, nogil=True)

@@ -98,6 +98,8 @@ class UsualFrames:
         common[fields.REFERENCE], common[fields.LAST] = base.reference_rad, base.last_rad
         for pair in (base, moving):
             common[fields.LENGTH + pair.stick] = pair.length_px
+            at = fields.RANGE + 2 * pair.stick
+            common[at], common[at + 1] = pair.shortest_px, pair.longest_px
         common[fields.BRIGHTNESS], common[fields.ABOVE] = follower.brightness, moving.above
         self._take_shutter()
         common[fields.MOVING] = moving.stick
@@ -122,9 +124,11 @@ class UsualFrames:
             _unpack(values.tolist(), marker)
         common = self._common.tolist()
         base.shift = (common[fields.SHIFT], common[fields.SHIFT + 1])
-        base.last_rad = common[fields.LAST]
+        base.last_rad, base.anchor = common[fields.LAST], None
         for pair in (base, moving):
             pair.length_px = common[fields.LENGTH + pair.stick]
+            at = fields.RANGE + 2 * pair.stick
+            pair.shortest_px, pair.longest_px = common[at], common[at + 1]
         follower.shutter.count = int(common[fields.FAST])
         follower.brightness, moving.above = common[fields.BRIGHTNESS], int(common[fields.ABOVE])
         known = common[fields.OFFSET] > 0.0

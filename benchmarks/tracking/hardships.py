@@ -86,7 +86,9 @@ def films(seed: int, frames: int) -> list[Film]:
         *[replace(one, name=f"tilt {t}, camera file", tilt_deg=t, k1=-0.12) for t in (10, 20, 30)],
         *[replace(one, name=f"tilt {t}, no camera file", tilt_deg=t, camera=False) for t in (5, 10, 20, 30)],
         replace(slow, name="tilt 10, no camera, short arc", tilt_deg=10, camera=False),
-        replace(one, name="10 % and lens, no camera", tilt_deg=6, k1=-0.15, camera=False, crf=23),
+        replace(one, name="two cameras", tilt_deg=9.0, k1=-0.08),
+        replace(one, name="two cameras, markers found", tilt_deg=4.0, given=False, crf=23),
+        replace(one, name="tilt 6 and lens, no camera", tilt_deg=6, k1=-0.15, camera=False, crf=23),
     ]
     return made
 
@@ -152,6 +154,27 @@ def run(film: Film, folder: Path) -> Outcome:
     out = folder / "out"
     track_to_folder(path, camera=camera if film.camera else None, markers=markers if film.given else None, out=out)
     return compare(film, path, out)
+
+
+def run_pair(film: Film, folder: Path) -> Outcome:
+    """Draw two films of one rig, track the pair, and compare with the truth in the left picture."""
+    from torsight.cli.track import track_to_folder
+
+    right = replace(film, tilt_deg=19.0, tilt_towards_deg=118.0, turn_camera_deg=4.0, offset_mm=(12.0, -9.0), k1=-0.05)
+    left_path = write_film(film, folder / "left")
+    right_path = write_film(right, folder / "right")
+    camera, markers = folder / "pair.toml", folder / "markers.toml"
+    camera.write_text(film.pair_toml(right))
+    markers.write_text(film.markers_toml())
+    out = folder / "out"
+    track_to_folder(left_path, right=right_path, camera=camera, markers=markers if film.given else None, out=out)
+    table = pd.read_csv(out / "markers.csv")
+    for stick, radii in (("base", film.base_px), ("moving", film.moving_px)):
+        inner, outer = (table[[f"{stick}_{end}_{axis}_mm" for axis in "xyz"]].to_numpy() for end in ("inner", "outer"))
+        length = np.linalg.norm(outer - inner, axis=1)
+        off = np.nanmedian(length) - (radii[1] - radii[0])
+        print(f"  {stick} length off by {off:+.4f} mm of {radii[1] - radii[0]:g}, spread {np.nanstd(length):.4f} mm")
+    return compare(film, left_path, out)
 
 
 def compare(film: Film, path: Path, out: Path) -> Outcome:
@@ -299,7 +322,7 @@ def main() -> None:
             folder = options.keep / film.name.replace(" ", "_").replace("/", "_") if options.keep else Path(name)
             folder.mkdir(parents=True, exist_ok=True)
             try:
-                line = run(film, folder).line()
+                line = (run_pair if film.name.startswith("two cameras") else run)(film, folder).line()
             except Exception as error:  # noqa: BLE001 - a film that fails is a row of the table, too
                 line = f"  {type(error).__name__}: {str(error)[:150]}"
             print(f"{film.name:34s} {line}", flush=True)
