@@ -1,0 +1,52 @@
+"""A few records of the blind suite, which another integrator made with other forms of the effects."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from torsight.core.units import DEG
+from torsight.discovery.discover import discover
+from torsight.discovery.prediction import predict_angle
+
+
+@pytest.fixture(scope="module")
+def cases() -> ModuleType:
+    path = Path(__file__).parents[2] / "benchmarks" / "discovery" / "cases.py"
+    spec = importlib.util.spec_from_file_location("blind_suite_cases", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_nothing_is_named_on_a_rig_whose_phase_law_is_a_little_bent(cases: ModuleType) -> None:
+    record = cases.make_record(cases.Case("clean", 1, model_error=True))
+    report = discover(record.table, record.spec, seed=0)
+    assert report.verdict == "none"
+    assert report.effects == ()
+
+
+def test_an_unbalanced_disk_gets_no_wrong_name_and_the_later_record_is_predicted(cases: ModuleType) -> None:
+    record = cases.make_record(cases.Case("outside", 3002, ("gravity",)))
+    report = discover(record.table, record.spec, seed=0)
+    assert report.verdict == "unknown"
+    assert report.effects == ()
+    assert report.drivers[0][0] in cases.OUTSIDE["gravity"][1]
+    assert report.after.rmse_held_out_deg < 0.25 * report.before.rmse_held_out_deg
+    later = predict_angle(report.model, record.later, start_angle_rad=float(record.later_angle_rad[0]))
+    assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 1.0 * DEG
+
+
+def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
+    work, report = cases.suite("work"), cases.suite("report")
+    assert len({case.seed for case in [*work, *report]}) == len(work) + len(report)
+    count = {kind: sum(case.kind == kind for case in report) for kind in ("clean", "single", "double", "outside")}
+    assert count == {"clean": 60, "single": 72, "double": 20, "outside": 20}
