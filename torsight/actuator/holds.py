@@ -1,8 +1,8 @@
 """Tops of a noisy temperature that are holds: their level ends an incomplete transformation, not their noise.
 
-A heating that is held for some seconds before it cools ends in a level. A local parabola bows up within its noise there,
-the one-way transformation keeps the bow's top, and the angle is off through all of the rest that follows. Where the
-log itself says that a top is level, to within less than its noise, its mean takes the parabola's place.
+A heating that is held for some seconds before it cools ends in a level. A local parabola bows up within its noise
+there, the one-way transformation keeps the bow's top, and the angle is off through all of the rest that follows. Where
+the log itself says that a top is level, to within less than its noise, its mean takes the parabola's place.
 """
 
 from __future__ import annotations
