@@ -39,6 +39,7 @@ class TileFlow:
         self._seen = np.zeros_like(self._wanted)
         self._lights = [0.0] * count
         self._views: list[View] = [STILL] * count
+        self._looks: list[list[float]] = [[] for _ in self._templates]
         self._origin = [(self._side * index + self._half, self._half) for index in range(count)]
         self._centres = np.array(self._origin, dtype=np.float32).reshape(-1, 1, 2)
         self._window = (2 * window + 1, 2 * window + 1)
@@ -55,17 +56,24 @@ class TileFlow:
             return
         self._render(index, light, view)
 
-    def to_state(self) -> list[list[float]]:
+    def to_state(self) -> list[tuple[float, list[float], list[float]]]:
         """Return what :meth:`restore` needs to look for the markers in the same way."""
-        return [[light, *view] for light, view in zip(self._lights, self._views, strict=True)]
+        views = [list(view) for view in self._views]
+        return list(zip(self._lights, views, self._looks, strict=True))
 
-    def restore(self, state: list[list[float]]) -> None:
+    def restore(self, state: Sequence[tuple[float, list[float], list[float]]]) -> None:
         """Go back to a noted state; the templates have to be restored before."""
-        for index, (light, *view) in enumerate(state):
+        for index, (light, view, look) in enumerate(state):
+            # A template may have followed its dot's shape since its tile was rendered.
+            template = self._templates[index]
+            now = template.to_state()
+            template.restore(look)
             self._render(index, float(light), View(*(float(value) for value in view)))
+            template.restore(now)
 
     def _render(self, index: int, light: float, view: View) -> None:
         self._lights[index], self._views[index] = light, view
+        self._looks[index] = self._templates[index].to_state()
         columns = slice(self._side * index, self._side * (index + 1))
         self._wanted[:, columns] = self._templates[index].tile(self._half, light=light, view=view)
 
