@@ -126,15 +126,23 @@ def _recoverable(wound: float, scale: float, p: Array) -> float:
 
 
 @compiled
-def _start_half_cycle(who: int, theta_a: float, theta_l_scale: float, g: Array, q: Array, w: Array, wound: Array,
-                      p: Array) -> None:  # fmt: skip
-    """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left."""
+def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, g: Array, q: Array, w: Array,
+                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+    """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
+
+    A record starts at rest: whatever wound its springs, the first carries no more than the other and friction hold.
+    """
     before = int(g[WHO])
     if before >= 0:
         wound[before] = _wound_for(g[X_NOW], g[TAU_NOW], p)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
     g[TAU_NOW] = cold_torque(x, wound[who], p)
+    if before < 0:
+        limit = cold_torque(p[THETA_P] - x, wound[1 - who], p) + scale * friction_torque(theta_a, who == 1, p, tables)
+        if p[HAS_STRAY] > 0.0:
+            limit += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
+        g[TAU_NOW] = min(g[TAU_NOW], limit)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], theta_l_scale, p)
@@ -280,7 +288,7 @@ def run(
         fresh, starts = True, k == 0 or half[k] != half[k - 1]
         if starts:
             scale = theta_l_scale[half[k]]
-            _start_half_cycle(active[k], theta_a, scale, g, q, w, wound, p)
+            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
             _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
         else:

@@ -142,7 +142,9 @@ class _Judge:
         rest = before - self._over_time(self._field.floor)
         if after >= before * keep:
             return False
-        return not without.effects or before - after >= self._settings.share_of_rest * rest
+        whole = self._over_time(self._field.base.held_out.residual)
+        least = max(self._settings.share_of_rest * rest, self._settings.share_of_all * whole)
+        return not without.effects or before - after >= least
 
     def _least_size(self) -> float:
         """Return the mean square below which an effect is not worth a name."""

@@ -55,6 +55,8 @@ class Settings:
     share_of_rest : float
         In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
         the fit has not seen: a second name is not given for the error of the first one's form.
+    share_of_all : float
+        For the same reason each one must remove this share of the base model's squared error on such blocks.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
@@ -71,6 +73,7 @@ class Settings:
     share_explained: float = 0.7
     near_floor: float = 2.0
     share_of_rest: float = 0.6
+    share_of_all: float = 0.02
     least_size: float = 2.0
     least_unknown: float = 4.5
     over_floor_unknown: float = 3.0

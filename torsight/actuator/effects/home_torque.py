@@ -30,6 +30,6 @@ EFFECT: Final = Effect(
     family="start",
     acts_on="friction",
     title="how far a spring was wound before the record",
-    parameters=(Parameter(name="home_hold", value=1.0, unit="", lower=0.0, upper=1.0, sigma=0.25, null=1.0),),
+    parameters=(Parameter(name="home_hold", value=1.0, unit="", lower=0.0, upper=3.0, sigma=0.25, null=1.0),),
     apply=apply,
 )

@@ -1,10 +1,10 @@
 r"""The sensor follows the wire late.
 
-.. math:: τ \, dT_m(t)/dt = T(t − d) − T_m(t), \qquad d = s \, τ
+.. math:: (1 − s) τ \, dT_m(t)/dt = T(t − s τ) − T_m(t)
 
-T_m measured, T wire temperature (°C), τ lag of the sensor (s), s share of it that comes as a pure delay: 0 for one
-time constant; two equal ones of τ_1 act like τ = √2 τ_1 and s = √2 − 1, three like s = √3 − 1 (same mean and spread of
-the answer to a pulse). The wire's temperature comes out of the same local fits
+T_m measured, T wire temperature (°C), τ lag of the sensor (s), by which it is late on a ramp; s share of it that comes
+as a pure delay: 0 for one time constant; two equal ones act like s = 1 − 1/√2, three like s = 1 − 1/√3 (same mean and
+spread of the answer to a pulse). The wire's temperature comes out of the same local fits
 that take the noise out (:mod:`torsight.actuator.conditioning`): the noise is not differentiated. Predicted residual: of
 opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source: first-order
 contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
@@ -24,10 +24,9 @@ from torsight.core.parameter import Parameter
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the lag of both sensors."""
-    lag_s = values["lag_s"]
-    added_a, added_b = ports.sensors.lag_correction(lag_s)
+    delay_s = values["lag_delay_share"] * values["lag_s"]
+    added_a, added_b = ports.sensors.lag_correction(values["lag_s"] - delay_s)
     prompt = replace(ports, temp_a_c=ports.temp_a_c + added_a, temp_b_c=ports.temp_b_c + added_b)
-    delay_s = values["lag_delay_share"] * lag_s
     if delay_s == 0.0:
         return prompt
     later_s = ports.time_s + delay_s
@@ -43,7 +42,7 @@ EFFECT: Final = Effect(
     title="the sensor follows the wire late",
     parameters=(
         Parameter(name="lag_s", value=3.0, unit="s", lower=0.0, upper=60.0, null=0.0),
-        Parameter(name="lag_delay_share", value=0.0, unit="", lower=0.0, upper=0.75, sigma=0.25),
+        Parameter(name="lag_delay_share", value=0.0, unit="", lower=0.0, upper=0.6, sigma=0.15),
     ),
     apply=apply,
     order=-1,
