@@ -31,8 +31,6 @@ class Stroke:
         Angles before and after it.
     time_s, travel_rad : (n,) float64
         The way from start, growing from 0, at film times.
-    speed_rad_s : (n,) float64
-        Its rate.
     frame_s, frame_travel_rad : (m,) float64
         The same from the frames as they are.
     travel_sigma_rad : float
@@ -45,7 +43,6 @@ class Stroke:
     stop_rad: float
     time_s: NDArray[np.float64]
     travel_rad: NDArray[np.float64]
-    speed_rad_s: NDArray[np.float64]
     frame_s: NDArray[np.float64]
     frame_travel_rad: NDArray[np.float64]
     travel_sigma_rad: float
@@ -169,7 +166,6 @@ def _stroke(
         stop_rad=stop,
         time_s=time_s[first:last],
         travel_rad=sign * (signal.value[first:last] - start),
-        speed_rad_s=sign * signal.slope[first:last],
         frame_s=frame_s[seen],
         frame_travel_rad=sign * (frame_rad[seen] - start),
         travel_sigma_rad=signal.noise,

@@ -91,8 +91,8 @@ class RigValues:
 
     Attributes
     ----------
-    strain_per_rad, stress_per_nm : float
-        C1 (7) and C2 (11).
+    stress_per_nm : float
+        C2 (11).
     stiffness_a, stiffness_m, stiffness_s : float
         K_A, K_M, K_S (16, 17), N·m/rad.
     a_s_c, a_f_c, m_s_c, m_f_c : float
@@ -107,7 +107,6 @@ class RigValues:
         The same values under the names and in the units of ``actuator.toml``.
     """
 
-    strain_per_rad: float
     stress_per_nm: float
     stiffness_a: float
     stiffness_m: float
@@ -197,7 +196,6 @@ def rig_values(public: Mapping[str, float]) -> RigValues:
     c1 = diameter_m / (2.0 * length_m)
     c2 = 32.0 / (math.pi * diameter_m**3)
     return RigValues(
-        strain_per_rad=c1,
         stress_per_nm=c2,
         stiffness_a=c1 / c2 * public["E_A_gpa"] * GPA,
         stiffness_m=c1 / c2 * public["E_M_gpa"] * GPA,
