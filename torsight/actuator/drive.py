@@ -101,7 +101,7 @@ class Drive:
         Which spring is driven when.
     angle_rad, angle_sigma_rad : (n,) float64
         Measured angle less the whole turns (NaN: none) and its standard deviation.
-    start_angle_rad, start_sigma_rad : float
+    start_angle_rad : float
         Angle at the first row, less the whole turns.
     room_c : float
         Room temperature: the lowest that the springs come back to.
@@ -124,7 +124,6 @@ class Drive:
     angle_rad: Array
     angle_sigma_rad: Array
     start_angle_rad: float
-    start_sigma_rad: float
     room_c: float
     known: NDArray[np.bool_]
     sensors: Sensors
@@ -160,10 +159,10 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         table.time_s, table.temp_a_c, table.temp_b_c, table.heat_a, table.heat_b, row_rate_hz=row_rate_hz, where=where
     )
     angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, base.rows)
-    start, start_sigma = start_angle(table.angle_rad, table.angle_sigma_rad)
+    start, _ = start_angle(table.angle_rad, table.angle_sigma_rad)
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
-    return replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad, start_sigma), turns=turns)
+    return replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad), turns=turns)
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
@@ -176,7 +175,7 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
     """
     base = _driven(log.time_s, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b, row_rate_hz=math.inf, where=where)
     nothing = np.full(len(log), np.nan)
-    return base.drive(nothing, nothing, start_angle_rad, 0.0)
+    return base.drive(nothing, nothing, start_angle_rad)
 
 
 def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
@@ -219,7 +218,7 @@ class _Base:
     known: NDArray[np.bool_]
     sensors: Sensors
 
-    def drive(self, angle: Array, sigma: Array, start: float, start_sigma: float) -> Drive:
+    def drive(self, angle: Array, sigma: Array, start: float) -> Drive:
         return Drive(
             time_s=self.time_s,
             temp_a_c=self.temps[0],
@@ -232,7 +231,6 @@ class _Base:
             angle_rad=np.where(self.known, angle, np.nan),
             angle_sigma_rad=sigma,
             start_angle_rad=start,
-            start_sigma_rad=start_sigma,
             room_c=self.room_c,
             known=self.known,
             sensors=self.sensors,

@@ -190,7 +190,6 @@ class Played:
             angle_rad=unknown,
             angle_sigma_rad=unknown,
             start_angle_rad=start_angle_rad,
-            start_sigma_rad=0.0,
             room_c=self.room_c,
             known=np.ones(n, bool),
             sensors=_ExactSensors(self.time_s, (self.temp_a_c, self.temp_b_c), np.arange(n)),
