@@ -74,7 +74,7 @@ def fit_curve(
     measured : (n,) float64
         What was measured.
     parts : sequence of slice
-        Stretches that were recorded in one go, for the residual's correlation; the whole by default.
+        Stretches that were recorded in one go, each with a scatter and a correlation of its own; the whole by default.
     profiled : sequence of str
         Parameters whose interval is taken where the best of all others costs 95 %'s worth more, not from the curvature:
         for those in which the curve is far from linear.
@@ -103,19 +103,21 @@ def fit_curve(
     def curve(u: Array) -> Array:
         return model(dict(zip(names, (start + scale * u).tolist(), strict=True)))
 
-    def misfit(u: Array, spread: float) -> Array:
+    def misfit(u: Array, spread: Array) -> Array:
         return np.concatenate([(curve(u) - measured) / spread, prior * u])
 
     u = np.zeros(len(names))
-    spread = float(np.std(measured)) or 1.0
+    spread = np.full(len(measured), float(np.std(measured)) or 1.0)
     status = 0
     for _ in range(_ROUNDS):
         found = least_squares(misfit, u, bounds=(lower, upper), args=(spread,), diff_step=np.array(1e-4), max_nfev=200)
         u, status = found.x, found.status
         residual = measured - curve(u)
-        rows = max(correlation_rows(residual[part]) for part in (parts or (slice(None),)))
-        freedom = max(1, len(measured) - len(names))
-        spread = float(np.sqrt(np.sum(residual**2) / freedom * rows)) or 1e-12
+        # Parameters take their share of freedom from every part alike.
+        taken = len(measured) / max(1, len(measured) - len(names))
+        for part in parts or (slice(None),):
+            rows = correlation_rows(residual[part])
+            spread[part] = float(np.sqrt(np.mean(residual[part] ** 2) * taken * rows)) or 1e-12
     if status <= 0:
         raise NoResultError("the fit does not come to an end", where=what, do="check the test's log and its range")
     step = 1e-4
