@@ -127,6 +127,18 @@ def test_a_defect_of_ours_is_a_row_too(made: Path, monkeypatch: pytest.MonkeyPat
     assert "internal error, ZeroDivisionError: oh" in row["message"]
 
 
+@pytest.mark.parametrize("jobs", [0, -2, 100_000])
+def test_no_machine_is_asked_for_more_than_it_can_bear(jobs: int, made: Path) -> None:
+    assert leave("batch", str(made / "rigs"), "--out", str(made / "out"), "--jobs", str(jobs)) == 2
+
+
+def test_no_more_processes_than_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joblib.cpu_count", lambda: 64)
+    assert campaign.processes(-1, tasks=3) == 3
+    assert campaign.processes(100, tasks=3) == 3
+    assert campaign.processes(-1, tasks=1000) == 64
+
+
 def test_names_are_short_readable_and_different(tmp_path: Path) -> None:
     files = [Path("/a/rig/experiment.toml"), Path("/b/rig/experiment.toml"), Path("/c/rig-1.toml"), Path("/d/x y.toml")]
     assert [task.name for task in tasks(files, tmp_path)] == ["rig-2", "rig-3", "rig-1", "x_y"]

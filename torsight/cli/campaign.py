@@ -45,6 +45,7 @@ RESULT_COLUMNS: Final = (
 
 PATIENCE = "10s"
 """How long a Dask scheduler has to answer."""
+_MOST_PER_CORE: Final = 4
 _WATCH: Final = "end with the campaign"
 
 
@@ -207,9 +208,31 @@ def _on_this_machine(
     from joblib import Parallel, delayed
 
     del scheduler
-    pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+    pool = Parallel(n_jobs=processes(jobs, tasks=len(todo)), return_as="generator_unordered", batch_size=1)
     for row in pool(delayed(_run_for)(os.getpid(), task) for task in todo):
         finished(row)
+
+
+def processes(jobs: int, *, tasks: int) -> int:
+    """Return how many processes are started for ``--jobs``: never more than there are tasks.
+
+    Raises
+    ------
+    ConfigError
+        For none, and for more than the machine can be asked to bear.
+    """
+    from joblib import cpu_count
+
+    cores = cpu_count()
+    most = _MOST_PER_CORE * cores
+    if jobs != -1 and not 1 <= jobs <= most:
+        raise ConfigError(
+            "is no number of processes",
+            where="--jobs",
+            value=jobs,
+            limit=f"1 to {most} on this machine's {cores} cores, or -1 for one per core",
+        )
+    return max(1, min(cores if jobs == -1 else jobs, tasks))
 
 
 def _run_for(parent: int, task: Task) -> dict[str, Any]:
