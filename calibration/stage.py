@@ -127,9 +127,10 @@ def measure_axis(
     Raises
     ------
     ConfigError
-        When the board looks the same after half a turn and several positions of the disk are shown.
+        When the board looks the same after half a turn and several positions of the disk are shown, or the camera file
+        is for another picture size.
     InputError
-        When the pictures are of another size or camera.
+        When the pictures are of another camera.
     NoResultError
         When the board is not found in one of them.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -23,8 +23,8 @@ _SHORT_PX: Final = 60.0
 _FAINT: Final = 40.0
 
 
-def account(result: TrackResult, orientation: Orientation) -> dict[str, Any]:
-    """Return the content of ``track.json``."""
+def account(result: TrackResult, orientation: Orientation, *, remarks: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the content of ``track.json``; ``remarks`` are what was noticed before anything was tracked."""
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
     content: dict[str, Any] = {
@@ -34,13 +34,26 @@ def account(result: TrackResult, orientation: Orientation) -> dict[str, Any]:
         "noise": noise_account(rows, orientation.with_errors(result.tracks), angles, noise),
         "compression": compression_account(result.report["source"], noise),
     }
-    events = find_events(rows, angles, result.damage)
+    events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
     markers = result.report["markers"]
     content["advice"] = advice(
         content, length_px=markers["stick_length_px"], radius_px=markers["radius_px"], events=events
     )
+    content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events
     return content
+
+
+def _remark(angles: StickAngles, text: str) -> dict[str, Any]:
+    first_s, last_s = (float(angles.time_s[at]) if len(angles) else 0.0 for at in (0, -1))
+    return {
+        "time_s": first_s,
+        "frame": 0,
+        "kind": "camera",
+        "text": text,
+        "end_time_s": last_s,
+        "end_frame": max(len(angles) - 1, 0),
+    }
 
 
 def frame_account(rows: NDArray[np.void], angles: StickAngles) -> dict[str, Any]:

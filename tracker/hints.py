@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.storage import check_keys, read_toml
 from torsight.core.tracks import MARKERS
 
-_KEYS: Final = ("base", "moving", "kind")
+_KEYS: Final = ("base", "moving", "kind", "base_mm", "moving_mm")
 KINDS: Final = ("dot", "texture")
 
 
@@ -31,11 +31,14 @@ class MarkerHints:
         ``"dot"`` or ``"texture"``.
     where : str
         File or table that they come from, for messages.
+    length_mm : mapping of str to float
+        Distance of the markers of ``base`` and ``moving``, where it was measured by hand: a check of scale.
     """
 
     position_px: NDArray[np.float64]
     kind: str
     where: str
+    length_mm: Mapping[str, float] = field(default_factory=dict)
 
     def check_inside(self, size_px: tuple[int, int]) -> None:
         """Refuse markers outside the picture.
@@ -87,7 +90,12 @@ def read_markers(source: Path | Mapping[str, Any]) -> MarkerHints:
                     value=f"{MARKERS[two]} and {MARKERS[one]} at {position_px[one].tolist()}",
                     limit="four different positions",
                 )
-    return MarkerHints(position_px=position_px, kind=kind, where=where)
+    length_mm = {
+        stick: get_number(content, f"{stick}_mm", where=where, lower=1e-3)
+        for stick in ("base", "moving")
+        if f"{stick}_mm" in content
+    }
+    return MarkerHints(position_px=position_px, kind=kind, where=where, length_mm=length_mm)
 
 
 def _pair(content: Mapping[str, Any], key: str, where: str) -> list[list[float]]:

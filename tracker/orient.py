@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.axis import axis_in_picture, pose_from_axis
-from torsight.core.camera import Camera, Intrinsics, Pose
+from torsight.core.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.geometry import rotation_matrix
+from torsight.core.geometry import on_plane, ray_from_pixel, rotation_matrix
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.lone import lone_direction
 from tracker.noise import LengthWitness, witness
-from tracker.rays import carry, meet_plane, undistort
 from tracker.steady import steady_direction
 from tracker.tilt import Tilt, fit_tilt, rectify
 from tracker.unwrap import unwrap
@@ -73,7 +72,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     """
     if camera is None:
         return _without_camera(tracks, pixel_aspect)
-    check_size(tracks.size_px, camera)
+    require_size(camera.intrinsics, tracks.size_px, where="the film")
     if camera.pose is not None:
         _check_pose(camera.pose)
         plane, position_mm = _in_planes(tracks, camera.intrinsics, camera.pose)
@@ -112,8 +111,11 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
     middle = np.array([0.5 * pixel_aspect * (width - 1), -0.5 * (height - 1)]) if intrinsics is None else np.zeros(2)
     flat = [((points - middle) / half, covariance / half**2) for points, covariance in flat]
     scale = witness(flat[2][0], flat[3][0], flat[2][1], flat[3][1]).scale
-    tilt = fit_tilt(flat[2][0], flat[3][0], flat[2][1] * scale**2, flat[3][1] * scale**2, half=1.0)
-    plane = [(rectify(points, tilt.values), covariance) for points, covariance in flat]
+    tilt = fit_tilt(flat[2][0], flat[3][0], flat[2][1] * scale**2, flat[3][1] * scale**2, half_px=0.5 * width)
+    plane = []
+    for points, covariance in flat:
+        seen, slopes = rectify(points, tilt.values)
+        plane.append((seen, _carried(covariance, slopes)))
     found = from_plane(
         tracks,
         plane,
@@ -131,7 +133,7 @@ def _tilt_variance(flat: list[Points], tilt: Tilt) -> NDArray[np.float64]:
     """Return the variance of the angle by what is not known of the tilt."""
 
     def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        base, moving = (rectify(flat[first + 1][0], values) - rectify(flat[first][0], values) for first in (0, 2))
+        base, moving = (rectify(flat[first + 1][0], values)[0] - rectify(flat[first][0], values)[0] for first in (0, 2))
         still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
         return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
 
@@ -244,12 +246,14 @@ def _picture_plane(tracks: MarkerTracks, marker: int, pixel_aspect: float) -> Po
 def _lens_plane(tracks: MarkerTracks, marker: int, intrinsics: Intrinsics) -> Points:
     """Return positions with the lens taken out, y up."""
     flip = np.array([[1.0, 0.0], [0.0, -1.0]])
-    rays, covariance = carry(
-        lambda pixels: undistort(pixels, intrinsics),
-        tracks.position_px[:, marker],
-        tracks.covariance_px2[:, marker],
-    )
-    return rays @ flip, flip @ covariance @ flip
+    rays, slopes = ray_from_pixel(tracks.position_px[:, marker], intrinsics)
+    slopes = flip @ slopes
+    return rays @ flip, _carried(tracks.covariance_px2[:, marker], slopes)
+
+
+def _carried(covariance_px2: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return covariances as a map with these derivatives carries them along."""
+    return np.asarray(slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2), dtype=np.float64)
 
 
 def _check_pose(pose: Pose) -> None:
@@ -277,31 +281,7 @@ def _in_planes(tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose) -> tupl
     position_mm = np.full((len(tracks), 4, 3), np.nan)
     for marker in range(4):
         z_mm = heights[_PLANES[marker]]
-
-        def to_plane(pixels: NDArray[np.float64], z_mm: float = z_mm) -> NDArray[np.float64]:
-            return meet_plane(undistort(pixels, intrinsics), pose, z_mm=z_mm)
-
-        points = carry(to_plane, tracks.position_px[:, marker], tracks.covariance_px2[:, marker])
-        plane.append(points)
-        position_mm[:, marker, :2] = points[0]
-        position_mm[:, marker, 2] = np.where(np.isfinite(points[0][:, 0]), z_mm, np.nan)
+        found, slopes = on_plane(tracks.position_px[:, marker], intrinsics, pose=pose, z_mm=z_mm)
+        plane.append((found[:, :2], _carried(tracks.covariance_px2[:, marker], slopes)))
+        position_mm[:, marker] = found
     return plane, position_mm
-
-
-def check_size(size_px: tuple[int, int], camera: Camera) -> None:
-    """Refuse a camera file for another picture size.
-
-    Raises
-    ------
-    ConfigError
-        Naming both sizes.
-    """
-    width, height = camera.intrinsics.size_px
-    if (width, height) != size_px:
-        raise ConfigError(
-            "the camera file is for another picture size",
-            where="[intrinsics] width, height",
-            value=f"{width} × {height}",
-            limit=f"{size_px[0]} × {size_px[1]}, the size of the film",
-            do="calibrate the camera at the size at which it films",
-        )

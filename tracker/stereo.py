@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.axis import axis_basis, axis_in_space
-from torsight.core.camera import Camera
+from torsight.core.camera import Camera, require_size
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import triangulate
+from torsight.core.scale import check_scale
 from torsight.core.tracks import MARKERS, MarkerTracks
-from tracker.orient import Orientation, Points, check_size, from_plane
+from tracker.orient import Orientation, Points, from_plane
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +23,9 @@ _OFF_LINE: Final = 30.0
 _PARALLEL: Final = 0.2
 
 
-def orient_pair(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> Orientation:
+def orient_pair(
+    left: MarkerTracks, right: MarkerTracks, camera: Camera, *, known_mm: Mapping[str, float] | None = None
+) -> Orientation:
     """Return the moving stick's orientation against the base stick, in space.
 
     Parameters
@@ -30,6 +34,8 @@ def orient_pair(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> Orie
         Tracks of both films; one row per frame of the left one is returned.
     camera : Camera
         With the second camera.
+    known_mm : mapping of str to float, optional
+        Distances of the markers of ``base`` and ``moving``, measured by hand.
 
     Raises
     ------
@@ -44,8 +50,8 @@ def orient_pair(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> Orie
             where="the camera file",
             do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
         )
-    check_size(left.size_px, camera)
-    check_right_size(right.size_px, camera)
+    require_size(camera.intrinsics, left.size_px, where="the left film")
+    require_size(camera.right.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
     other = _matching(left, right)
     space = triangulate(
         left.position_px,
@@ -71,26 +77,10 @@ def orient_pair(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> Orie
     ]
     found = from_plane(left, plane, position_mm=in_frame, method="two cameras: points in space, axis from the tracks")
     found.report["axis"] = report
+    # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
+    errors = np.repeat(found.error_scale, 2)[:, None, None] ** 2
+    found.report["scale"] = check_scale(in_frame, space.covariance_mm2 * errors, known_mm=known_mm).to_json()
     return found
-
-
-def check_right_size(size_px: tuple[int, int], camera: Camera) -> None:
-    """Refuse a camera file whose second camera is for another picture size.
-
-    Raises
-    ------
-    ConfigError
-        Naming both sizes.
-    """
-    if camera.right is not None and camera.right.intrinsics.size_px != size_px:
-        width, height = camera.right.intrinsics.size_px
-        raise ConfigError(
-            "the camera file is for another picture size",
-            where="[right.intrinsics] width, height",
-            value=f"{width} × {height}",
-            limit=f"{size_px[0]} × {size_px[1]}, the size of the right film",
-            do="calibrate the pair at the size at which it films",
-        )
 
 
 def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:

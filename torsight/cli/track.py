@@ -13,7 +13,9 @@ from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from torsight.core.camera import Camera
     from torsight.core.tracks import StickAngles
+    from tracker.source import FrameSource
 
 FILES: Final = ("angle.csv", "markers.csv", "track.json")
 """What the command writes."""
@@ -104,8 +106,7 @@ def track_to_folder(
     from tracker.account import account
     from tracker.checkpoint import drop
     from tracker.hints import read_markers
-    from tracker.orient import check_size, orient
-    from tracker.source import open_source
+    from tracker.orient import orient
     from tracker.stereo import orient_pair
     from tracker.track import track_film
 
@@ -113,32 +114,60 @@ def track_to_folder(
     require_apart([out / name for name in ("markers.csv", "angle.csv", "track.json")], inputs)
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
-    if right is not None and (lens is None or lens.right is None):
-        raise ConfigError(
-            "two films need a camera file with a second camera",
-            where="--camera" if camera is None else str(camera),
-            limit="[right.intrinsics] and [right.from_left]",
-            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
-        )
-    source = open_source(video, fps=fps, timestamps=timestamps)
-    if lens is not None:
-        check_size(source.size_px, lens)
+    remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
+    source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
-        kept = [out / ".track"]
+        kept = [out / ".track", out / ".track-right"]
         result = track_film(source, markers=hints, out=kept[0], resume=resume, progress=progress)
-        if right is not None and lens is not None:
-            second = open_source(right, fps=fps, timestamps=timestamps)
-            kept.append(out / ".track-right")
+        if second is not None and lens is not None:
             # Positions that were given are of the left picture; in the right one the markers are found.
             other = track_film(second, out=kept[1], resume=resume, progress=progress)
-            orientation = orient_pair(result.tracks, other.tracks, lens)
+            known_mm = {} if hints is None else hints.length_mm
+            orientation = orient_pair(result.tracks, other.tracks, lens, known_mm=known_mm)
         else:
             orientation = orient(result.tracks, lens, pixel_aspect=source.pixel_aspect)
         write_table(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        write_json(out / "track.json", account(result, orientation))
+        write_json(out / "track.json", account(result, orientation, remarks=remarks))
         for folder in kept:
             drop(folder)
     return orientation.angles
+
+
+def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
+    """Return what is to be said of how a camera file goes with one film or two."""
+    from torsight.cli.console import say
+
+    if two and (lens is None or lens.right is None):
+        raise ConfigError(
+            "two films need a camera file with a second camera",
+            where=where,
+            limit="[right.intrinsics] and [right.from_left]",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
+    if two or lens is None or lens.right is None:
+        return []
+    remark = (
+        "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
+        "with that lens alone, without positions in space; name the right film after it to use both."
+    )
+    say(f"{where}: {remark}")
+    return [remark]
+
+
+def _sources(
+    video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
+) -> tuple[FrameSource, FrameSource | None]:
+    """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
+    from torsight.core.camera import require_size
+    from tracker.source import open_source
+
+    source = open_source(video, fps=fps, timestamps=timestamps)
+    second = None if right is None else open_source(right, fps=fps, timestamps=timestamps)
+    if lens is not None:
+        require_size(lens.intrinsics, source.size_px, where="the film" if right is None else "the left film")
+    if second is not None and lens is not None and lens.right is not None:
+        require_size(lens.right.intrinsics, second.size_px, where="the right film", table="right.intrinsics")
+    return source, second

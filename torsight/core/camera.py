@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.config import get_number, get_table
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError
 from torsight.core.storage import check_keys, read_toml
 
 _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
@@ -134,12 +134,23 @@ def read_camera(path: Path) -> Camera:
     return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
 
 
-def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str) -> None:
-    """Refuse pictures of another size than the ones that the camera was calibrated with.
+def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
+    """Refuse a camera file for another picture size.
+
+    Parameters
+    ----------
+    intrinsics : Intrinsics
+        The camera.
+    size_px : (int, int)
+        Width and height of the pictures.
+    where : str
+        Film or picture that the camera is to serve, for the message.
+    table : str
+        Table of the camera file that holds the lens.
 
     Raises
     ------
-    InputError
+    ConfigError
         When width or height differ; a swap of both, and a plain scaling, are named as such.
     """
     if size_px == intrinsics.size_px:
@@ -150,11 +161,11 @@ def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str
         do = "the picture is turned by a quarter: film as in the calibration, or calibrate as you film"
     elif size_px[0] * height == size_px[1] * width:
         do = "the picture was scaled or filmed in another mode: film as in the calibration, or " + do
-    raise InputError(
-        "has another picture size than the camera's calibration",
-        where=where,
-        value=f"{size_px[0]} × {size_px[1]}",
-        limit=f"{width} × {height}",
+    raise ConfigError(
+        "the camera file is for another picture size",
+        where=f"[{table}] width, height",
+        value=f"{width} × {height}",
+        limit=f"{size_px[0]} × {size_px[1]}, the size of {where}",
         do=do,
     )
 

@@ -13,8 +13,19 @@ Floats = NDArray[np.float64]
 _STEPS: Final = 60
 
 
-def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple[Floats, Floats, float]:
+def least_squares(
+    residuals: Callable[[Floats], Floats], start: Floats, *, enough: float = 1e-20
+) -> tuple[Floats, Floats, float]:
     """Minimise a sum of squares (Levenberg-Marquardt, derivatives by central differences).
+
+    Parameters
+    ----------
+    residuals : callable
+        From values (p,) to residuals (m,).
+    start : (p,) float64
+        Where to begin.
+    enough : float
+        Gain of a step below which there is nothing more to gain; in units of χ² it may be far from zero.
 
     Returns
     -------
@@ -26,7 +37,7 @@ def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple
     values, error = start.copy(), residuals(start)
     damping = 1e-3
     for _ in range(_STEPS):
-        jacobian = _jacobian(residuals, values)
+        jacobian = jacobian_of(residuals, values)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ error
         scale = np.diag(np.maximum(np.diag(normal), 1e-300))
         for _ in range(10):
@@ -39,13 +50,14 @@ def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple
             break
         gain = float(error @ error - trial @ trial)
         values, error, damping = values - step, trial, max(damping / 10.0, 1e-12)
-        if gain <= 1e-12 * float(error @ error) + 1e-20:
+        if gain <= 1e-12 * float(error @ error) + enough:
             break
-    jacobian = _jacobian(residuals, values)
+    jacobian = jacobian_of(residuals, values)
     return values, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
 
 
-def _jacobian(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
+def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
+    """Return the derivatives (m, p) of residuals (m,) at values (p,), by central differences."""
     columns = []
     for index, value in enumerate(values):
         step = np.zeros_like(values)

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.cli.checkup.finding import Finding, refusal
-from torsight.core.camera import Camera
+from torsight.core.camera import Camera, require_size
 from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from tracker.account import account
 from tracker.detect import find_dots
 from tracker.hints import MarkerHints
-from tracker.orient import Orientation, check_size, orient
+from tracker.orient import Orientation, orient
 from tracker.sample import Clip, Stamps, read_stamps
 from tracker.source import open_source
 from tracker.start import find_start
@@ -78,7 +78,7 @@ def check_film(
     try:
         source = open_source(video, fps=fps, timestamps=timestamps)
         if camera is not None:
-            check_size(source.size_px, camera)
+            require_size(camera.intrinsics, source.size_px, where="the film")
         stamps = read_stamps(source)
         check.content |= source.describe()
         _look_at_times(check, about, stamps, declared=source.frame_count, given=timestamps or fps)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import Camera
-from tracker.rays import carry, meet_plane, undistort
+from torsight.core.geometry import on_plane
 
 _BASE_WEIGHT = 0.05
 """Share of a new frame in the base stick's running direction."""
 
-_Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_Map = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""From pixels (4, 2) to positions (4, 2) in a plane, y up, and their derivatives (4, 2, 2)."""
 
 
 class LiveAngle:
@@ -56,12 +57,10 @@ class LiveAngle:
         covariance_px2 : (4, 2, 2) float64
             Their covariances.
         """
-        plane = [
-            carry(self._maps[marker // 2], position_px[marker : marker + 1], covariance_px2[marker : marker + 1])
-            for marker in range(4)
-        ]
-        points = np.array([value[0] for value, _ in plane])
-        spread = [covariance[0] for _, covariance in plane]
+        plane = [onto(position_px[2 * stick : 2 * stick + 2]) for stick, onto in enumerate(self._maps)]
+        points = np.concatenate([position for position, _ in plane])
+        slopes = np.concatenate([slope for _, slope in plane])
+        spread = slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2)
         base_rad, base_variance = _direction(points[0], points[1], spread[0], spread[1])
         moving_rad, variance = _direction(points[2], points[3], spread[2], spread[3])
         self._learn_base(base_rad)
@@ -100,16 +99,22 @@ class LiveAngle:
         return np.column_stack([points, np.where(np.isfinite(points[:, 0]), height, np.nan)])
 
 
-def _maps(
-    camera: Camera | None, pixel_aspect: float
-) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]:
+def _maps(camera: Camera | None, pixel_aspect: float) -> tuple[_Map, _Map]:
     if camera is None or camera.pose is None:
-        upwards = np.array([pixel_aspect, -1.0])
-        return (lambda pixels: pixels * upwards,) * 2
+        upwards = np.diag([pixel_aspect, -1.0])
+
+        def flat(pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            return pixels @ upwards, np.broadcast_to(upwards, (len(pixels), 2, 2))
+
+        return flat, flat
     pose, intrinsics = camera.pose, camera.intrinsics
 
     def onto(z_mm: float) -> _Map:
-        return lambda pixels: meet_plane(undistort(pixels, intrinsics), pose, z_mm=z_mm)
+        def met(pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            found, slopes = on_plane(pixels, intrinsics, pose=pose, z_mm=z_mm)
+            return found[:, :2], slopes
+
+        return met
 
     return onto(pose.base_z_mm), onto(pose.moving_z_mm)
 

@@ -209,9 +209,9 @@ class Session:
             return
         size_px = (frame.luma.shape[1], frame.luma.shape[0])
         if size_px != self._size_px and self._camera is not None:
-            from tracker.orient import check_size
+            from torsight.core.camera import require_size
 
-            check_size(size_px, self._camera)
+            require_size(self._camera.intrinsics, size_px, where="the film")
         self._size_px = size_px
 
     def _show(self, frame: LiveFrame, seen: Seen) -> None:
