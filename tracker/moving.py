@@ -12,8 +12,8 @@ from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Region
-from tracker.rules import CLOSE, MOST_VOTES, NEAR, SHAKE_PX, VOTES
-from tracker.sight import Sight, direction, distance_to_strip
+from tracker.rules import CLOSE, MOST_VOTES, NEAR, OWN_PX, OWN_RAD, SHAKE_PX, VOTES
+from tracker.sight import Sight, between, direction, distance_to_strip
 
 _SAME_PX: Final = 1.0
 _UNSEEN_PX: Final = 4.0
@@ -69,16 +69,17 @@ class MovingStick(Pair):
         """Refuse readings that could be of a base dot, or are not on the marker's circle."""
         self.check_length(sight)
         alone = sum(sight.good(index) is None for index in self.indices) == 1
+        own = self._both_own(sight, base)
         for index, marker in zip(self.indices, self.markers, strict=True):
             reading = sight.good(index)
             if reading is None:
                 continue
-            if self._crossing(reading, base):
+            if self._crossing(reading, base, own=own):
                 self.vote(1)
             followed = marker.lost <= 3 or self.inner.lost + self.outer.lost == marker.lost
             radii = CLOSE if followed and not alone else NEAR
             near = _near_dot(reading, base, radii, more_px=_UNSEEN_PX if alone else 0.0)
-            if near and (alone or self.above < VOTES):
+            if near and not own and (alone or self.above < VOTES):
                 # One dot alone next to a base dot may be either, whichever stick is above.
                 sight.reasons[index] = "shadowed"
             elif marker.lost and self._off_circle(reading, shift, outer=marker is self.outer):
@@ -129,11 +130,30 @@ class MovingStick(Pair):
             return None
         if abs(math.hypot(b.x_px - a.x_px, b.y_px - a.y_px) - self.length_px) > 0.8 + 0.01 * self.length_px:
             return None
+        off = self._off_circles(a, b)
+        return None if off is None else (0.5 * (off[0][0] + off[1][0]), 0.5 * (off[0][1] + off[1][1]))
+
+    def _off_circles(self, a: Reading, b: Reading) -> tuple[Point, Point] | None:
+        """Return how far either marker is from where its circle puts it; None while the axis is not known."""
         turn = direction((a.x_px, a.y_px), (b.x_px, b.y_px))
         inner, outer = self.axis.place(turn, outer=False), self.axis.place(turn, outer=True)
         if inner is None or outer is None:
             return None
-        return 0.5 * (a.x_px + b.x_px - inner[0] - outer[0]), 0.5 * (a.y_px + b.y_px - inner[1] - outer[1])
+        return (a.x_px - inner[0], a.y_px - inner[1]), (b.x_px - outer[0], b.y_px - outer[1])
+
+    def _both_own(self, sight: Sight, base: BaseStick) -> bool:
+        """Return whether both dots are known to be its own, next to the base's dots as they may be.
+
+        Had one of them been a dot of the base, it would be off its circle against the other; had both, the stick would
+        point as the base does. Neither depends on a shake of the camera.
+        """
+        a, b = sight.good(self.indices[0]), sight.good(self.indices[1])
+        if a is None or b is None or any(marker.lost for marker in self.markers):
+            return False
+        if between(direction((a.x_px, a.y_px), (b.x_px, b.y_px)), base.last_rad) < OWN_RAD:
+            return False
+        off = self._off_circles(a, b)
+        return off is not None and math.dist(*off) < OWN_PX
 
     def learn(self, sight: Sight, shift: Point, *, base_seen: bool) -> None:
         """Take a frame with both markers into the account of the axis."""
@@ -161,9 +181,12 @@ class MovingStick(Pair):
         # Seen from aside circles are ellipses, as flat as the stick's own length varies.
         return abs(away - arm) > (0.1 + self.varies) * arm + 5.0
 
-    def _crossing(self, reading: Reading, base: BaseStick) -> bool:
-        """Return whether a marker is seen whole in the middle of the base stick, away from its dots: it is above."""
-        if _near_dot(reading, base, NEAR):
+    def _crossing(self, reading: Reading, base: BaseStick, *, own: bool) -> bool:
+        """Return whether a marker is seen whole in the middle of the base stick: it is above.
+
+        Next to a dot of the base that takes both markers to be known as the moving stick's ``own``.
+        """
+        if not own and _near_dot(reading, base, NEAR):
             return False
         away = distance_to_strip((reading.x_px, reading.y_px), base.ends, beyond=0.1)
         return away < 1.2 * base.inner.radius_px

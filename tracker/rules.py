@@ -43,6 +43,10 @@ CLOSE: Final = 0.6
 """Distance from a base dot, in radii, below which dots cannot be told apart."""
 NEAR: Final = 1.6
 """The same after a gap, and where a dot is to show which stick is above."""
+OWN_RAD: Final = math.radians(1.0)
+"""Turn against the base from which both dots of the moving stick cannot be the base's."""
+OWN_PX: Final = 0.6
+"""How far its dots may be off their circles, one against the other, and still both be its own."""
 VOTES: Final = 2
 MOST_VOTES: Final = 20
 """Votes from which it counts as known which stick is above, and most that are kept."""

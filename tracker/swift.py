@@ -58,6 +58,8 @@ from tracker.rules import (
     MOST_VOTES,
     NEAR,
     NEVER,
+    OWN_PX,
+    OWN_RAD,
     SHAKE_PX,
     SHARP_PX,
     SLACK_KNOWN,
@@ -160,10 +162,45 @@ def read_moving(
 
 
 @njit(cache=True, nogil=True)
+def circles_away(common: Floats, readings: Floats, out: Floats) -> bool:
+    """Find how far either moving marker is from where its circle puts it (2, 2); False while unknown."""
+    if common[AXIS] == 0.0:
+        return False
+    first = 2 * int(common[MOVING])
+    one, two = readings[first], readings[first + 1]
+    turn = math.atan2(two[Y] - one[Y], two[X] - one[X])
+    cos, sin = math.cos(turn), math.sin(turn)
+    s = common[AXIS + 1 : AXIS + 7]
+    for k in range(2):
+        out[k, 0] = readings[first + k, X] - s[0] - cos * s[2 + 2 * k] + sin * s[3 + 2 * k]
+        out[k, 1] = readings[first + k, Y] - s[1] - sin * s[2 + 2 * k] - cos * s[3 + 2 * k]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def both_own(common: Floats, readings: Floats) -> bool:
+    """Return whether both dots are known to be the moving stick's, next to the base's dots as they may be.
+
+    Had one of them been a dot of the base, it would be off its circle against the other; had both, the stick would
+    point as the base does. Neither depends on a shake of the camera.
+    """
+    first = 2 * int(common[MOVING])
+    one, two = readings[first], readings[first + 1]
+    turn = math.atan2(two[Y] - one[Y], two[X] - one[X])
+    if abs((turn - common[LAST] + math.pi) % (2.0 * math.pi) - math.pi) < OWN_RAD:
+        return False
+    away = np.empty((2, 2))
+    if not circles_away(common, readings, away):
+        return False
+    return math.hypot(away[1, 0] - away[0, 0], away[1, 1] - away[0, 1]) < OWN_PX
+
+
+@njit(cache=True, nogil=True)
 def votes_of(markers: Floats, common: Floats, readings: Floats) -> float:
     """Return votes that the moving stick is above, from its markers that lie on the base stick; −1 where in doubt."""
     first, base = 2 * int(common[MOVING]), 2 - 2 * int(common[MOVING])
     votes = 0.0
+    own = both_own(common, readings)
     for index in (first, first + 1):
         x, y = readings[index, X], readings[index, Y]
         close = near = False
@@ -171,10 +208,10 @@ def votes_of(markers: Floats, common: Floats, readings: Floats) -> float:
             radii = math.hypot(x - markers[k, AT_X], y - markers[k, AT_Y]) / markers[k, OWN_RADIUS]
             close |= radii < CLOSE
             near |= radii < NEAR
-        if close and common[ABOVE] < VOTES:
+        if close and common[ABOVE] < VOTES and not own:
             return -1.0
         away = to_strip(x, y, markers[base, AT_X : AT_Y + 1], markers[base + 1, AT_X : AT_Y + 1], 0.1)
-        if not near and away < 1.2 * markers[base, OWN_RADIUS]:
+        if (own or not near) and away < 1.2 * markers[base, OWN_RADIUS]:
             votes += 1.0
     return votes
 
@@ -225,26 +262,12 @@ def base_stands(markers: Floats, common: Floats, readings: Floats, seen: NDArray
 
 
 @njit(cache=True, nogil=True)
-def circles_shift(common: Floats, readings: Floats, out: Floats) -> bool:
-    """Find how far the moving markers are, in the mean, from where their circles put them; False while unknown."""
-    if common[AXIS] == 0.0:
-        return False
-    first = 2 * int(common[MOVING])
-    one, two = readings[first], readings[first + 1]
-    turn = math.atan2(two[Y] - one[Y], two[X] - one[X])
-    cos, sin = math.cos(turn), math.sin(turn)
-    s = common[AXIS + 1 : AXIS + 7]
-    out[0] = 0.5 * (one[X] + two[X]) - s[0] - 0.5 * (cos * (s[2] + s[4]) - sin * (s[3] + s[5]))
-    out[1] = 0.5 * (one[Y] + two[Y]) - s[1] - 0.5 * (sin * (s[2] + s[4]) + cos * (s[3] + s[5]))
-    return True
-
-
-@njit(cache=True, nogil=True)
 def find_shift(common: Floats, readings: Floats, seen: NDArray[np.bool_]) -> None:
     """Find the shift of the picture: from the base, or from the moving stick's circles while the base is not seen."""
     base = 2 - 2 * int(common[MOVING])
-    away = np.zeros(2)
-    known = circles_shift(common, readings, away)
+    each = np.zeros((2, 2))
+    known = circles_away(common, readings, each)
+    away = (0.5 * (each[0, 0] + each[1, 0]), 0.5 * (each[0, 1] + each[1, 1]))
     count, x, y = 0, 0.0, 0.0
     for k in range(2):
         if seen[base + k]:
