@@ -58,3 +58,19 @@ def test_a_prediction_goes_on_in_the_turn_of_the_record(model: ActuatorModel, re
     # a record that starts where only the other turn can be meant is taken so
     plain = again.predict(log, start_angle_rad=float(record.angle_rad[0])).angle_rad
     np.testing.assert_allclose(plain, record.angle_rad, atol=1e-9)
+
+
+def test_what_wound_the_springs_at_home_holds_for_logs_that_start_there(
+    model: ActuatorModel, record: SyncedTable
+) -> None:
+    wound = ActuatorModel(model.spec, ("home_torque",))
+    values = {parameter.name: parameter.value for parameter in wound.parameters}
+    log = TemperatureLog(record.time_s, record.temp_a_c, record.temp_b_c)
+    home_rad, elsewhere_rad = float(record.angle_rad[0]), 60.0 * DEG
+
+    def predicted(home_hold: float, start_angle_rad: float):
+        fitted = fitted_model(wound, {**values, "home_hold": home_hold}, wound.prepare(record))
+        return fitted.predict(log, start_angle_rad=start_angle_rad).angle_rad
+
+    assert np.max(np.abs(predicted(0.3, home_rad) - predicted(1.0, home_rad))) > 1.0 * DEG
+    np.testing.assert_array_equal(predicted(0.3, elsewhere_rad), predicted(1.0, elsewhere_rad))

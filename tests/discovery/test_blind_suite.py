@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -29,9 +30,14 @@ def cases() -> ModuleType:
 
 def test_nothing_is_named_on_a_rig_whose_phase_law_is_a_little_bent(cases: ModuleType) -> None:
     record = cases.make_record(cases.Case("clean", 1, model_error=True))
-    report = discover(record.table, record.spec, seed=0)
+    # as a camera may read it: a turn ahead
+    table = replace(record.table, angle_rad=record.table.angle_rad + 2.0 * np.pi)
+    report = discover(table, record.spec, seed=0)
     assert report.verdict == "none"
     assert report.effects == ()
+    start_rad = float(record.later_angle_rad[0]) + 2.0 * np.pi
+    later = predict_angle(report.model, record.later, start_angle_rad=start_rad) - 2.0 * np.pi
+    assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 1.0 * DEG
 
 
 def test_an_unbalanced_disk_gets_no_wrong_name_and_the_later_record_is_predicted(cases: ModuleType) -> None:

@@ -7,8 +7,8 @@ import pytest
 from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidates
 
 from torsight.core.errors import InputError
-from torsight.discovery.decide import covariance
 from torsight.discovery.engine import find_missing
+from torsight.discovery.intervals import covariance
 from torsight.discovery.noise import Stretches, correlation_samples, residual_scales
 from torsight.discovery.search import Settings
 from torsight.discovery.validate import held_out_by_refit

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.actuator.effects import chosen_effects
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.spec import actuator_from
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 KIND: Final = "torsight actuator model"
 _MOST_CYCLES: Final = 1_000_000
 _MOST_TURNS: Final = 1_000_000
+_SAME_HOME_RAD: Final = 2.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +67,9 @@ class FittedModel:
         What people may want to know of the fit (error, noise floor, source).
     turns : int
         Whole turns by which the record's reading was ahead of the actuator's own angle.
+    start_angle_rad : float or None
+        The actuator's own angle at the record's start: how the springs were wound there holds for logs that start
+        there too. None where it is not known.
     """
 
     model: ActuatorModel
@@ -73,6 +78,7 @@ class FittedModel:
     closure: Mapping[str, Any] | None = None
     account: Mapping[str, Any] = field(default_factory=dict)
     turns: int = 0
+    start_angle_rad: float | None = None
 
     @property
     def history(self) -> History:
@@ -98,8 +104,18 @@ class FittedModel:
         """
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad)
         drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad - ahead_rad, where=where)
-        simulation = self.model.simulate(drive, self.values, history=self.history)
+        simulation = self.model.simulate(drive, self._values_from(drive.start_angle_rad), history=self.history)
         return Prediction(np.where(drive.known, simulation.angle_rad + ahead_rad, np.nan), drive, simulation)
+
+    def _values_from(self, start_angle_rad: float) -> dict[str, float]:
+        """Return the values for a log that starts at an angle: elsewhere than the record, the rule for homes holds."""
+        values = dict(self.values)
+        if self.start_angle_rad is None or abs(start_angle_rad - self.start_angle_rad) <= _SAME_HOME_RAD:
+            return values
+        for effect in chosen_effects(tuple(self.model.effects)):
+            if effect.family == "start":
+                values |= {p.name: p.null for p in effect.parameters if p.null is not None}
+        return values
 
     def _turns_of(self, start_angle_rad: float) -> int:
         """Return the whole turns nearest the record's that put the start where the springs can be."""
@@ -121,7 +137,7 @@ def fitted_model(
     """Return the model that was fitted to a record, with what the record leaves behind.
 
     How the springs were wound when the record began (family ``start``) stays part of the model: a later record that
-    starts from the same home starts in the same state.
+    starts from the same home (within 2°) starts in the same state.
     """
     names = {parameter.name for parameter in model.all_parameters}
     springs = drive.cycles.springs
@@ -132,6 +148,7 @@ def fitted_model(
         closure=closure,
         account=account or {},
         turns=drive.turns,
+        start_angle_rad=drive.start_angle_rad,
     )
 
 
@@ -149,6 +166,7 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "values": dict(fitted.values),
             "cycles": {"a": fitted.cycles[0], "b": fitted.cycles[1]},
             "turns": fitted.turns,
+            "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
             "closure": fitted.closure,
             "account": dict(fitted.account),
         },
@@ -188,6 +206,9 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(_whole(cycles, name, 0, _MOST_CYCLES, where="cycles") for name in ("a", "b"))
     closure = get_table(content, "closure", where=where) if content.get("closure") is not None else None
+    start_rad = None
+    if content.get("start_angle_deg") is not None:
+        start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
     return FittedModel(
         model=model,
         values=_values(get_table(content, "values", where=where, required=True), model),
@@ -195,6 +216,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         closure=closure,
         account=get_table(content, "account", where=where),
         turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
+        start_angle_rad=start_rad,
     )
 
 

@@ -35,6 +35,7 @@ ALWAYS_FAMILY: Final = "start"
 """Effects of this family say what came before the record: they are always fitted and never named."""
 _NOISE_DRAWS: Final = 6
 _ALIKE_S: Final = 3.0
+_TOP_C: Final = 1.0
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
 
@@ -221,12 +222,17 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
 
 
 def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
-    """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes."""
+    """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes.
+
+    The top of a half-cycle, at which an incomplete transformation ends, is a corner: it is known no better than one
+    sample is, and its error stays in the angle until the next heating.
+    """
     interval = float(np.median(np.diff(drive.time_s)))
     errors = []
-    for _ in range(2):
+    for spring in range(2):
         smooth = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval, mode="nearest")
-        errors.append(drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12))
+        error = drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12)
+        errors.append(error + drive.noise_c * _at_tops(drive, spring, rng))
     slopes = [np.gradient(error, drive.time_s) for error in errors]
     return replace(
         drive,
@@ -235,6 +241,16 @@ def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
         rate_a_c_s=drive.rate_a_c_s + slopes[0],
         rate_b_c_s=drive.rate_b_c_s + slopes[1],
     )
+
+
+def _at_tops(drive: Drive, spring: int, rng: np.random.Generator) -> Array:
+    """Return a bump of random height (one standard deviation: 1) at the top of every half-cycle of a spring."""
+    temp_c = drive.temp_a_c if spring == 0 else drive.temp_b_c
+    bumps = np.zeros(len(drive))
+    for label in np.unique(drive.cycles.half[drive.cycles.active == spring]):
+        rows = drive.cycles.half == label
+        bumps[rows] = rng.standard_normal() * np.exp(-(np.max(temp_c[rows]) - temp_c[rows]) / _TOP_C)
+    return bumps
 
 
 def _candidate(effect: Effect, *, named: bool = True) -> Candidate:

@@ -13,13 +13,12 @@ from typing import Final
 
 import numpy as np
 
-from torsight.discovery.fitting import EffectSet, space_of
+from torsight.discovery.fitting import EffectSet
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
 from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import LEAST_PULLED, predictable
-from torsight.discovery.validate import block_labels
 
 LEAST_BY_PRIORS: Final = 15.0
 """Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
@@ -135,7 +134,9 @@ class _Judge:
         score, score_without = contender.held_out.score, without.held_out.score
         if score >= keep * score_without:
             return False
-        if by_priors and score_without - score >= self._settings.share_of_rest * (score_without - self._expected):
+        returned = without.held_out.prior - contender.held_out.prior
+        moved = without.held_out.prior - prior_count(self._field.fitter.problem)
+        if by_priors and returned >= self._settings.share_of_rest * moved:
             return True
         before = self._over_time(without.held_out.residual)
         after = self._over_time(contender.held_out.residual)
@@ -200,8 +201,13 @@ class _Judge:
         return None
 
     def rivals(self, chosen: Contender) -> list[Contender]:
-        """Return the other sets of the same size that explain the record as well."""
-        limit = chosen.cost + self._settings.rival_gain
+        """Return the other sets of the same size that explain the record as well.
+
+        What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
+        worse by no more than a share of that is not refuted: its own form may be the one that errs less.
+        """
+        beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
+        limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
         return [
             c
             for c in self._field.of_size(len(chosen.effects))
@@ -213,41 +219,3 @@ def _weights(contenders: list[Contender]) -> dict[EffectSet, float]:
     cost = np.array([c.cost for c in contenders])
     weight = np.exp(-0.5 * (cost - cost.min()))
     return {c.effects: float(w) for c, w in zip(contenders, weight / weight.sum(), strict=True)}
-
-
-def covariance(field: Field, contender: Contender) -> Array:
-    """Return the parameters' covariance (m, m), inflated for the residual's correlation.
-
-    The weights already count pieces of information and not samples; what is added is the set's own residual where it
-    is larger than the one that the weights come from. A model that is a little wrong moves its values from block to
-    block by more than noise would: what leaving out whole blocks does to a value (the jackknife) is added to its
-    variance.
-    """
-    fit, weight = contender.fit, field.fitter.weight
-    residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
-    inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
-    space = space_of(fit.parameters)
-    derivative = fit.solution.jacobian
-    information = derivative.T @ (derivative * weight[:, None]) / inflation
-    information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
-    found = np.asarray(np.linalg.inv(information))
-    plain = np.diag(found)
-    widened = np.sqrt((plain + _between_blocks(field, contender)) / plain)
-    return found * np.outer(widened, widened)
-
-
-def _between_blocks(field: Field, contender: Contender) -> Array:
-    """Return the jackknife's variance of every value over the blocks (m,); zero where there is one block only."""
-    names = [p.name for p in contender.fit.parameters]
-    if len(block_labels(field.fitter.problem)) < 2:
-        return np.zeros(len(names))
-    values = np.array([[fold[name] for name in names] for _, fold in contender.held_out.folds])
-    count = len(values)
-    return np.asarray((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
-
-
-def pieces(field: Field) -> float:
-    """Return how many pieces of information the record holds."""
-    levels, motion = field.stretches.split()
-    tau = field.scales.correlation_samples
-    return len(levels) + sum(max(1.0, (b - a) / tau) for a, b in motion)

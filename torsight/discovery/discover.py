@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.effects import load_effects, load_nameless
 from torsight.actuator.fit import require_motion
-from torsight.actuator.fitted import FittedModel
+from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate
@@ -21,9 +21,9 @@ from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.closure import actuator_closure
 from torsight.discovery.curves import curve_columns, extended_angle
-from torsight.discovery.decide import covariance
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.interface import Closure
+from torsight.discovery.intervals import covariance
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
@@ -117,13 +117,8 @@ def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -
 
 
 def _model(problem: ActuatorProblem, chosen: Contender) -> FittedModel:
-    """Return the extended model; what holds the home position belongs to the rig and goes on."""
-    springs = problem.drive.cycles.springs
-    return FittedModel(
-        model=problem.model(chosen.effects),
-        values=chosen.fit.values,
-        cycles=(springs.count(0), springs.count(1)),
-    )
+    """Return the extended model with what the record leaves behind."""
+    return fitted_model(problem.model(chosen.effects), chosen.fit.values, problem.drive)
 
 
 def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closure) -> Errors:

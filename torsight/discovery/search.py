@@ -47,7 +47,9 @@ class Settings:
     least_held_out_gain : float
         Share of the held-out squared error that an effect must remove.
     rival_gain : float
-        Sets within this cost of the best explain the record as well.
+        Sets within this cost of the best explain the record as well ...
+    rival_share : float
+        ... and so do those within this share of what the best one leaves beyond the floor.
     share_explained : float
         A set is named where it explains this share of what was to explain ...
     near_floor : float
@@ -70,6 +72,7 @@ class Settings:
     most_extensions: int = 12
     least_held_out_gain: float = 0.02
     rival_gain: float = 12.0
+    rival_share: float = 0.5
     share_explained: float = 0.7
     near_floor: float = 2.0
     share_of_rest: float = 0.6

@@ -1,0 +1,80 @@
+"""How well a fitted set's values are known.
+
+Three things make a value uncertain: what the residual is worth (:mod:`.noise`), a model that is a little wrong in
+every block in another way, and one that is a little wrong in all of them in the same way. The first is the curvature of
+the objective, the second shows when whole blocks are left out (the jackknife), the third shows nowhere: it is taken to
+be a smooth error of the size of the problem's resolution, one for each direction of motion.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.discovery.fitting import space_of
+from torsight.discovery.interface import Problem
+from torsight.discovery.search import Contender, Field
+from torsight.discovery.solver import Array
+from torsight.discovery.validate import block_labels
+
+_COMMON_SHARE: Final = 0.5
+"""Size of the error that all blocks share, in resolutions of the problem."""
+_COMMON_PLACES: Final = 6
+"""Places over the measured range at which that error has values of its own."""
+
+
+def covariance(field: Field, contender: Contender) -> Array:
+    """Return the parameters' covariance (m, m), inflated for the residual's correlation.
+
+    The weights already count pieces of information and not samples; what is added is the set's own residual where it
+    is larger than the one that the weights come from. A model that is a little wrong moves its values from block to
+    block by more than noise would: what leaving out whole blocks does to a value (the jackknife) is added to its
+    variance, and so is what an error that all blocks share would do to it.
+    """
+    fit, weight = contender.fit, field.fitter.weight
+    residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
+    inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
+    space = space_of(fit.parameters)
+    derivative = fit.solution.jacobian
+    information = derivative.T @ (derivative * weight[:, None]) / inflation
+    information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
+    found = np.asarray(np.linalg.inv(information))
+    plain = np.diag(found)
+    shared = found @ (derivative.T @ (common_errors(field.fitter.problem) * weight[:, None])) / inflation
+    widened = np.sqrt((plain + _between_blocks(field, contender)) / plain)
+    return np.asarray(found * np.outer(widened, widened) + shared @ shared.T)
+
+
+def common_errors(problem: Problem) -> Array:
+    """Return errors of a model that all blocks share (n, k), one standard deviation each.
+
+    Hat functions of the measured value, apart for blocks that end above where they began and for those that end below.
+    """
+    observed = np.nan_to_num(problem.observed)
+    low, high = np.min(observed[problem.valid]), np.max(observed[problem.valid])
+    place = (observed - low) / max(high - low, 1e-12) * (_COMMON_PLACES - 1)
+    hats = np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(_COMMON_PLACES)))
+    rises = np.zeros(len(observed), bool)
+    for label in block_labels(problem):
+        own = np.flatnonzero((problem.block == label) & problem.valid)
+        rises[own] = observed[own[-1]] > observed[own[0]]
+    apart = np.hstack([hats * rises[:, None], hats * ~rises[:, None]])
+    return np.asarray(_COMMON_SHARE * problem.resolution * apart)
+
+
+def _between_blocks(field: Field, contender: Contender) -> Array:
+    """Return the jackknife's variance of every value over the blocks (m,); zero where there is one block only."""
+    names = [p.name for p in contender.fit.parameters]
+    if len(block_labels(field.fitter.problem)) < 2:
+        return np.zeros(len(names))
+    values = np.array([[fold[name] for name in names] for _, fold in contender.held_out.folds])
+    count = len(values)
+    return np.asarray((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
+
+
+def pieces(field: Field) -> float:
+    """Return how many pieces of information the record holds."""
+    levels, motion = field.stretches.split()
+    tau = field.scales.correlation_samples
+    return len(levels) + sum(max(1.0, (b - a) / tau) for a, b in motion)
