@@ -13,19 +13,22 @@ import matplotlib as mpl
 import numpy as np
 
 from torsight.core.storage import read_json, read_table
+from torsight.core.wording import effect_name
 from torsight.viewer.pictures import WHOLE, take_pictures
 
 HERE = Path(__file__).parent
-WIDTH_PX = 1280
+SIZE_PX = (1280, 720)
+MENU_PX = 37
+"""The viewer's own menu is no part of the picture."""
 
 
 def main(folder: Path) -> None:
     """Write ``demo.png`` beside this script."""
-    view = take_pictures(folder / "recording.rrd", time_s=62.0, size_px=(WIDTH_PX, 800))[WHOLE]
+    view = take_pictures(folder / "recording.rrd", time_s=62.0, size_px=SIZE_PX)[WHOLE]
     upper = cv2.imdecode(np.frombuffer(view, np.uint8), cv2.IMREAD_COLOR)
     assert upper is not None
-    lower = residuals(folder)
-    assert cv2.imwrite(str(HERE / "demo.png"), np.vstack([upper, lower]), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    both = np.vstack([upper[MENU_PX:], residuals(folder)])
+    assert cv2.imwrite(str(HERE / "demo.png"), both, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(HERE / "demo.png")
 
 
@@ -36,18 +39,20 @@ def residuals(folder: Path) -> np.ndarray:
 
     curves = read_table(folder / "curves.csv", required=("time_s", "residual_before_deg", "residual_after_deg"))
     found = read_json(folder / "discovery.json")
-    before, after = (found[when]["rmse_held_out_deg"] for when in ("before", "after"))
-    figure, axes = plt.subplots(figsize=(WIDTH_PX / 100, 3.2), dpi=100, layout="constrained")
-    axes.plot(curves["time_s"], curves["residual_before_deg"], color="#d55e00", lw=1.4)
-    axes.plot(curves["time_s"], curves["residual_after_deg"], color="#0072b2", lw=1.4)
-    names = ", ".join(effect["id"].replace("_", " ") for effect in found["effects"])
-    axes.set_title(
-        f"measured − model: {before:.2f}° rms with the plain model, {after:.2f}° with {names}; "
-        "half-cycles that the fit did not see",
-        fontsize=11,
-    )
+    names = " and ".join(effect_name(effect["id"]) for effect in found["effects"])
+    figure, axes = plt.subplots(figsize=(SIZE_PX[0] / 100, 2.6), dpi=100, layout="constrained")
+    for when, colour, model in (("before", "#d55e00", "plain model"), ("after", "#0072b2", f"with {names}")):
+        error = found[when]["rmse_held_out_deg"]
+        axes.plot(
+            curves["time_s"],
+            curves[f"residual_{when}_deg"],
+            color=colour,
+            lw=1.4,
+            label=f"{when}: {model}, {error:.2f}° rms on half-cycles that the fit did not see",
+        )
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     axes.set_xlabel("time (s)")
-    axes.set_ylabel("residual (°)")
+    axes.set_ylabel("measured − model (°)")
     axes.grid(alpha=0.3)
     axes.margins(x=0)
     figure.canvas.draw()

@@ -8,6 +8,7 @@ left is the error of the markers. The first row is the reference; every other ro
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -69,6 +70,7 @@ def errors_deg(change: dict[str, dict[str, Any]]) -> np.ndarray:
 
 def main() -> None:
     """Print the table: rms error of the angle, and over the reference's."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     print("| film | frames with an angle | rms error, ° | over the reference |")
     print("| --- | --- | --- | --- |")
     reference = np.nan

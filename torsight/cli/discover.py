@@ -82,5 +82,5 @@ def discover_to_folder(
         write_table(out / "next_experiment.csv", report.next_experiment.columns)
     write_model(out / "model.json", report.model)
     write_json(out / "discovery.json", report.to_json())
-    write_report(out)
+    write_report(out, progress=progress)
     return report

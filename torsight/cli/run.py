@@ -114,9 +114,7 @@ def run_experiment(
                 state.finish(name)
         _require_unchanged(origin["inputs"], state)
         write_json(folder / "provenance.json", origin)
-        progress("recording and report", 0, 1)
-        _show(experiment, folder)
-        progress("recording and report", 1, 1)
+        _show(experiment, folder, progress=progress)
         state.close()
     return folder
 
@@ -208,12 +206,13 @@ def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Pro
         )
 
 
-def _show(experiment: Experiment, folder: Path) -> None:
+def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
     from torsight.report import write_report
     from torsight.viewer import write_recording
 
-    write_recording(folder, film=None if experiment.video is None else Path(experiment.video))
-    write_report(folder)
+    film = None if experiment.video is None else Path(experiment.video)
+    write_recording(folder, film=film, progress=progress)
+    write_report(folder, progress=progress)
 
 
 _TRACKED: Final = ("angle.csv", "markers.csv", "track.json")

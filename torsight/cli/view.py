@@ -77,9 +77,11 @@ def recording_of(folder: Path) -> Path:
             where=str(folder / "recording.rrd"),
             do="make it with 'torsight run', and name its output folder",
         )
+    from torsight.cli.console import progress_bar
     from torsight.viewer import write_recording
 
-    return write_recording(folder, film=_film_of(folder))
+    with progress_bar() as progress:
+        return write_recording(folder, film=_film_of(folder), progress=progress)
 
 
 def _film_of(folder: Path) -> Path | None:

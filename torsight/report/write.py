@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.progress import Progress, silent
 from torsight.core.results import RunResults, read_results
 from torsight.core.storage import write_text
 from torsight.core.wording import verdict_sentence
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from torsight.report.figures import Figure
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
+_PARTS: Final = 5
+"""Reading, the figures in three groups, and writing, as told to ``progress``."""
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     """Write ``report.html`` into a run's folder from whatever results are there.
 
     Parameters
@@ -28,6 +31,8 @@ def write_report(folder: Path) -> Path:
     folder : Path
         Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``merged.csv``, ``sync.json``, ``fit.json``,
         ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is left out.
+    progress : Progress
+        Told which part of the page is drawn.
 
     Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its numbers stand
     in no other table.
@@ -46,11 +51,13 @@ def write_report(folder: Path) -> Path:
     """
     from torsight.report.export import write_figures
 
+    progress("report", 0, _PARTS)
     results = read_results(folder)
-    shown = contents(results)
+    shown = contents(results, progress=progress)
     path = folder / "report.html"
     write_figures(folder, [one for some in shown["figures"].values() for one in some], figure_style())
     write_text(path, page(shown))
+    progress("report", _PARTS, _PARTS)
     return path
 
 
@@ -72,7 +79,7 @@ def figure_style() -> str:
     return (TEMPLATES / "figure.css").read_text(encoding="utf-8")
 
 
-def contents(results: RunResults) -> dict[str, Any]:
+def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
     from torsight.report import parameters, sections
     from torsight.report.doubts import doubts
@@ -85,7 +92,7 @@ def contents(results: RunResults) -> dict[str, Any]:
         "tiles": sections.tiles(results),
         "facts": sections.facts(results),
         "missing": sections.missing(results),
-        "figures": _figures(results),
+        "figures": _figures(results, progress=progress),
         "parameters": parameters.parameter_table(results),
         "fit": parameters.fit_lines(results),
         "tracking": sections.tracking(results),
@@ -107,9 +114,12 @@ def headline(results: RunResults) -> str:
     return "Nothing was measured yet."
 
 
-def _figures(results: RunResults) -> dict[str, list[Figure]]:
+def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
-    found = _motion(results) | _measurement(results) | _answer(results)
+    found: dict[str, list[Figure | None]] = {}
+    for number, part in enumerate((_motion, _measurement, _answer), 1):
+        found |= part(results)
+        progress("report", number, _PARTS)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
     if kept.get("unseen"):
         # The errors of the half-cycles that the fit did not see say more than those of the fit itself.

@@ -42,7 +42,7 @@ def frame_ticks(
     settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator
 ) -> NDArray[np.int64]:
     """Return the stamps of the frames that the film has, in ticks of its container."""
-    count = int(duration_s * settings.fps + 1e-9)
+    count = max(1, int(duration_s * settings.fps + 1e-9))
     place = np.arange(count, dtype=np.float64)
     place[1:] += settings.jitter * rng.uniform(-1.0, 1.0, count - 1) if count > 1 else 0.0
     kept = rng.random(count) >= settings.dropped

@@ -24,12 +24,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from torsight.core.progress import Progress, silent
 
-def write_recording(folder: Path, *, film: Path | None = None) -> Path:
+
+def write_recording(folder: Path, *, film: Path | None = None, progress: Progress = silent) -> Path:
     """Write ``recording.rrd`` into a run's folder; see :func:`torsight.viewer.recording.write_recording`."""
     from torsight.viewer.recording import write_recording as write
 
-    return write(folder, film=film)
+    return write(folder, film=film, progress=progress)
 
 
 __all__ = ["write_recording"]

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.progress import Progress, silent
+
 if TYPE_CHECKING:
     from tracker.source import Frame
 
@@ -52,8 +54,10 @@ class Preview:
     size_px: tuple[int, int]
 
 
-def write_preview(film: str | Path, path: Path, *, frame_count: int) -> Preview:
+def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: Progress = silent) -> Preview:
     """Write an mp4 of at most :data:`MOST_FRAMES` frames, evenly chosen among ``frame_count``, in grey.
+
+    ``progress`` is told after every frame that was looked at.
 
     Raises
     ------
@@ -80,6 +84,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int) -> Preview:
         for frame in source:
             if frame.index >= frame_count:
                 break
+            progress("recording", frame.index, frame_count)
             if frame.index % stride:
                 continue
             last = _fitted(frame, last)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.progress import Progress, silent
 from torsight.core.results import RunResults, read_results
 from torsight.core.storage import atomic_path
 from torsight.core.tracks import MARKERS
@@ -46,7 +47,7 @@ COLUMNS: Final = {
 """The column of each curve."""
 
 
-def write_recording(folder: Path, *, film: Path | None = None) -> Path:
+def write_recording(folder: Path, *, film: Path | None = None, progress: Progress = silent) -> Path:
     """Write ``recording.rrd`` from whatever results lie in a run's folder.
 
     Parameters
@@ -55,6 +56,8 @@ def write_recording(folder: Path, *, film: Path | None = None) -> Path:
         A run's folder; the panes whose files are missing stay empty.
     film : Path, optional
         The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
+    progress : Progress
+        Told how much of the film is in the recording.
 
     Returns
     -------
@@ -73,7 +76,7 @@ def write_recording(folder: Path, *, film: Path | None = None) -> Path:
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
-        preview = _preview(results, film, Path(scratch))
+        preview = _preview(results, film, Path(scratch), progress=progress)
         # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
         stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
         stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
@@ -85,14 +88,15 @@ def write_recording(folder: Path, *, film: Path | None = None) -> Path:
         _log_words(stream, results)
         stream.flush()
         stream.disconnect()
+    progress("recording", 1, 1)
     return path
 
 
-def _preview(results: RunResults, film: Path | None, scratch: Path) -> Preview | None:
+def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress: Progress) -> Preview | None:
     frames = results.markers if results.markers is not None else results.angle
     if film is None or frames is None:
         return None
-    return write_preview(film, scratch / "preview.mp4", frame_count=len(frames))
+    return write_preview(film, scratch / "preview.mp4", frame_count=len(frames), progress=progress)
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:

@@ -1,0 +1,118 @@
+"""A folder in which the commands of the pages can be given as they stand: every file that they name, small."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import tomli_w
+
+from calibration.printing import usual_board
+from tests.actuator.spring_bench import write_bench
+from tests.calibration.made_up_views import in_right, poses
+from tests.docs.documented import ROOT
+from tests.tracker.films import Rig, write_film
+from torsight.synthetic.render import render_scene
+from torsight.synthetic.scene import Scene, scene_from
+
+SCENE = """
+seed = 5
+[protocol]
+time_factor = 0.08
+rest_s = 8.0
+[[protocol.half_cycle]]
+spring = "a"
+peak_c = 84.0
+ramp_s = 400.0
+heat_s = 430.0
+cool_s = 200.0
+[thermal]
+wire_capacity_j_per_k = 0.6
+[rig]
+as_declared = true
+[actuator.uncertainty]
+A_s_c = 0.4
+M_s_c = 0.6
+[film]
+fps = 3.0
+crf = 18
+[camera]
+width_px = 320
+height_px = 240
+focal_px = 550.0
+[sticks]
+dot_mm = 2.4
+[light]
+read_noise = 0.7
+texture = 0.0
+[log]
+offset_s = 5.0
+[output]
+camera = false
+"""
+
+
+def small_scene() -> Scene:
+    """Return one quick half-cycle in a small picture."""
+    return scene_from(tomllib.loads(SCENE), where="the pages' scene")
+
+
+def make_world(folder: Path) -> None:
+    """Fill a folder with everything that the pages' commands read."""
+    render_scene(small_scene(), out=folder)
+    shutil.copy(folder / "temps.csv", folder / "later_temps.csv")
+    _scenes(folder)
+    write_bench(folder, rng=np.random.default_rng(1), rows=150)
+    _boards(folder)
+    # What a camera gives: the sticks turn by 40° within a second.
+    write_film(Rig(lambda t: 60.0 - 40.0 * t, frames=30, texture=0.0), folder / "bench.mkv")
+
+
+def fill_in(folder: Path, world: Path) -> None:
+    """Do what ``torsight init`` leaves to its user: film and log beside the files, the rig's own values in them."""
+    for name in ("film.mp4", "temps.csv", "actuator.toml"):
+        shutil.copy(world / name, folder)
+
+
+def _scenes(folder: Path) -> None:
+    """Put this scene and the repository's there, a moment of their films long."""
+    scenes = folder / "fixtures" / "scenes"
+    scenes.mkdir(parents=True)
+    texts = {folder / "scene.toml": SCENE}
+    for path in (ROOT / "fixtures" / "scenes").glob("*.toml"):
+        texts[scenes / path.name] = path.read_text(encoding="utf-8")
+    for path, text in texts.items():
+        path.write_text(text.replace("[film]", "[film]\nseconds = 0.5"), encoding="utf-8")
+
+
+def _boards(folder: Path) -> None:
+    """Take pictures of the board that ``torsight board`` makes: by one camera, by a pair, and lying on the disk."""
+    board = usual_board("charuco")
+    (folder / "board.toml").write_text(tomli_w.dumps(board.content()), encoding="utf-8")
+    width_mm, height_mm = (count * board.square_mm for count in board.squares)
+    art = board.charuco().generateImage((round(10 * width_mm), round(10 * height_mm)), marginSize=0)
+    scale = width_mm / 100.0
+    for number, pose in enumerate(poses(7, 8)):
+        pose[3:] *= scale
+        for name, seen in (("board", pose), ("left", pose), ("right", in_right(pose))):
+            _photograph(art, seen, folder / f"{name}{number}.jpg")
+    _photograph(art, np.array([0.2, -0.1, 0.4, 2.0, 1.0, 170.0 * scale]), folder / "disk.jpg")
+
+
+def _photograph(art: np.ndarray, pose: np.ndarray, path: Path) -> None:
+    """Show a board of ten pixels per mm to a camera without distortion, at twice the size and then shrunk."""
+    width_px, height_px, focal_px = 480, 360, 520.0
+    camera = np.array([[focal_px, 0.0, width_px / 2], [0.0, focal_px, height_px / 2], [0.0, 0.0, 1.0]])
+    to_mm = np.array([[0.1, 0.0, -0.05 * art.shape[1]], [0.0, 0.1, -0.05 * art.shape[0]], [0.0, 0.0, 1.0]])
+    turned = cv2.Rodrigues(pose[:3])[0]
+    plane = np.column_stack((turned[:, 0], turned[:, 1], pose[3:]))
+    twice = np.array([[2.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]])
+    seen = cv2.warpPerspective(
+        art, twice @ camera @ plane @ to_mm, (2 * width_px, 2 * height_px), flags=cv2.INTER_AREA, borderValue=150
+    )
+    noise = np.random.default_rng(0).normal(0.0, 1.0, (height_px, width_px))
+    small = cv2.resize(seen, (width_px, height_px), interpolation=cv2.INTER_AREA) + noise
+    cv2.imwrite(str(path), np.clip(small, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 98])

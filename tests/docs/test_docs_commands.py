@@ -1,0 +1,187 @@
+"""Every command of the pages is given as it stands, and ends well, in a folder that has the files that it names, small.
+
+What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; a film of one
+quick half-cycle for the demo's, and two effects for the library that discovery tries; the record's own angles for those
+of the bench's film, which lasts a second. ``make test`` is what runs this, ``make docs`` and the common test of the
+effects run beside it. The three scripts that measure the figures of the filming page take hours, so their help is what
+is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import runpy
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from tests.docs.docs_world import fill_in, make_world, small_scene
+from tests.docs.documented import PAGES, ROOT, commands
+from torsight.actuator.effects import load_effects
+from torsight.cli.main import main
+from torsight.cli.reference import command_reference
+from torsight.cli.run import UNFINISHED
+from torsight.viewer.program import free_port
+
+TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES} | {"commands.md": command_reference()}
+PAGES_WITH_COMMANDS = sorted(name for name, text in TEXTS.items() if commands(text))
+
+
+class World:
+    """The folder, and what was done in it: a command that stands on several pages is given once."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.done: set[str] = set()
+
+    def give(self, command: str) -> None:
+        """Give a command as a user at a shell would."""
+        if command in self.done:
+            return
+        program, *words = [name for word in shlex.split(command) for name in self._spread(word)]
+        {"torsight": self._torsight, "python": _python, "make": self._make, ".": _activate}[program](words)
+        self.done.add(command)
+
+    def _spread(self, word: str) -> list[str]:
+        """Spread a wildcard as a shell does."""
+        return sorted(path.name for path in self.folder.glob(word)) if "*" in word else [word]
+
+    def _make(self, words: list[str]) -> None:
+        assert re.search(rf"^{words[0]}:", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+        if words == ["demo"]:
+            assert "torsight demo --out demo" in (ROOT / "Makefile").read_text(encoding="utf-8")
+            self.give("torsight demo --out demo")
+
+    def _torsight(self, words: list[str]) -> None:
+        if words[0] == "view":
+            _look_at(words)
+            return
+        if words[:2] == ["live", "0"]:
+            words = ["live", "bench.mkv", *words[2:]]
+        if words[0] == "batch":
+            words = [*words, "--jobs", "1"]
+        tracked = _interrupted(Path(words[words.index("--out") + 1])) if "--resume" in words else 0
+        with pytest.raises(SystemExit) as end:
+            main(words)
+        assert end.value.code == 0, " ".join(words)
+        if tracked:
+            assert Path(words[words.index("--out") + 1], "angle.csv").stat().st_mtime_ns == tracked
+        self._afterwards(words)
+
+    def _afterwards(self, words: list[str]) -> None:
+        if words[0] == "init":
+            fill_in(self.folder / words[1], self.folder)
+        if words[0] == "live" and "--out" in words:
+            record = self.folder / words[words.index("--out") + 1]
+            for name in ("angle.csv", "temps.csv"):
+                shutil.copy(self.folder / name, record)
+            for name in ("markers.csv", "track.json"):
+                (record / name).unlink()
+
+
+def _interrupted(results: Path) -> int:
+    """Leave what a run leaves that was interrupted before its discovery; return when its film had been tracked."""
+    made = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
+    state = {"key": {name: made[name] for name in ("inputs", "configuration", "seed")}}
+    (results / UNFINISHED).write_text(json.dumps(state | {"finished": ["track", "sync", "fit"]}), encoding="utf-8")
+    return (results / "angle.csv").stat().st_mtime_ns
+
+
+def _python(words: list[str]) -> None:
+    if words[0] == "-m":
+        assert (ROOT / words[-1]).exists()
+        return
+    arguments = ["--help"] if words[0].startswith("benchmarks/") else words[1:]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [words[0], *arguments])
+        # As for a script that Python starts: what lies beside it can be imported.
+        patch.syspath_prepend(ROOT / Path(words[0]).parent)
+        try:
+            runpy.run_path(str(ROOT / words[0]), run_name="__main__")
+        except SystemExit as end:
+            assert end.code in (0, None), words  # noqa: PT017 - a script may end so, or just end
+
+
+def _activate(words: list[str]) -> None:
+    assert words == [".venv/bin/activate"]
+    assert "VENV := .venv" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def _look_at(words: list[str]) -> None:
+    """Open the viewer's page as a browser does, then end the command by Ctrl-C."""
+    port = free_port()
+    with subprocess.Popen(
+        [sys.executable, "-m", "torsight.cli.main", *words, "--serve", "--web-port", str(port)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as running:
+        page = b""
+        end = time.monotonic() + 120.0
+        while not page and running.poll() is None and time.monotonic() < end:
+            try:
+                with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5.0) as answer:
+                    page = answer.read()
+            except OSError:
+                time.sleep(0.05)
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=60)
+    assert b"<html" in page.lower(), told
+    assert running.returncode == 0, told
+
+
+def _stand_in(patch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Go to the folder; no window opens there, the demo is small, and discovery tries two effects, not all."""
+    patch.chdir(folder)
+    patch.delenv("DISPLAY", raising=False)
+    patch.delenv("WAYLAND_DISPLAY", raising=False)
+    patch.setattr("torsight.synthetic.scene.demo_scene", small_scene)
+    few = {name: load_effects()[name] for name in ("sensor_lag", "home_torque")}
+    patch.setattr("torsight.discovery.actuator_problem.load_effects", lambda: few)
+    patch.setattr("torsight.discovery.actuator_problem.load_nameless", dict)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """Return a folder with inputs of every kind, and with the results of a run on them."""
+    folder = tmp_path_factory.mktemp("docs")
+    make_world(folder)
+    made = World(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        _stand_in(patch, folder)
+        made.give("torsight run experiment.toml --out results")
+    # Pages may be run by different workers: what one of them leaves, the next one finds here.
+    shutil.copytree(folder / "results", folder / "out")
+    for name in ("angle.csv", "provenance.json"):
+        shutil.copy(folder / "results" / name, folder)
+    campaign = folder / "campaign" / "one"
+    campaign.mkdir(parents=True)
+    for name in ("angle.csv", "temps.csv", "actuator.toml"):
+        shutil.copy(folder / name, campaign)
+    film = (folder / "experiment.toml").read_text(encoding="utf-8")
+    (campaign / "experiment.toml").write_text(film.replace('[video]\npath = "film.mp4"', '[angle]\nfile = "angle.csv"'))
+    return made
+
+
+@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS)
+def test_the_commands_of_a_page_run(page: str, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    _stand_in(monkeypatch, world.folder)
+    for command in commands(TEXTS[page]):
+        world.give(command)
+
+
+def test_the_pages_with_commands_are_these() -> None:
+    """A page whose commands are not found any more would be left out silently."""
+    told = {"README.md", "calibrating.md", "commands.md", "effects.md", "engine.md", "filming.md", "physics.md"}
+    assert {*told, "python.md", "report.md", "running.md", "scripts.md", "start.md", "trust.md"} == set(
+        PAGES_WITH_COMMANDS
+    )
