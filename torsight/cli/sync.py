@@ -122,24 +122,24 @@ def sync_to_folder(
     written = [out / "merged.csv", out / "sync.json", *([out / "led_events.csv"] if "led" in settings else [])]
     written += [] if table is None else [table]
     require_apart(written, [angle, temperature, events, timestamps])
-    progress("read angle and log", 0.0, steps)
+    progress("one clock", 0.0, steps)
     angles = read_angles(angle)
     reading = read_temperature_log(temperature)
-    progress("find the clock", 1.0, steps)
+    progress("one clock", 1.0, steps)
     light = _light(settings, film, timestamps, fps, out=out, progress=progress)
     found = find_clock(
         angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
     )
     clock, reading = found.clock, found.reading
-    progress("merge", 2.0, steps)
+    progress("one clock", 2.0, steps)
     max_gap_s = longest_gap_s(reading.log) if values["max_gap_s"] is None else values["max_gap_s"]
     merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
     require_overlap(merged, angles, reading.log, clock, where=str(temperature))
-    progress("write", 3.0, steps)
+    progress("one clock", 3.0, steps)
     for path in [out / "merged.csv", *([] if table is None else [table])]:
         write_merged(path, merged)
     write_json(out / "sync.json", sync_content(clock, reading, merged, max_gap_s=max_gap_s))
-    progress("write", steps, steps)
+    progress("one clock", steps, steps)
     return merged
 
 

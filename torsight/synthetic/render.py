@@ -51,6 +51,7 @@ def render_scene(scene: Scene, *, out: Path, progress: Progress = silent) -> Pat
     """
     progress("rig", 0, None)
     played = play_scene(scene)
+    progress("rig", 1, 1)
     tick = TICKS[scene.film.codec]
     ticks = frame_ticks(scene.film, played.duration_s, tick, scene.rng("frame times"))
     time_s = ticks * tick.numerator / tick.denominator
