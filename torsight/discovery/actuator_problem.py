@@ -36,6 +36,7 @@ ALWAYS_FAMILY: Final = "start"
 _NOISE_DRAWS: Final = 6
 _ALIKE_S: Final = 3.0
 _TOP_C: Final = 1.0
+_TOP_SHARE: Final = 0.5
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
 
@@ -224,15 +225,15 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
 def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
     """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes.
 
-    The top of a half-cycle, at which an incomplete transformation ends, is a corner: it is known no better than one
-    sample is, and its error stays in the angle until the next heating.
+    The top of a half-cycle, at which an incomplete transformation ends, is a corner: it is known little better than
+    one sample is, and its error stays in the angle until the next heating.
     """
     interval = float(np.median(np.diff(drive.time_s)))
     errors = []
     for spring in range(2):
         smooth = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval, mode="nearest")
         error = drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12)
-        errors.append(error + drive.noise_c * _at_tops(drive, spring, rng))
+        errors.append(error + _TOP_SHARE * drive.noise_c * _at_tops(drive, spring, rng))
     slopes = [np.gradient(error, drive.time_s) for error in errors]
     return replace(
         drive,

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.progress import Progress, silent
 from torsight.discovery.fitting import EffectSet
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
@@ -58,9 +59,13 @@ class Decision:
     left: float
 
 
-def decide(field: Field, *, settings: Settings, seed: int, can_hold_out: bool = True) -> Decision:
+def decide(
+    field: Field, *, settings: Settings, seed: int, can_hold_out: bool = True, progress: Progress = silent
+) -> Decision:
     """Choose among the contenders of a search."""
-    threshold = gain_threshold(field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed)
+    threshold = gain_threshold(
+        field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed, progress=progress
+    )
     judge = _Judge(field, settings, threshold, seed=seed, can_hold_out=can_hold_out)
     best = field.base
     for size in range(1, settings.most_effects + 1):
@@ -121,7 +126,7 @@ class _Judge:
         gain = without.cost - contender.cost
         # What takes several values back to where they were measured need not show in the residual they had imitated;
         # and the priors are what they say they are, which cannot be said of a residual's noise.
-        by_priors = without.prior - contender.prior >= 0.5 * gain
+        by_priors = without.prior - contender.prior >= LEAST_BY_PRIORS
         if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
             return False
         removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
@@ -143,9 +148,12 @@ class _Judge:
         rest = before - self._over_time(self._field.floor)
         if after >= before * keep:
             return False
+        if not without.effects:
+            return True
+        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then.
         whole = self._over_time(self._field.base.held_out.residual)
-        least = max(self._settings.share_of_rest * rest, self._settings.share_of_all * whole)
-        return not without.effects or before - after >= least
+        least = 0.0 if after <= self._least_size() else self._settings.share_of_all * whole
+        return before - after >= max(self._settings.share_of_rest * rest, least)
 
     def _least_size(self) -> float:
         """Return the mean square below which an effect is not worth a name."""

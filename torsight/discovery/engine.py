@@ -79,16 +79,10 @@ def find_missing(
         raise InputError("no sample counts", where="record", do="record it again")
     can_hold_out = len(block_labels(problem)) > 1
     field = Search(problem, settings=chosen_settings, progress=progress).run()
-    progress("what chance gains", 0, 1)
-    decision = decide(field, settings=chosen_settings, seed=seed, can_hold_out=can_hold_out)
-    progress("what chance gains", 1, 1)
+    decision = decide(field, settings=chosen_settings, seed=seed, can_hold_out=can_hold_out, progress=progress)
     before = after = closure = None
     if can_hold_out:
-        progress("held-out blocks", 0, 2)
-        before = field.base.held_out
-        progress("held-out blocks", 1, 2)
-        after = decision.chosen.held_out
-        progress("held-out blocks", 2, 2)
+        before, after = field.base.held_out, decision.chosen.held_out
         if not decision.chosen.effects:
             much = much_left(field, field.base, settings=chosen_settings)
             closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)

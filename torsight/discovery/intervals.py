@@ -18,7 +18,7 @@ from torsight.discovery.search import Contender, Field
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
 
-_COMMON_SHARE: Final = 0.5
+_COMMON_SHARE: Final = 3.0
 """Size of the error that all blocks share, in resolutions of the problem."""
 _COMMON_PLACES: Final = 6
 """Places over the measured range at which that error has values of its own."""

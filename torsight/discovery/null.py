@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import lfilter
 
+from torsight.core.progress import Progress, silent
 from torsight.discovery.fitting import Fit, Fitter, space_of
 from torsight.discovery.noise import Scales, Stretches
 from torsight.discovery.solver import Array, jacobian
@@ -24,12 +25,22 @@ _DRAWS: Final = 400
 
 
 def gain_threshold(
-    fitter: Fitter, fit: Fit, *, stretches: Stretches, scales: Scales, seed: int, level: float = 0.99
+    fitter: Fitter,
+    fit: Fit,
+    *,
+    stretches: Stretches,
+    scales: Scales,
+    seed: int,
+    level: float = 0.99,
+    progress: Progress = silent,
 ) -> float:
-    """Return the gain that the best of all further candidates exceeds by chance with probability 1 − ``level``."""
+    """Return the gain that the best of all further candidates exceeds by chance with probability 1 − ``level``.
+
+    ``progress`` is told after every candidate.
+    """
     root = np.sqrt(fitter.weight)
     known = _known(fit, root)
-    bases = [basis for basis in _directions(fitter, fit, root, known) if basis.shape[1]]
+    bases = [basis for basis in _directions(fitter, fit, root, known, progress=progress) if basis.shape[1]]
     if not bases:
         return LEAST_GAIN
     rng = np.random.default_rng(seed)
@@ -68,13 +79,14 @@ def linear_gain(fitter: Fitter, fit: Fit, name: str, starts: Sequence[Mapping[st
     return max((float(np.sum((basis.T @ residual) ** 2)) for basis in bases), default=0.0)
 
 
-def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array) -> list[Array]:
-    return [
-        _effect_basis(fitter, fit, candidate.id, start, root, known)
-        for candidate in fitter.problem.candidates
-        if candidate.id not in fit.effects
-        for start in candidate.starting_points(fitter.problem.time_s, fitter.residual(fit))
-    ]
+def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array, *, progress: Progress) -> list[Array]:
+    candidates = [candidate for candidate in fitter.problem.candidates if candidate.id not in fit.effects]
+    found = []
+    for count, candidate in enumerate(candidates):
+        progress("what chance gains", count, len(candidates))
+        starts = candidate.starting_points(fitter.problem.time_s, fitter.residual(fit))
+        found += [_effect_basis(fitter, fit, candidate.id, start, root, known) for start in starts]
+    return found
 
 
 def _effect_basis(fitter: Fitter, fit: Fit, name: str, start: Mapping[str, float], root: Array, known: Array) -> Array:

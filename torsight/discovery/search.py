@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.progress import Progress
+from torsight.core.progress import Progress, silent
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
@@ -29,7 +29,9 @@ _LEAST_LINEAR: Final = 2.0
 """Extensions that promise less in the linear picture are not fitted; low, as weights from a poor fit see little."""
 _SHARPENINGS: Final = 6
 _MUCH_LEFT: Final = 1.3
-"""Larger sets are tried while the residual's information is this many times the floor's."""
+"""Larger sets are tried while the residual's information is this many times the floor's ..."""
+_SHOWS: Final = 2.0
+"""... or while its size is this many times the floor, or the resolution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,8 @@ class Settings:
         In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
         the fit has not seen: a second name is not given for the error of the first one's form.
     share_of_all : float
-        For the same reason each one must remove this share of the base model's squared error on such blocks.
+        For the same reason each one must remove this share of the base model's squared error on such blocks, unless
+        less is left with it than is worth a name.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
@@ -88,11 +91,12 @@ class Contender:
 
     fit: Fit
     fitter: Fitter
+    progress: Progress = silent
 
     @cached_property
     def held_out(self) -> HeldOut:
         """Prediction of every block from the others."""
-        return held_out_by_refit(self.fitter, self.fit)
+        return held_out_by_refit(self.fitter, self.fit, progress=self.progress)
 
     @cached_property
     def prior(self) -> float:
@@ -171,7 +175,7 @@ class Search:
             self._reweight()
             if not self._worth(size):
                 break
-        contenders = {effects: Contender(fit, self._fitter) for effects, fit in self._fits.items()}
+        contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
 
     def _fit_base(self) -> None:
@@ -268,9 +272,18 @@ class Search:
         # Values that are pulled off their priors say as much as a residual that is left.
         expected = float(self._fitter.weight @ self._floor**2)
         held = sum(parameter.sigma is not None for parameter in found[0].parameters)
-        left = found[0].cost - held > _MUCH_LEFT * expected
+        left = found[0].cost - held > _MUCH_LEFT * expected or self._shows()
         gained = found[0].cost + LEAST_PROMISE < self._ranked(size - 1)[0].cost
         return left if size == 1 else left and gained
+
+    def _shows(self) -> bool:
+        """Return whether the best fit leaves more than the floor and the resolution, however alike its errors are.
+
+        An error that hardly changes over a stretch of motion is one piece of information and may still be degrees.
+        """
+        valid = self._problem.valid
+        least = max(self._problem.resolution, float(np.sqrt(np.mean(self._floor[valid] ** 2))))
+        return max(self._scales.motion, self._scales.rest) > _SHOWS * least
 
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter, until the best stays."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.progress import Progress, silent
 from torsight.discovery.fitting import Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.priors import prior_cost
@@ -52,8 +53,8 @@ def block_labels(problem: Problem) -> NDArray[np.int64]:
     return np.unique(problem.block[problem.valid])
 
 
-def held_out_by_refit(fitter: Fitter, fit: Fit) -> HeldOut:
-    """Predict every block from the others, with a full refit per block."""
+def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) -> HeldOut:
+    """Predict every block from the others, with a full refit per block; ``progress`` is told after each."""
     problem = fitter.problem
     labels = block_labels(problem)
 
@@ -61,7 +62,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit) -> HeldOut:
         weight = np.where(problem.block == label, 0.0, fitter.weight)
         return fitter.refit(fit, weight=weight)
 
-    fits: list[Fit] = in_parallel(labels.tolist(), without)
+    fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
     left = np.zeros(len(problem.observed))
     for label, fold in zip(labels, fits, strict=True):
         rows = (problem.block == label) & problem.valid
