@@ -102,8 +102,9 @@ def motion_evidence(
     span = (float(angles.time_s[0]), float(angles.time_s[-1]))
     plateaus = find_plateaus(strokes, picture, film_span_s=span)
     if prior is not None:
-        sigma = float(np.sqrt(prior.covariance[0, 0]))
-        reach = max(5.0 * sigma, 2.0)
+        # The strokes are late by the sensor's lag, too: where they meet their heatings is further off than the offset.
+        late_s = MAX_LAG_S if lag.sigma_s is None else 4.0 * lag.sigma_s
+        reach = max(5.0 * float(np.sqrt(prior.covariance[0, 0])), 2.0) + late_s
         plateaus = tuple(
             replace(p, low_s=max(p.low_s, prior.mean[0] - reach), high_s=min(p.high_s, prior.mean[0] + reach))
             for p in plateaus
@@ -154,7 +155,7 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
     crossings = collect_crossings(scene.strokes, flanks)
     if crossings is None:
         return None
-    wide = _before(scene, plateau, prior, crossings.middle_s)
+    wide = _before(scene, plateau, prior)
     # The thresholds see offset and lag as one delay; the stops see the offset alone.
     assumed_s = scene.lag.value_s or 0.0
     delays = _delays(scene, crossings, plateau, wide, lag_s=assumed_s)
@@ -174,7 +175,7 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
             )
             for stop in paired:
                 belief = _with_stop(belief, stop, scene.jumps, crossings.middle_s)
-            beliefs.append(belief)
+            beliefs.append(belief if prior is None else _with_prior(belief, prior, crossings.middle_s))
     return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
 
 
@@ -203,17 +204,21 @@ def _with_stop(belief: Belief, stop: _PairedStop, jumps: Sequence[Jump], middle_
     return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
 
 
-def _before(scene: _Scene, plateau: Plateau, prior: Belief | None, middle_s: float) -> Belief:
-    """Return the belief about offset (at ``middle_s``), drift and jumps before the strokes speak."""
+def _before(scene: _Scene, plateau: Plateau, prior: Belief | None) -> Belief:
+    """Return the belief about offset, drift and jumps before the strokes speak."""
     sigmas = [0.5 * (plateau.high_s - plateau.low_s) + 1.0, DRIFT_SIGMA_PPM * PPM, *(j.sigma_s for j in scene.jumps)]
     mean = np.zeros(len(sigmas))
     mean[0] = 0.5 * (plateau.low_s + plateau.high_s)
-    covariance = np.diag(np.square(sigmas))
     if prior is not None:
-        moved = prior.moved(middle_s)
-        mean[:2] = moved.mean
-        covariance[:2, :2] = moved.covariance
-    return Belief(mean, covariance, 0.0)
+        mean[1], sigmas[1] = prior.mean[1], np.sqrt(prior.covariance[1, 1])
+    return Belief(mean, np.diag(np.square(sigmas)), 0.0)
+
+
+def _with_prior(belief: Belief, prior: Belief, middle_s: float) -> Belief:
+    """Take a given offset into account: it is that of film time 0, and no lag of the sensor moves it."""
+    design = np.zeros(len(belief.mean))
+    design[:2] = 1.0, -middle_s
+    return belief.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))
 
 
 def _delays(scene: _Scene, crossings: Crossings, plateau: Plateau, wide: Belief, *, lag_s: float) -> list[Belief]:

@@ -88,6 +88,15 @@ def test_given_values_are_taken():
     assert clock.offset_ci95_s == (1.25, 1.25)
 
 
+def test_a_given_offset_stays_and_a_lag_of_the_sensor_is_not_taken_for_drift():
+    rig = replace(FAST, lag_s=2.4)
+    pair = make_pair(1, rig=rig, cycles=fast_programme(1), film_fps=15.0, log_step_s=0.05, offset_s=-217.0)
+    clock = estimate_clock(*records(pair), given_offset_s=-217.0)
+    assert clock.offset_s == pytest.approx(-217.0, abs=1e-4)
+    assert clock.offset_ci95_s == pytest.approx((-217.0, -217.0), abs=1e-4)
+    assert covers(clock.drift_ci95_ppm, 0.0, widen=2.3)
+
+
 def test_no_motion_says_unknown_instead_of_guessing():
     angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
     still = replace(angles, angle_rad=np.full(len(angles), 0.3))
