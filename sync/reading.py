@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
 _SWITCHES: Final = ("heat_a", "heat_b")
+_CURRENTS: Final = ("current_a_a", "current_b_a")
 _COARSE_SHARE: Final = 0.2
 """A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
 _MIN_ROWS: Final = 3
@@ -111,7 +112,7 @@ def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
 
 def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
     known = values[np.isfinite(values)]
-    middle = f"{np.median(known):.4g} in the middle" if len(known) else "no number"
+    middle = f"{np.sort(known)[len(known) // 2]:.4g} in the middle" if len(known) else "no number"
     return InputError(
         "holds no temperature of a spring",
         where=where,
@@ -132,7 +133,7 @@ def _read(path: Path) -> tuple[pd.DataFrame, int, list[Repair]]:
         return frame, 1, []
     if path.is_dir():
         raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
-    table = read_text_table(path, required=REQUIRED)
+    table = read_text_table(path, required=REQUIRED, numeric=(*_SWITCHES, *_CURRENTS))
     return table.frame, table.first_line, list(table.repairs)
 
 

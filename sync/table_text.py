@@ -10,14 +10,14 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sync.repairs import Repair
 from torsight.core.errors import InputError
-from torsight.core.storage import missing_file
+from torsight.core.storage import missing_file, require_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +28,15 @@ _SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
 _PREAMBLE_LINES: Final = 60
+_NO_TEXT: Final = {
+    b"\x1f\x8b": "a compressed file",
+    b"PK\x03\x04": "an archive or a spreadsheet's own format",
+    b"\xd0\xcf\x11\xe0": "an old spreadsheet's own format",
+    b"PAR1": "Parquet; its name must end in .parquet",
+    b"%PDF": "a document",
+    b"\x89PNG": "a picture",
+}
+"""What a file that is no text begins with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +48,11 @@ class TextTable:
     repairs: tuple[Repair, ...]
 
 
-def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
+def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[str] = ()) -> TextTable:
     """Read delimited text whose header names the ``required`` columns.
+
+    The decimal sign is that of the ``required`` and the ``numeric`` columns: what stands in others, as a note or a
+    version, says nothing about it.
 
     Raises
     ------
@@ -61,7 +73,8 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
         repairs.append(Repair("preamble", header, f"{header} lines before the header were passed over"))
     body = _whole_rows(lines[header + 1 :], len(names), delimiter, path=path, first_line=header + 2, repairs=repairs)
     joined = "\n".join(body)
-    decimal = _decimal(joined, delimiter, path=path, repairs=repairs)
+    columns = [names.index(name) for name in names if name in (*required, *numeric)]
+    decimal = _decimal(body, delimiter, columns, path=path, first_line=header + 2, repairs=repairs)
     if delimiter == "," and decimal == ",":
         joined, decimal = _QUOTED_NUMBER.sub(r"\1.\2", joined), "."
     if not joined.strip():
@@ -108,12 +121,16 @@ def read_text_table(path: Path, *, required: Sequence[str]) -> TextTable:
 def _decode(path: Path) -> tuple[str, list[Repair]]:
     if not path.exists():
         raise missing_file(path)
+    require_ordinary(path)
     try:
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
     if not raw.strip(b"\0 \r\n\t"):
         raise InputError("is empty", where=str(path), do="record it again, with a header row")
+    for beginning, kind in _NO_TEXT.items():
+        if raw.startswith(beginning):
+            raise InputError("is not text", where=str(path), value=kind, do="export it as CSV")
     repairs: list[Repair] = []
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))
@@ -126,7 +143,7 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
     try:
         return raw.decode("utf-8-sig"), repairs
     except UnicodeDecodeError as error:
-        if error.start == len(raw) - 1 or b"\x89PNG" in raw[:8]:
+        if error.start == len(raw) - 1:
             raise InputError("is not text", where=f"{path}, byte {error.start}", do="export it as CSV") from error
         repairs.append(Repair("encoding", 1, f"the file is not UTF-8 (byte {error.start}); read as Latin-1"))
         return raw.decode("latin-1"), repairs
@@ -197,7 +214,7 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
     """Return what is wrong with a row; empty where nothing is."""
     if not line.strip():
         return "blank_row"
-    fields = len(next(csv.reader([line], delimiter=delimiter))) if '"' in line else line.count(delimiter) + 1
+    fields = len(_split(line, delimiter)) if '"' in line else line.count(delimiter) + 1
     if fields == columns:
         return ""
     if fields == columns + 1 and line.rstrip().endswith(delimiter):
@@ -205,22 +222,50 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
     return "malformed_row" if fields > columns else "short_row"
 
 
-def _decimal(body: str, delimiter: str, *, path: Path, repairs: list[Repair]) -> str:
-    """Return the decimal sign, refusing what can be read in two ways."""
-    # Between commas a comma within a number stands in quotes.
-    numbers = " ".join(match.group(0)[1:-1] for match in _QUOTED_NUMBER.finditer(body)) if delimiter == "," else body
-    first = _COMMA_NUMBER.search(numbers) or (_BOTH_SIGNS.search(numbers) if delimiter != "," else None)
+def _decimal(
+    body: Sequence[str],
+    delimiter: str,
+    columns: Sequence[int],
+    *,
+    path: Path,
+    first_line: int,
+    repairs: list[Repair],
+) -> str:
+    """Return the decimal sign of some columns, refusing what can be read in two ways."""
+    numbers = _with_comma(body, delimiter, columns)
+    signs = ((line, _COMMA_NUMBER.search(text) or _BOTH_SIGNS.search(text)) for line, text in numbers.items())
+    line, first = next(((line, match) for line, match in signs if match is not None), (0, None))
     if first is None:
         return "."
-    if _BOTH_SIGNS.search(numbers) or not _SURE_COMMA.search(numbers):
-        line = body.count("\n", 0, body.index(first.group(0))) + 2
+    whole = "\n".join(numbers.values())
+    if _BOTH_SIGNS.search(whole) or not _SURE_COMMA.search(whole):
         raise InputError(
             "has numbers whose comma can be a decimal sign or a thousands sign",
-            where=f"{path}, near line {line}",
+            where=f"{path}, line {line + first_line}",
             value=first.group(0),
             limit="'.' as decimal sign, no thousands sign",
             do="export it with '.' as decimal sign",
         )
-    count = len(_COMMA_NUMBER.findall(numbers))
+    count = len(_COMMA_NUMBER.findall(whole))
     repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
     return ","
+
+
+def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:
+    """Return, by row, what stands in some columns, where a comma stands within a field."""
+    rows: Iterable[list[str]] = ()
+    if delimiter != ",":
+        rows = (line.split(delimiter) if "," in line else [] for line in body)
+    elif any('"' in line for line in body):
+        # Between commas a comma within a number stands in quotes.
+        rows = (_split(line, delimiter) if '"' in line else [] for line in body)
+    texts = (" ".join(row[index].strip(' "') for index in columns if index < len(row)) for row in rows)
+    return {number: text for number, text in enumerate(texts) if "," in text}
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a row in which there are quotes."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter))
+    except csv.Error:  # a field beyond the reader's limit
+        return line.split(delimiter)

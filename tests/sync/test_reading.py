@@ -275,6 +275,38 @@ def test_decimal_commas_in_quotes(tmp_path):
     assert kinds(reading) == {"decimal_comma": 15}
 
 
+@pytest.mark.parametrize(("note", "delimiter"), [("1,5", ";"), ("1,234", ";"), ("v1,024.5", ";"), ('"1,234"', ",")])
+def test_a_comma_in_a_note_says_nothing_about_numbers(tmp_path, note, delimiter):
+    rows = "".join(delimiter.join([str(i), f"24.{i}5", f"2{i}.75", note]) + "\n" for i in range(5))
+    (tmp_path / "t.csv").write_text(delimiter.join(["time_s", "temp_a_c", "temp_b_c", "note"]) + "\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.temp_a_c.tolist() == [24.05, 24.15, 24.25, 24.35, 24.45]
+    assert reading.repairs == ()
+    assert [str(value) for value in reading.log.extra["note"]] == [note.strip('"')] * 5
+
+
+def test_an_ambiguous_number_is_told_with_its_line(tmp_path):
+    rows = "0;24.5;25.5;1,5\n1;24.5;25.5;1,5\n2;24,125;25.5;1,5\n"
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c;note\n" + rows)
+    with pytest.raises(InputError, match=r"line 4.*found 24,125"):
+        read_temperature_log(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("beginning", [b"\x1f\x8b\x08\x00", b"PK\x03\x04", b"PAR1", b"%PDF-1.7"])
+def test_a_file_of_another_kind_is_named(tmp_path, beginning):
+    (tmp_path / "t.csv").write_bytes(beginning + bytes(range(1, 256)))
+    with pytest.raises(InputError, match=r"is not text; found .*export it as CSV"):
+        read_temperature_log(tmp_path / "t.csv")
+
+
+def test_a_field_beyond_all_measure_is_one_bad_row(tmp_path):
+    rows = "".join(f"{i},2{i}.5,24.5\n" for i in range(5))
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n" + rows + '5,"' + "x" * 200_000 + '",24.5\n')
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert kinds(reading)["not_a_number"] == 1
+    assert len(reading.log) == 6
+
+
 def test_iso_stamps_with_a_decimal_comma(tmp_path):
     rows = "".join(f"2024-05-01T10:00:0{i},500;24.5;2{i}.75\n" for i in range(5))
     (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + rows)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import InputError
-from torsight.core.storage import missing_file
+from torsight.core.storage import missing_file, require_ordinary
 
 _PACKAGES: Final = (
     "torsight",
@@ -32,6 +32,7 @@ def file_hash(path: Path) -> str:
     InputError
         When the file is missing or cannot be read.
     """
+    require_ordinary(path)
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,6 +11,7 @@ import difflib
 import json
 import math
 import os
+import stat
 import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -179,6 +180,7 @@ def read_text(path: Path) -> str:
     InputError
         When the file is missing, is a folder, cannot be read or is not UTF-8.
     """
+    require_ordinary(path)
     try:
         return path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
@@ -189,11 +191,30 @@ def read_text(path: Path) -> str:
         raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
 
 
+def require_ordinary(path: Path) -> None:
+    """Refuse a pipe, a socket or a device: reading it might never end. What is missing is told by who reads it.
+
+    Raises
+    ------
+    InputError
+        Saying that it is none of the files that can be read twice.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError("is no ordinary file", where=str(path), do="save it to a file, and name that")
+
+
 def missing_file(path: Path) -> InputError:
     """Return the error for a file that is not there, naming the nearest name in its folder."""
     near: list[str] = []
     with contextlib.suppress(OSError):
-        near = difflib.get_close_matches(path.name, [item.name for item in path.parent.iterdir()], n=1)
+        names = [item.name for item in path.parent.iterdir() if item.name != path.name]
+        near = difflib.get_close_matches(path.name, names, n=1)
+    if path.is_symlink():
+        return InputError("is a link that leads nowhere", where=str(path), do="mend the link, or name the file itself")
     hint = f"did you mean {near[0]}?" if near else "check the path"
     return InputError("no such file", where=str(path), do=hint)
 
@@ -211,7 +232,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         raise ConfigError(f"is not TOML ({error})", where=str(path), do="mend that line") from error
 
 
@@ -312,6 +333,7 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
         raise missing_file(path)
     if path.is_dir():
         raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    require_ordinary(path)
     try:
         table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
