@@ -11,10 +11,11 @@ import pytest
 
 from tests.cli.bad_inputs import BAD as FIRST
 from tests.cli.bad_inputs import make_world
+from tests.cli.bad_oddities import ODD
 from tests.cli.bad_units import MORE
 from torsight.cli.main import main
 
-BAD = FIRST | MORE
+BAD = FIRST | MORE | ODD
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_table_is_long_enough() -> None:
-    assert len(BAD) >= 200
+    assert len(BAD) >= 250
 
 
 @pytest.mark.parametrize("name", BAD)

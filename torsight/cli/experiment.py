@@ -77,7 +77,8 @@ class Experiment:
             if source is not None:
                 path = Path(source)
                 found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
-        optional = (self.angle, self.timestamps, self.camera, self.markers_file)
+        light = Path(self.sync["led_events"]) if "led_events" in self.sync else None
+        optional = (self.angle, self.timestamps, self.camera, self.markers_file, light)
         return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator]
 
     def to_configuration(self) -> dict[str, Any]:
@@ -127,6 +128,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     places = {name: f"{where}, [{name}]" for name in KEYS}
     for name, table in tables.items():
         check_keys(table, KEYS[name], where=places[name])
+    _require_one_of_each(tables["markers"], where=places["markers"])
     if ("video" in content) == ("angle" in content):
         raise ConfigError(
             "needs one of [video] and [angle]",
@@ -169,9 +171,21 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         actuator=actuator,
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
-        seed=int(get_number(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0)),
+        seed=_seed(tables["discovery"], where=places["discovery"]),
         angle=angle,
     )
+
+
+def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
+    if "file" in markers and len(markers) > 1:
+        raise ConfigError("has both a file and its content", where=where, value=", ".join(markers), limit="one of them")
+
+
+def _seed(table: Mapping[str, Any], *, where: str) -> int:
+    seed = get_number(table, "seed", where=where, default=0, lower=0, upper=2**53)
+    if seed != int(seed):
+        raise ConfigError("'seed' is no whole number", where=where, value=f"{seed:g}", limit="0, 1, 2, …")
+    return int(seed)
 
 
 def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, str | None]:

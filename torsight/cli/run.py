@@ -135,14 +135,16 @@ def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
 
 
 def _check(experiment: Experiment) -> None:
-    """Refuse a log, an actuator, a camera or markers that cannot be used before the film is tracked, not after."""
+    """Refuse whatever cannot be used, a log, settings, an actuator, before the film is tracked, not after."""
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
+    from torsight.cli.sync import check_settings
     from torsight.core.camera import read_camera
     from torsight.core.tables import read_angles
     from tracker.hints import read_markers
 
     read_temperature_log(experiment.temperature)
+    check_settings(experiment.sync)
     read_actuator(experiment.actuator)
     if experiment.angle is not None:
         read_angles(experiment.angle)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -156,8 +157,35 @@ def _light(
     from sync import film_light_events, read_light_events
     from torsight.core.storage import write_table
 
-    if "led" not in settings:
+    place = _lamp_place(settings)
+    if place is None:
         return read_light_events(Path(settings["led_events"])) if "led_events" in settings else None
+    if film is None:
+        raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
+    light = film_light_events(film, place, fps=fps, timestamps=timestamps, progress=progress)
+    write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
+    return light
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse settings that :func:`sync_to_folder` would refuse, before a film is tracked for them.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As :func:`sync_to_folder`.
+    """
+    from sync import read_light_events
+
+    _numbers(settings)
+    if _lamp_place(settings) is None and "led_events" in settings:
+        read_light_events(Path(settings["led_events"]))
+
+
+def _lamp_place(settings: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return where in the picture a lamp is looked for, px; None where none is."""
+    if "led" not in settings:
+        return None
     if "led_events" in settings:
         raise ConfigError("both name a light", where="[sync]", value="led, led_events", limit="one of them")
     place = settings["led"]
@@ -165,13 +193,10 @@ def _light(
         isinstance(place, Sequence)
         and len(place) == 2
         and all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in place)
+        and all(math.isfinite(item) for item in place)
     ):
         raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(place), limit="[x, y], px")
-    if film is None:
-        raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
-    light = film_light_events(film, (place[0], place[1]), fps=fps, timestamps=timestamps, progress=progress)
-    write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
-    return light
+    return float(place[0]), float(place[1])
 
 
 def told(content: Mapping[str, Any]) -> list[str]:
