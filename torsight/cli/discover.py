@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """What the command writes."""
+_LEAST_CLOCK_SIGMA_S: Final = 0.05
 
 
 def discover(
@@ -43,6 +44,30 @@ def discover(
         say(f"Note              {note}")
     say(f"Results           {out}")
     return Answer(content, files=tuple(out / name for name in FILES))
+
+
+def _clock_sigma_s(merged: Path) -> float | None:
+    """Return how well the clocks are known by an event that both saw, from the ``sync.json`` beside the table.
+
+    What motion and temperature said about the clocks is in the table itself: it is not counted a second time. An offset
+    that was given is a claim like any other.
+    """
+    from torsight.core.errors import InputError
+    from torsight.core.storage import read_json
+
+    path = merged.parent / "sync.json"
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    if not str(content.get("method", "")).startswith("shared event"):
+        return None
+    try:
+        low, high = (float(end) for end in content["offset_s"]["ci95"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
+        ) from error
+    return max((high - low) / 3.92, _LEAST_CLOCK_SIGMA_S) if low <= high else None
 
 
 def _errors(report: DiscoveryReport) -> str:
@@ -75,7 +100,8 @@ def discover_to_folder(
     made = ("curves.csv", "next_experiment.csv", "model.json", "discovery.json", "report.html")
     require_apart([out / name for name in made], [merged, actuator])
     spec = read_actuator(actuator)
-    report = find(read_merged(merged), spec, seed=seed, progress=progress, where=str(merged))
+    known_s = _clock_sigma_s(merged)
+    report = find(read_merged(merged), spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=str(merged))
     write_table(out / "curves.csv", report.curves)
     (out / "next_experiment.csv").unlink(missing_ok=True)
     if report.next_experiment is not None:

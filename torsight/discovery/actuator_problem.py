@@ -8,7 +8,7 @@ report.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -58,12 +58,16 @@ class ActuatorProblem:
         Of the temperature noise that is drawn to see what it does to the angle.
     resolution : float
         In degrees.
+    clock_sigma_s : float or None
+        How well the clocks were put together by something else than motion and temperature; None: not at all.
     """
 
     drive: Drive
     spec: ActuatorSpec
     seed: int = 0
     resolution: float = RESOLUTION_DEG
+    clock_sigma_s: float | None = None
+    _noisy: dict[float, tuple[Drive, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -78,7 +82,10 @@ class ActuatorProblem:
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect file as a candidate, but for what is always fitted; then the mechanisms without a name."""
-        named = [_candidate(effect) for effect in load_effects().values() if effect.family != ALWAYS_FAMILY]
+        effects = [effect for effect in load_effects().values() if effect.family != ALWAYS_FAMILY]
+        if self.clock_sigma_s is not None:
+            effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
+        named = [_candidate(effect) for effect in effects]
         return (*named, *(_candidate(effect, named=False) for effect in load_nameless().values()))
 
     @cached_property
@@ -141,12 +148,20 @@ class ActuatorProblem:
         """Return what noise left in the temperatures does to the angle.
 
         Errors of the size that the conditioning gives are drawn and driven through the model. That catches what a
-        formula would miss: a corner's error stays in the angle for the whole rest after it.
+        formula would miss: a corner's error stays in the angle for the whole rest after it. The top of a half-cycle, at
+        which an incomplete transformation ends, is such a corner, and known little better than one sample is.
         """
-        if not self._noisy_drives:
+        return self._errors_through(self._noisy_drives(tops=_TOP_SHARE), values, effects)
+
+    def smooth_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return the same with the tops of half-cycles as well known as the rest of the temperatures."""
+        return self._errors_through(self._noisy_drives(tops=0.0), values, effects)
+
+    def _errors_through(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        if not drives:
             return np.zeros(len(self.rows))
         clean = self.predict(values, effects)
-        errors = [self._predict(drive, values, effects) - clean for drive in self._noisy_drives]
+        errors = [self._predict(drive, values, effects) - clean for drive in drives]
         return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
@@ -162,12 +177,13 @@ class ActuatorProblem:
         )
         return run_ports(thin, start_angle_rad=drive.start_angle_rad).angle_rad / DEG
 
-    @cached_property
-    def _noisy_drives(self) -> tuple[Drive, ...]:
+    def _noisy_drives(self, *, tops: float) -> tuple[Drive, ...]:
         if self.drive.noise_c <= NEGLIGIBLE_C:
             return ()
-        rng = np.random.default_rng(self.seed)
-        return tuple(_noisy(self.drive, rng) for _ in range(_NOISE_DRAWS))
+        if tops not in self._noisy:
+            rng = np.random.default_rng(self.seed)
+            self._noisy[tops] = tuple(_noisy(self.drive, rng, tops=tops) for _ in range(_NOISE_DRAWS))
+        return self._noisy[tops]
 
 
 def kept_rows(drive: Drive) -> NDArray[np.int64]:
@@ -222,18 +238,17 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
 
 
-def _noisy(drive: Drive, rng: np.random.Generator) -> Drive:
+def _noisy(drive: Drive, rng: np.random.Generator, *, tops: float) -> Drive:
     """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes.
 
-    The top of a half-cycle, at which an incomplete transformation ends, is a corner: it is known little better than
-    one sample is, and its error stays in the angle until the next heating.
+    ``tops`` is the error of each half-cycle's top in standard deviations of one sample.
     """
     interval = float(np.median(np.diff(drive.time_s)))
     errors = []
     for spring in range(2):
         smooth = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval, mode="nearest")
         error = drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12)
-        errors.append(error + _TOP_SHARE * drive.noise_c * _at_tops(drive, spring, rng))
+        errors.append(error + tops * drive.noise_c * _at_tops(drive, spring, rng))
     slopes = [np.gradient(error, drive.time_s) for error in errors]
     return replace(
         drive,
@@ -252,6 +267,12 @@ def _at_tops(drive: Drive, spring: int, rng: np.random.Generator) -> Array:
         rows = drive.cycles.half == label
         bumps[rows] = rng.standard_normal() * np.exp(-(np.max(temp_c[rows]) - temp_c[rows]) / _TOP_C)
     return bumps
+
+
+def _clock_known(effect: Effect, sigma_s: float) -> Effect:
+    """Return the clocks' error with its prior: none, to within what is known of them."""
+    own = tuple(replace(p, value=0.0, sigma=sigma_s) if p.unit == "s" else p for p in effect.parameters)
+    return replace(effect, parameters=own)
 
 
 def _candidate(effect: Effect, *, named: bool = True) -> Candidate:

@@ -38,7 +38,13 @@ _DRAWS: Final = 2000
 
 
 def discover(
-    table: SyncedTable, spec: ActuatorSpec, *, seed: int = 0, progress: Progress = silent, where: str = "record"
+    table: SyncedTable,
+    spec: ActuatorSpec,
+    *,
+    seed: int = 0,
+    clock_sigma_s: float | None = None,
+    progress: Progress = silent,
+    where: str = "record",
 ) -> DiscoveryReport:
     """Find what the quasi-static model lacks on one record.
 
@@ -50,6 +56,9 @@ def discover(
         Characterised values with their uncertainties.
     seed : int
         Of every random draw: the same table, spec and seed give the same report.
+    clock_sigma_s : float or None
+        Standard deviation of the offset between the two clocks where an event that both saw has told it; None where
+        nothing but motion and temperature has.
     progress : Progress
         Told how far the work is.
     where : str
@@ -62,7 +71,7 @@ def discover(
     """
     drive = ActuatorModel(spec).prepare(table, where=where)
     require_motion(drive, where=where)
-    problem = ActuatorProblem(drive, spec, seed=seed)
+    problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
     findings = find_missing(problem, seed=seed, progress=progress)
     return _report(problem, findings, seed=seed, progress=progress)
 
@@ -151,7 +160,7 @@ def _floor(problem: ActuatorProblem, findings: Findings) -> float:
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
         reading = reading_noise(problem, findings.field.stretches, residual)
-    noise = problem.input_noise(fit.values, fit.effects)
+    noise = problem.smooth_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
     return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
 
