@@ -20,6 +20,7 @@ from calibration.detect import View
 from torsight.core.camera import Intrinsics
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import project, rotation_matrix
+from torsight.core.progress import Progress, silent
 
 Floats = NDArray[np.float64]
 
@@ -125,7 +126,7 @@ def one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-def calibrate_lens(views: Sequence[View], size_px: tuple[int, int]) -> LensCalibration:
+def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
     """Calibrate one camera.
 
     Parameters
@@ -134,6 +135,8 @@ def calibrate_lens(views: Sequence[View], size_px: tuple[int, int]) -> LensCalib
         The board in every picture in which it was found.
     size_px : (int, int)
         Width and height of the pictures.
+    progress : Progress
+        Told after every fit that leaves some of the views out.
 
     Raises
     ------
@@ -155,7 +158,7 @@ def calibrate_lens(views: Sequence[View], size_px: tuple[int, int]) -> LensCalib
             kept=np.array(kept, np.int64),
             aside=(*aside, *more),
             first=first,
-            between_views=_jackknife(chosen, size_px, fit),
+            between_views=_jackknife(chosen, size_px, fit, progress=progress),
         )
 
 
@@ -223,15 +226,16 @@ def _without_bad(
     return kept, aside
 
 
-def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit) -> Floats:
+def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, progress: Progress) -> Floats:
     """Return standard deviations from fits that leave out one group of views each."""
     count = min(len(views), _MOST_GROUPS)
     if len(views) - -(-len(views) // count) < FEWEST_VIEWS:
         return np.zeros(len(PARAMETERS))
-    left_out = [
-        lens_values(fit_lens([view for place, view in enumerate(views) if place % count != group], size_px).intrinsics)
-        for group in range(count)
-    ]
+    left_out = []
+    for group in range(count):
+        rest = [view for place, view in enumerate(views) if place % count != group]
+        left_out.append(lens_values(fit_lens(rest, size_px).intrinsics))
+        progress("lens without some views", group + 1, count)
     return jackknife_sigma(np.array(left_out), lens_values(fit.intrinsics))
 
 

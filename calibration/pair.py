@@ -15,6 +15,7 @@ from calibration.lens import LensCalibration, SetAside, fit_lens, jackknife_sigm
 from torsight.core.camera import Intrinsics, RightCamera
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import epipolar_distance_px, rotation_vector
+from torsight.core.progress import Progress, silent
 
 Floats = NDArray[np.float64]
 
@@ -67,8 +68,10 @@ class PairCalibration:
     aside: tuple[SetAside, ...]
 
 
-def calibrate_pair(left: LensCalibration, right: LensCalibration) -> PairCalibration:
+def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
     """Find the second camera's place against the first, with both lenses as they are.
+
+    ``progress`` is told after every fit that leaves some of the pairs out.
 
     Raises
     ------
@@ -91,7 +94,7 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration) -> PairCalibra
                     f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px",
                 )
             )
-        sigma, baseline_sigma_mm = _jackknife(pairs, left, right, motion)
+        sigma, baseline_sigma_mm = _jackknife(pairs, left, right, motion, progress=progress)
     camera = RightCamera(lenses[1], rvec=motion[:3], tvec_mm=motion[3:])
     epipolar = [
         float(np.mean(epipolar_distance_px(pair.left_px, pair.right_px, left=lenses[0], right=camera)))
@@ -154,7 +157,7 @@ def _fit(pairs: Sequence[_Common], left: Intrinsics, right: Intrinsics) -> tuple
 
 
 def _jackknife(
-    pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats
+    pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats, *, progress: Progress
 ) -> tuple[Floats, float]:
     """Leave groups of pairs out of everything, the lenses too: their uncertainty is the larger part."""
     groups = min(len(pairs), _MOST_GROUPS)
@@ -169,6 +172,7 @@ def _jackknife(
             for camera in (left, right)
         ]
         left_out.append(_fit([pair for pair in pairs if pair.index not in gone], lenses[0], lenses[1])[0])
+        progress("pair without some views", group + 1, groups)
     values = np.array(left_out)
     baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     whole = np.array([np.linalg.norm(motion[3:])])

@@ -68,7 +68,7 @@ def calibrate_one(images: Sequence[Path], board: Board, *, progress: Progress = 
     NoResultError
         When the board is not found, or the views do not determine a camera.
     """
-    side = _side(find_views(images, board, progress=progress))
+    side = _side(find_views(images, board, progress=progress), progress=progress)
     verdict = judge_lens(side.lens, side.seen.size_px)
     return Calibration(board, side, verdict=verdict)
 
@@ -91,8 +91,8 @@ def calibrate_two(
     films = any(is_film(path) for path in expand(images))
     only = frozenset(view.index for view in seen_left.views) if films else None
     seen_right = find_views(right, board, step=seen_left.step, only=only, progress=progress)
-    sides = _side(seen_left), _side(seen_right)
-    pair = calibrate_pair(sides[0].lens, sides[1].lens)
+    sides = _side(seen_left, progress=progress), _side(seen_right, progress=progress)
+    pair = calibrate_pair(sides[0].lens, sides[1].lens, progress=progress)
     verdict = worst_of(
         [
             ("left", judge_lens(sides[0].lens, seen_left.size_px)),
@@ -188,8 +188,8 @@ def views_of(side: Side) -> tuple[list[View], list[View]]:
     )
 
 
-def _side(seen: Seen) -> Side:
-    return Side(seen, calibrate_lens(seen.views, seen.size_px))
+def _side(seen: Seen, *, progress: Progress) -> Side:
+    return Side(seen, calibrate_lens(seen.views, seen.size_px, progress=progress))
 
 
 def _require_pairing(left: Sequence[Path], right: Sequence[Path]) -> None:
