@@ -110,7 +110,7 @@ def test_known_camera_is_refused_for_another_picture_size(camera_toml, board_tom
     cv2.imwrite(str(tmp_path / "large.png"), cv2.resize(grey, (800, 600)))
     cv2.imwrite(str(tmp_path / "turned.png"), np.rot90(grey))
     for name, said in (("large.png", "was scaled"), ("turned.png", "turned by a quarter")):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(ConfigError, match=said):
             run(
                 "calibrate", "--camera", camera_toml, "--board", board_toml,
                 "--pose", tmp_path / name, "--out", tmp_path / "x.toml",
