@@ -76,7 +76,7 @@ class Settings:
     least_held_out_gain: float = 0.02
     rival_gain: float = 12.0
     rival_share: float = 0.5
-    share_explained: float = 0.7
+    share_explained: float = 0.8
     near_floor: float = 2.0
     share_of_rest: float = 0.6
     share_of_all: float = 0.02
