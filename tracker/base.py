@@ -36,9 +36,9 @@ class BaseStick(Pair):
         evidence = 0
         for index, marker in zip(self.indices, self.markers, strict=True):
             here = (marker.x_px, marker.y_px)
-            away = distance_to_strip(here, strip, beyond=0.6)
-            if away >= marker.radius_px + width_px + 2.5:
+            if not self._covered(marker, here, strip, width_px):
                 continue
+            away = distance_to_strip(here, strip, beyond=0.6)
             clear = min(math.dist(here, end) for end in strip) > 2.5 * marker.radius_px
             if clear and away < 0.4 * marker.radius_px:
                 evidence += {"": -1, "hidden": 1}.get(sight.reasons[index], 0)
@@ -112,9 +112,22 @@ class BaseStick(Pair):
                 if between(pair.direction_rad, self.last_rad) < _SURE_RAD
                 and goes_along((pair.inner.x_px - self.inner.x_px, pair.inner.y_px - self.inner.y_px))
             ]
-        if len(pairs) == 1:
-            sight.take(self.indices[0], pairs[0].inner)
-            sight.take(self.indices[1], pairs[0].outer)
+        if len(pairs) != 1:
+            return
+        i, j = moving.indices
+        strip = None if sight.good(i) is None or sight.good(j) is None else (sight.place(i), sight.place(j))
+        width_px = moving.inner.template.window_px
+        for index, marker, dot in zip(self.indices, self.markers, (pairs[0].inner, pairs[0].outer), strict=True):
+            if strip is not None and self._covered(marker, (dot.x_px, dot.y_px), strip, width_px):
+                # It helped to find the pair, but the edge of the moving stick in its window shifts it.
+                sight.reasons[index] = "shadowed"
+            else:
+                sight.take(index, dot)
+
+    @staticmethod
+    def _covered(marker: Marker, at: Point, strip: tuple[Point, Point], width_px: float) -> bool:
+        """Return whether the moving stick's strip reaches into a marker's window."""
+        return distance_to_strip(at, strip, beyond=0.6) < marker.radius_px + width_px + 2.5
 
     def seen_shift(self, sight: Sight) -> Point | None:
         """Return the shift of the picture since the start; None where the base is not seen."""

@@ -18,10 +18,10 @@ from tracker.base import BaseStick
 from tracker.flow import TileFlow
 from tracker.linear import Reading
 from tracker.marker import Marker, Point
-from tracker.moving import MovingStick
+from tracker.moving import UNSEEN_PX, MovingStick, near_dot
 from tracker.pair import Pair
-from tracker.recover import Region
-from tracker.rules import DARK, SHARP_PX, SPARSE
+from tracker.recover import Region, places_like
+from tracker.rules import DARK, NEAR, SHARP_PX, SPARSE
 from tracker.sight import Sight, between, direction, make_row
 from tracker.smear import Shutter
 from tracker.source import Frame
@@ -31,6 +31,8 @@ from tracker.usual import UsualFrames
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
+_NEARBY: Final = 3
+"""Frames after which a lost marker is no longer looked for next to where it is expected."""
 _SHAKEN_PX: Final = 0.7
 """Shift between two frames from which the moving stick is looked for again at the shifted place."""
 
@@ -125,6 +127,42 @@ class Follower:
             if reading is not None and math.hypot(reading.x_px - x, reading.y_px - y) > marker.radius_px:
                 reason = reason or "hidden"
             sight.readings[index], sight.reasons[index] = reading, reason
+        if self.brightness and not self._is_dark(sight):
+            for index in which:
+                self._read_nearby(sight, index)
+
+    def _read_nearby(self, sight: Sight, index: int) -> None:
+        """Look for a marker next to where it was expected, after the flow has led astray: the picture has jumped."""
+        marker, (px, py) = self.markers[index], sight.predicted[index]
+        template = marker.template
+        if not sight.reasons[index] or marker.lost > _NEARBY or not isinstance(template, DotTemplate):
+            return
+        reach = self.flow.reach_px + 2.0 * marker.radius_px
+        places = places_like(
+            sight.luma,
+            radius_px=marker.radius_px,
+            light_dot=template.shape.contrast > 0,
+            region=Region(px, py, reach + marker.radius_px),
+        )
+        slack = self.shutter.slack(self._step_of(index, sight))
+        good = [
+            reading
+            for place in places
+            if (reading := marker.read(sight.luma, *place)) is not None
+            and math.hypot(reading.x_px - px, reading.y_px - py) < reach
+            and not marker.gauge.judge(reading, slack=slack)
+            and not self._next_to_base(index, reading)
+        ]
+        if len(good) == 1:
+            sight.take(index, good[0])
+
+    def _next_to_base(self, index: int, reading: Reading) -> bool:
+        """Return whether what was read for the moving stick may be a dot of the base."""
+        return (
+            self.base is not None
+            and index not in self.base.indices
+            and near_dot(reading, self.base, NEAR, more_px=UNSEEN_PX)
+        )
 
     def _step_of(self, index: int, sight: Sight) -> Point:
         """Return how far a marker of the moving stick is expected to have moved since the last frame."""

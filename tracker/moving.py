@@ -16,7 +16,8 @@ from tracker.rules import CLOSE, MOST_VOTES, NEAR, OWN_PX, OWN_RAD, SHAKE_PX, VO
 from tracker.sight import Sight, between, direction, distance_to_strip
 
 _SAME_PX: Final = 1.0
-_UNSEEN_PX: Final = 4.0
+UNSEEN_PX: Final = 4.0
+"""How far a base dot may have gone with the picture since it was seen."""
 _CARRIED: Final = 15
 """Frames for which its last turning is carried on while it is not seen."""
 _SHORT: Final = 5
@@ -78,7 +79,7 @@ class MovingStick(Pair):
                 self.vote(1)
             followed = marker.lost <= 3 or self.inner.lost + self.outer.lost == marker.lost
             radii = CLOSE if followed and not alone else NEAR
-            near = _near_dot(reading, base, radii, more_px=_UNSEEN_PX if alone else 0.0)
+            near = near_dot(reading, base, radii, more_px=UNSEEN_PX if alone else 0.0)
             if near and not own and (alone or self.above < VOTES):
                 # One dot alone next to a base dot may be either, whichever stick is above.
                 sight.reasons[index] = "shadowed"
@@ -101,8 +102,8 @@ class MovingStick(Pair):
         pairs = [
             pair
             for pair in self.look_for(sight.luma, self._region(shift))
-            if not _near_dot(pair.inner, base, NEAR)
-            and not _near_dot(pair.outer, base, NEAR)
+            if not near_dot(pair.inner, base, NEAR)
+            and not near_dot(pair.outer, base, NEAR)
             and not self._off_circle(pair.inner, shift, outer=False)
             and not self._off_circle(pair.outer, shift, outer=True)
             and all(
@@ -186,7 +187,7 @@ class MovingStick(Pair):
 
         Next to a dot of the base that takes both markers to be known as the moving stick's ``own``.
         """
-        if not own and _near_dot(reading, base, NEAR):
+        if not own and near_dot(reading, base, NEAR):
             return False
         away = distance_to_strip((reading.x_px, reading.y_px), base.ends, beyond=0.1)
         return away < 1.2 * base.inner.radius_px
@@ -203,7 +204,8 @@ class MovingStick(Pair):
         self.offset = None if state["offset"] is None else (float(state["offset"][0]), float(state["offset"][1]))
 
 
-def _near_dot(reading: Reading, base: BaseStick, radii: float, *, more_px: float = 0.0) -> bool:
+def near_dot(reading: Reading, base: BaseStick, radii: float, *, more_px: float = 0.0) -> bool:
+    """Return whether a reading lies within some radii of a dot of the base."""
     # A base dot that was not seen lately may have moved with the picture.
     return any(
         m.distance(reading.x_px, reading.y_px) < radii * m.radius_px + (more_px if m.lost else 0.0)

@@ -95,6 +95,60 @@ def test_without_a_camera_and_with_little_motion_the_sigma_says_so() -> None:
     assert (np.abs(error) < 3.0 * sigma).all()
 
 
+def hanging(angle_deg: np.ndarray, size_px: float, rng: np.random.Generator) -> np.ndarray:
+    """Errors of the four markers that follow the stick's direction, as compression and a stick's edges make them."""
+    turn = np.deg2rad(angle_deg)
+    apart = np.abs(np.angle(np.exp(1j * (turn[:, None] - turn[None, :]))))
+    factor = np.linalg.cholesky(np.exp(-apart / 0.4) + 1e-6 * np.eye(len(turn)))
+    return size_px * np.einsum("ij,jmk->imk", factor, rng.normal(size=(len(turn), 4, 2)))
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 2.0, 5.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize("range_deg", [400.0, 110.0])
+def test_tilt_from_the_paths_is_as_sure_as_it_may_be(tilt_deg: float, range_deg: float) -> None:
+    ratios, at_most = [], []
+    for seed in range(4):
+        rng = np.random.default_rng([seed, round(tilt_deg), round(range_deg)])
+        start, side = rng.uniform(-180.0, 180.0), rng.uniform(0.0, 2.0 * np.pi)
+        rig = Rig(
+            lambda t, start=start: start + 0.5 * range_deg * (np.cos(2.0 * t) - 1.0),
+            frames=150,
+            fps=50.0,
+            size=(640, 480),
+            base_deg=float(rng.uniform(0.0, 360.0)),
+            base_px=(55.0, 140.0),
+            moving_px=(50.0, 125.0),
+            tilt_deg=(tilt_deg * np.cos(side), tilt_deg * np.sin(side)),
+            distance=float(rng.choice([700.0, 1500.0])),
+            k1=float(rng.choice([0.0, -0.1])),
+            centre=(319.5 + float(rng.uniform(-30.0, 30.0)), 239.5 + float(rng.uniform(-30.0, 30.0))),
+        )
+        tracks = tracks_of(rig, seed=seed)
+        found = orient(
+            replace(tracks, position_px=tracks.position_px + hanging(rig.truth_deg, 0.02 * (seed % 2), rng)), None
+        )
+        error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+        error -= 360.0 * np.round(np.median(error) / 360.0)
+        ratios.append(float(np.sqrt(np.mean((error / np.rad2deg(found.angles.sigma_rad)) ** 2))))
+        at_most.append(found.report["tilt"]["tilt_at_most_deg"])
+        if range_deg > 360.0:
+            assert found.report["tilt"]["known"]
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.4
+    assert max(ratios) < 2.0
+    # What the paths leave open holds the truth.
+    assert min(at_most) > 0.9 * tilt_deg
+
+
+def test_no_tilt_is_taken_out_where_there_is_none() -> None:
+    rig = replace(TILTED, tilt_deg=(0.0, 0.0), k1=0.0)
+    tracks = tracks_of(rig)
+    found = orient(tracks, None)
+    plain = np.unwrap([np.arctan2(-(p[3] - p[2])[1], (p[3] - p[2])[0]) for p in tracks.position_px])
+    change = np.rad2deg(found.angles.angle_rad - plain)
+    assert np.abs(change - np.median(change)).max() < 0.02
+    assert found.report["tilt"]["tilt_at_most_deg"] < 2.0
+
+
 def test_pixels_that_are_not_square() -> None:
     rig = replace(TILTED, tilt_deg=(0.0, 0.0), k1=0.0)
     tracks = tracks_of(rig)
@@ -121,6 +175,18 @@ def test_two_films(tmp_path: Path, range_deg: float) -> None:
     # Distances in space are those of the rig: noise of 0.02 px is 0.02 mm here, averaged over 400 frames.
     length = np.linalg.norm(found.position_mm[:, 1] - found.position_mm[:, 0], axis=1)
     assert length.mean() == pytest.approx(85.0, abs=0.02)
+    scale = found.report["scale"]
+    assert scale["complaints"] == []
+    for name, known in (("base", 85.0), ("moving", 70.0)):
+        assert scale["sticks"][name]["length_mm"] == pytest.approx(known, abs=0.03)
+        assert 0.5 < scale["sticks"][name]["misfit"] < 2.0
+    wrong = orient_pair(
+        tracks_of(left, seed=1),
+        tracks_of(right, seed=2),
+        read_camera(tmp_path / "pair.toml"),
+        known_mm={"base": 85.0, "moving": 72.0},
+    )
+    assert any("disagree on the scale" in text for text in wrong.report["scale"]["complaints"])
     if range_deg > 100.0:
         assert found.report["axis"]["tilt_deg"] == pytest.approx(14.7, abs=0.2)
         height = found.position_mm[:, 2:, 2].mean() - found.position_mm[:, :2, 2].mean()

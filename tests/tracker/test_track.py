@@ -119,6 +119,16 @@ def test_what_leaves_all_markers_in_sight_costs_few_frames(change: dict) -> None
     assert 0.6 < outcome.ratio < 1.5
 
 
+@pytest.mark.parametrize("shake_px", [0.0, 1.5])
+def test_dots_at_equal_distances_on_both_sticks_are_told_apart_through_a_slow_crossing(shake_px: float) -> None:
+    # Every dot of the moving stick passes over one of the base's: nothing else tells which stick is above.
+    rig = Rig(lambda t: 40.0 - 30.0 * t, frames=80, moving_px=Rig(SLOW.angle_deg).base_px, shake_px=shake_px)
+    outcome = run(rig)
+    nothing_wrong(outcome)
+    assert outcome.certain.all()
+    assert outcome.valid.sum() >= (80 if shake_px == 0.0 else 76)
+
+
 @pytest.mark.parametrize(
     "cover",
     [

@@ -95,6 +95,26 @@ def test_a_camera_for_another_picture_size(folder: Path, tmp_path: Path) -> None
     assert "320 × 240" in str(error)
 
 
+def test_a_pair_s_camera_file_with_one_film_is_said(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from torsight.cli.track import track_to_folder
+
+    (tmp_path / "pair.toml").write_text(RIG.pair_toml(replace(RIG, tilt_deg=(0.0, 12.0))))
+    track_to_folder(folder / "film.mkv", camera=tmp_path / "pair.toml", out=tmp_path / "out")
+    assert "one film was given" in capsys.readouterr().err
+    content = json.loads((tmp_path / "out" / "track.json").read_text())
+    assert next(event["text"] for event in content["events"] if event["kind"] == "camera").startswith("The camera file")
+    assert "lens" in content["method"]
+
+
+def test_distances_measured_by_hand_have_to_be_lengths(folder: Path, tmp_path: Path) -> None:
+    p = RIG.marker_px(float(RIG.truth_deg[0])).tolist()
+    error = failing(folder, tmp_path, markers={"base": p[:2], "moving": p[2:], "base_mm": -3.0})
+    assert isinstance(error, ConfigError)
+    assert "base_mm" in str(error)
+
+
 def test_a_film_without_markers(tmp_path: Path) -> None:
     bare = replace(RIG, base_px=(5000.0, 5100.0), moving_px=(5000.0, 5100.0), hub_px=0.0, frames=3)
     write_film(replace(bare, overhang_px=-4000.0), tmp_path / "bare.mkv")
