@@ -129,10 +129,20 @@ class _Judge:
         by_priors = without.prior - contender.prior >= LEAST_BY_PRIORS
         if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
             return False
-        removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
-        if not by_priors and removed < self._least_size():
+        if not by_priors and self._removed(contender, without) < self._least_size():
             return False
         return not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors)
+
+    def _removed(self, contender: Contender, without: Contender) -> float:
+        """Return the mean square that a set removes.
+
+        What the base values imitate on the record they need not imitate on blocks that the fit has not seen. That is
+        enough to doubt the model, not to give a name.
+        """
+        removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
+        if contender.named or removed >= self._least_size() or not self._can_hold_out:
+            return removed
+        return self._over_time(without.held_out.residual) - self._over_time(contender.held_out.residual)
 
     def _predicts_better(self, contender: Contender, without: Contender, *, by_priors: bool) -> bool:
         keep = 1.0 - self._settings.least_held_out_gain
