@@ -17,6 +17,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.closure import actuator_closure
@@ -72,8 +73,9 @@ def discover(
     drive = ActuatorModel(spec).prepare(table, where=where)
     require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
-    findings = find_missing(problem, seed=seed, progress=progress)
-    return _report(problem, findings, seed=seed, progress=progress)
+    with one_thread():
+        findings = find_missing(problem, seed=seed, progress=progress)
+        return _report(problem, findings, seed=seed, progress=progress)
 
 
 def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:

@@ -1,0 +1,34 @@
+"""Linear algebra with one thread, whatever was asked for."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+from threadpoolctl import threadpool_info
+
+from torsight.core.threads import one_thread
+
+
+def blas_threads() -> set[int]:
+    np.linalg.svd(np.eye(3))
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_one_thread_inside_and_what_it_was_after_it() -> None:
+    before = blas_threads()
+    with one_thread():
+        assert blas_threads() == {1}
+    assert blas_threads() == before
+
+
+def test_a_command_computes_with_one_thread_even_when_more_are_asked_for() -> None:
+    script = (
+        "import torsight.cli.main, numpy, threadpoolctl;"
+        "print({l['num_threads'] for l in threadpoolctl.threadpool_info() if l['user_api'] == 'blas'})"
+    )
+    more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{1}"
