@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.axis import axis_in_picture, pose_from_axis
+from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import on_plane, ray_from_pixel, rotation_matrix
@@ -17,7 +17,7 @@ from torsight.core.units import DEG
 from tracker.lone import lone_direction
 from tracker.noise import LengthWitness, witness
 from tracker.steady import steady_direction
-from tracker.tilt import Tilt, fit_tilt, rectify
+from tracker.tilt import KNOWN, Tilt, fit_tilt, rectify
 from tracker.unwrap import unwrap
 
 _PLANES: Final = (0, 0, 1, 1)
@@ -86,15 +86,44 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
         return _without_camera(tracks, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = _in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
-    found = from_plane(tracks, plane, position_mm=None, method="lens file, axis from the markers' own ellipses")
+    open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
+    method = "lens file, axis from the markers' own ellipses"
+    found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2)
+    error = float(np.sqrt(np.nanmean(open_rad2))) if np.isfinite(open_rad2).any() else np.nan
     found.report["tilt"] = {
-        "known": True,
+        "known": error < KNOWN,
         "from": "the markers' own ellipses and the lens",
         "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
         "sigma_deg": float(np.rad2deg(axis.direction_sigma_rad)),
         "arc_deg": float(np.rad2deg(axis.arc_rad)),
+        "error_it_can_make_deg": float(np.rad2deg(error)),
     }
     return found
+
+
+def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> NDArray[np.float64]:
+    """Return the variance of the angle by what is not known of the axis."""
+
+    def angle(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = replace(axis, direction=direction / np.linalg.norm(direction))
+        plane, _ = _in_planes(tracks, intrinsics, pose_from_axis(turned))
+        return _against_still([points for points, _ in plane])
+
+    sizes, ways = np.linalg.eigh(axis.direction_covariance)
+    variance = np.zeros(len(tracks))
+    # The third way is along the direction itself, which has no length to be wrong.
+    for size, way in zip(sizes[1:], ways.T[1:], strict=True):
+        step = float(np.sqrt(max(size, 0.0))) * way
+        change = angle(axis.direction + step) - angle(axis.direction - step)
+        variance += (0.5 * np.angle(np.exp(1j * change))) ** 2
+    return variance
+
+
+def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the moving stick's direction against the base's usual one."""
+    base, moving = points[1] - points[0], points[3] - points[2]
+    still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
+    return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
 
 
 def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
@@ -133,9 +162,7 @@ def _tilt_variance(flat: list[Points], tilt: Tilt) -> NDArray[np.float64]:
     """Return the variance of the angle by what is not known of the tilt."""
 
     def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        base, moving = (rectify(flat[first + 1][0], values)[0] - rectify(flat[first][0], values)[0] for first in (0, 2))
-        still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
-        return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
+        return _against_still([rectify(points, values)[0] for points, _ in flat])
 
     slopes = []
     for index in range(len(tilt.values)):

@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.axis import axis_basis, axis_in_space
+from torsight.core.axis import axis_in_space
 from torsight.core.camera import Camera, require_size
+from torsight.core.circles import axis_basis
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import triangulate
 from torsight.core.scale import check_scale

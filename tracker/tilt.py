@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.hanging import hanging_errors, spread_rows
+from torsight.core.hanging import USUAL_PX, hanging_errors, spread_rows
 from torsight.core.minimise import jacobian_of, least_squares
 
 Floats = NDArray[np.float64]
@@ -33,10 +33,8 @@ _PERSPECTIVE: Final = 0.8
 _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _FEWEST: Final = 12
-_KNOWN: Final = 1.0 / 300.0
+KNOWN: Final = 1.0 / 300.0
 """The tilt counts as known where what is left of it can make less than 0.2 degrees."""
-_USUAL_PX: Final = 0.02
-"""Usual size of errors that hang together, measured on films from lossless to CRF 30."""
 _FAR: Final = 6.0
 """Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
 _ENOUGH: Final = 1e-3
@@ -112,7 +110,7 @@ def fit_tilt(
     start = np.concatenate([np.zeros(5), _circles(points)])
     start, paths = _without_far(paths, start)
     found: list[tuple[float, Floats, Floats]] = []
-    weigh = paths.weighing(start, usual=_USUAL_PX / half_px)
+    weigh = paths.weighing(start, usual=USUAL_PX / half_px)
     for stretch in _STRETCHES:
         prior = _prior(stretch)
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
@@ -199,7 +197,7 @@ def _blended(found: list[tuple[float, Floats, Floats]], arc_rad: float) -> Tilt:
     for w, (_, own, spread) in zip(weight, found, strict=True):
         covariance += w * (spread + np.outer(own - values, own - values))
     sigma = float(np.sqrt(0.5 * np.trace(covariance[:2, :2])))
-    return Tilt(values, covariance, arc_rad, known=sigma < _KNOWN)
+    return Tilt(values, covariance, arc_rad, known=sigma < KNOWN)
 
 
 def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:

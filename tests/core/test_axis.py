@@ -4,8 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.core.axis import axis_basis, axis_in_picture, axis_in_space, pose_from_axis, stick_angle
+from torsight.core.axis import axis_in_picture, axis_in_space, pose_from_axis, stick_angle
 from torsight.core.camera import Intrinsics, RightCamera
+from torsight.core.circles import axis_basis
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import on_plane, rotation_matrix, triangulate
 from torsight.core.minimise import least_squares

@@ -8,16 +8,18 @@ circles become ellipses, and perspective tells the near side from the far side.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import Intrinsics, Pose
+from torsight.core.circles import Circles, axis_basis, common_centre, on_unit_plane, polar_of, tilted, whitened
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import ray_from_pixel, rotation_vector
-from torsight.core.minimise import least_squares
+from torsight.core.hanging import USUAL_PX, spread_rows
+from torsight.core.minimise import jacobian_of, least_squares
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +40,8 @@ class Axis:
     direction : (3,) float64
         Unit vector along the axis, towards the camera.
     direction_sigma_rad : float
-        Standard deviation of its tilt, in the direction that is known worst; widened by a misfit above 1.
+        Standard deviation of its tilt, in the direction that is known worst; widened by a misfit above 1, and from one
+        camera's picture by errors that hang together.
     radius_mm, height_mm : (k,) float64
         Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
     misfit : float
@@ -48,6 +51,8 @@ class Axis:
     mirror_gap : float
         Gain in χ² over the mirror-image tilt, which one camera can tell from the true one by perspective alone;
         infinite from two cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
+    direction_covariance : (3, 3) float64
+        Of ``direction``, from one camera's picture: errors that follow the stick's direction are allowed for.
     """
 
     point_mm: Floats
@@ -58,24 +63,13 @@ class Axis:
     misfit: float
     arc_rad: float
     mirror_gap: float = np.inf
+    direction_covariance: Floats = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property
     def tilt_rad(self) -> float:
         """Angle between the axis and the camera's line of sight to it."""
         toward = -self.point_mm / np.linalg.norm(self.point_mm)
         return float(np.arccos(np.clip(toward @ self.direction, -1.0, 1.0)))
-
-
-def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
-    """Return unit vectors u, v across the axis, u nearest to the picture's right and v to its top.
-
-    An angle that grows from u to v is counter-clockwise as displayed, for a direction towards the camera.
-    """
-    u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
-    if np.linalg.norm(u) < 1e-6:
-        u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
-    u /= np.linalg.norm(u)
-    return u, np.cross(direction, u)
 
 
 def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
@@ -99,12 +93,12 @@ def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
     spread = position - position.mean(axis=0)
     scatter = np.einsum("nki,nkj->ij", spread, spread)
     start_direction = _towards_camera(np.linalg.eigh(scatter)[1][:, 0], position.mean(axis=(0, 1)))
-    start_point = _common_centre(position, start_direction)
+    start_point = common_centre(position, start_direction)
     frame = np.stack((*axis_basis(start_direction), start_direction))
     markers = position.shape[1]
 
     def circles(values: Floats) -> tuple[Floats, Floats, Floats]:
-        direction = _tilted(frame, values[:2])
+        direction = tilted(frame, values[:2])
         away = position - (start_point + values[2] * frame[0] + values[3] * frame[1])
         height = away @ direction
         across = away - height[..., None] * direction
@@ -115,11 +109,11 @@ def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
     def residuals(values: Floats) -> Floats:
         seen, slopes, _ = circles(values)
         model = values[4:].reshape(markers, 2)
-        return _whitened(seen - model, slopes @ covariance @ np.swapaxes(slopes, -1, -2))
+        return whitened(seen - model, slopes @ covariance @ np.swapaxes(slopes, -1, -2))
 
     start = np.concatenate((np.zeros(4), circles(np.zeros(4))[0].mean(axis=0).ravel()))
     values, spread_of_values, chi_squared = least_squares(residuals, start)
-    direction = _tilted(frame, values[:2])
+    direction = tilted(frame, values[:2])
     point = start_point + values[2] * frame[0] + values[3] * frame[1]
     height, radius = values[4:].reshape(markers, 2).T
     arc_rad = _arc(position - point, direction)
@@ -154,33 +148,35 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
     NoResultError
         When too few positions are known, or the markers turned too little.
     """
-    rows = thinned(np.asarray(np.isfinite(position_px).all(axis=(1, 2))))
+    stick = position_px[:, 1] - position_px[:, 0]
+    known = np.asarray(np.isfinite(position_px).all(axis=(1, 2)), dtype=np.bool_)
+    rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), known)
     _require_frames(len(rows))
     ray, slope = ray_from_pixel(position_px[rows], intrinsics)
     spread = slope @ covariance_px2[rows] @ np.swapaxes(slope, -1, -2)
     lines = np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
-    found = [_refined_in_picture(lines, spread, start) for start in _start_directions(lines)]
-    found.sort(key=lambda item: item[2])
-    values, spread_of_values, chi_squared, frame = found[0]
-    direction = _tilted(frame, values[:2])
-    point = np.array([values[2], values[3], 1.0])
-    polar = _polar(lines, direction, point)
-    arc_rad = float(np.ptp(np.unwrap(polar[:, 1, 1])))
+    found = [Circles.begun(lines, spread, start).fitted() for start in _start_directions(lines)]
+    found.sort(key=lambda item: item.chi_squared)
+    first = found[0]
+    distinct = [item for item in found[1:] if item.direction @ first.direction < np.cos(1e-3)]
+    arc_rad = float(np.ptp(np.unwrap(polar_of(lines, first.direction, first.point)[:, 1, 1])))
     if arc_rad < _SMALLEST_ARC_RAD:
         raise _too_small_arc(arc_rad)
-    r1, r2, between = values[4:7]
+    white_px = float(np.sqrt(0.5 * np.median(np.trace(covariance_px2[rows], axis1=-2, axis2=-1))))
+    best = first.weighed(usual=USUAL_PX / white_px).fitted()
+    r1, r2, between = best.values[4:7]
     length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(between)))
-    misfit = float(np.sqrt(chi_squared / (3 * len(rows) - len(values))))
-    distinct = [item for item in found[1:] if _tilted(item[3], item[0][:2]) @ direction < np.cos(1e-3)]
+    turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
     return Axis(
-        point_mm=point / length,
-        direction=direction,
-        direction_sigma_rad=_widest(spread_of_values) * max(misfit, 1.0),
+        point_mm=best.point / length,
+        direction=best.direction,
+        direction_sigma_rad=_widest(best.covariance),
+        direction_covariance=turned @ best.covariance[:2, :2] @ turned.T,
         radius_mm=np.array([r1, r2]) / length,
         height_mm=np.zeros(2),
-        misfit=misfit,
+        misfit=float(np.sqrt(first.chi_squared / (3 * len(rows) - len(first.values)))),
         arc_rad=arc_rad,
-        mirror_gap=float(distinct[0][2] - chi_squared) if distinct else np.inf,
+        mirror_gap=float(distinct[0].chi_squared - first.chi_squared) if distinct else np.inf,
     )
 
 
@@ -247,62 +243,6 @@ def thinned(known: NDArray[np.bool_]) -> NDArray[np.intp]:
     return rows[np.linspace(0, len(rows) - 1, _MOST_FRAMES).round().astype(np.intp)]
 
 
-def _refined_in_picture(lines: Floats, spread: Floats, direction: Floats) -> tuple[Floats, Floats, float, Floats]:
-    frame = np.stack((*axis_basis(direction), direction))
-    point = _common_centre(_on_unit_plane(lines, direction, lines.mean(axis=(0, 1))), direction)
-    point = point / point[2]
-    polar = _polar(lines, direction, point)
-    between = float(np.angle(np.exp(1j * (polar[:, 1, 1] - polar[:, 0, 1])).mean()))
-    start = np.array([0.0, 0.0, point[0], point[1], *polar[..., 0].mean(axis=0), between])
-
-    def residuals(values: Floats) -> Floats:
-        direction = _tilted(frame, values[:2])
-        centre = np.array([values[2], values[3], 1.0])
-        polar = _polar(lines, direction, centre)
-        # Differences of r1, r2 and the angle between, with their covariance through each marker's own two rays.
-        apart = polar[:, 1, 1] - polar[:, 0, 1] - values[6]
-        error = np.stack(
-            (polar[:, 0, 0] - values[4], polar[:, 1, 0] - values[5], np.angle(np.exp(1j * apart))), axis=-1
-        )
-        slopes = _polar_slopes(lines, direction, centre)
-        joint = np.zeros((len(lines), 3, 4))
-        joint[:, 0, :2], joint[:, 2, :2] = slopes[:, 0, 0], -slopes[:, 0, 1]
-        joint[:, 1, 2:], joint[:, 2, 2:] = slopes[:, 1, 0], slopes[:, 1, 1]
-        both = np.zeros((len(lines), 4, 4))
-        both[:, :2, :2], both[:, 2:, 2:] = spread[:, 0], spread[:, 1]
-        return _whitened(error, joint @ both @ np.swapaxes(joint, -1, -2))
-
-    values, covariance, chi_squared = least_squares(residuals, start)
-    return values, covariance, chi_squared, frame
-
-
-def _on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:
-    return np.asarray(lines * ((through @ direction) / (lines @ direction))[..., None])
-
-
-def _polar(lines: Floats, direction: Floats, point: Floats) -> Floats:
-    """Return radius and angle (n, 2, 2) about the axis of where lines of sight meet the plane across it."""
-    u, v = axis_basis(direction)
-    away = _on_unit_plane(lines, direction, point) - point
-    x, y = away @ u, away @ v
-    return np.stack((np.hypot(x, y), np.arctan2(y, x)), axis=-1)
-
-
-def _polar_slopes(lines: Floats, direction: Floats, point: Floats) -> Floats:
-    """Return the derivative (n, 2, 2, 2) of radius and angle with respect to the ray."""
-    u, v = axis_basis(direction)
-    reach = (lines @ direction)[..., None]
-    place = lines * ((point @ direction) / reach)
-    away = place - point
-    x, y = (away @ u)[..., None], (away @ v)[..., None]
-    # d place / d ray_i = (D/reach)·(e_i − line·direction_i/reach)
-    depth = (point @ direction) / reach
-    by_ray_u = depth * (u[:2] - (lines @ u)[..., None] * direction[:2] / reach)
-    by_ray_v = depth * (v[:2] - (lines @ v)[..., None] * direction[:2] / reach)
-    radius = np.hypot(x, y)
-    return np.stack(((x * by_ray_u + y * by_ray_v) / radius, (x * by_ray_v - y * by_ray_u) / radius**2), axis=-2)
-
-
 def _start_directions(lines: Floats) -> list[Floats]:
     """Return the two tilts, mirror images of each other, from which the paths look most like circles."""
     toward = -lines.mean(axis=(0, 1))
@@ -321,26 +261,9 @@ def _start_directions(lines: Floats) -> list[Floats]:
 
 
 def _roundness(lines: Floats, direction: Floats) -> float:
-    place = _on_unit_plane(lines, direction, lines.mean(axis=(0, 1)))
-    radius = np.linalg.norm(place - _common_centre(place, direction), axis=-1)
+    place = on_unit_plane(lines, direction, lines.mean(axis=(0, 1)))
+    radius = np.linalg.norm(place - common_centre(place, direction), axis=-1)
     return float(np.sum((radius - radius.mean(axis=0)) ** 2) / np.sum(radius**2))
-
-
-def _common_centre(position: Floats, direction: Floats) -> Floats:
-    """Return the centre of circles of several markers about one axis, by linear least squares."""
-    u, v = axis_basis(direction)
-    middle = position.mean(axis=(0, 1))
-    x, y = (position - middle) @ u, (position - middle) @ v
-    markers = x.shape[1]
-    own = np.broadcast_to(np.eye(markers), (*x.shape, markers))
-    design = np.concatenate((2.0 * x[..., None], 2.0 * y[..., None], own), axis=-1).reshape(-1, 2 + markers)
-    answer = np.linalg.lstsq(design, (x**2 + y**2).ravel(), rcond=None)[0]
-    return np.asarray(middle + answer[0] * u + answer[1] * v)
-
-
-def _tilted(frame: Floats, tilt: Floats) -> Floats:
-    vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _widest(covariance: Floats) -> float:
@@ -350,11 +273,6 @@ def _widest(covariance: Floats) -> float:
 
 def _towards_camera(direction: Floats, point: Floats) -> Floats:
     return direction if direction @ point < 0 else -direction
-
-
-def _whitened(error: Floats, covariance: Floats) -> Floats:
-    factor = np.linalg.cholesky(covariance)
-    return np.asarray(np.linalg.solve(factor, error[..., None])).ravel()
 
 
 def _arc(away: Floats, direction: Floats) -> float:

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+USUAL_PX: Final = 0.02
+"""Usual size of a marker's errors that hang together, on films from lossless to CRF 30."""
 _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Size of the errors that hang together over the usual one, as tried."""
