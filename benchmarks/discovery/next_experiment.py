@@ -17,6 +17,7 @@ import argparse
 import json
 import math
 import os
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from tests import proposed
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.records import SyncedTable
@@ -70,23 +74,6 @@ PAIRS = (
     ),
 )
 """The films are poor ones, or the first records would not be ambiguous."""
-
-
-def protocol(segments: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the half-cycles of a scene file that do what a proposed programme's segments say."""
-    out: list[dict[str, Any]] = []
-    for segment in segments:
-        if segment["action"] == "cool":
-            out[-1]["cool_s"] = segment["duration_s"]
-            continue
-        if not out or "cool_s" in out[-1]:
-            out.append({"spring": segment["spring"], "points": [], "heat_s": 0.0})
-        last, end_s = out[-1], out[-1]["heat_s"] + segment["duration_s"]
-        last["points"].append([end_s - segment["hold_s"], segment["to_c"]])
-        if segment["hold_s"] > 0.0:
-            last["points"].append([end_s, segment["to_c"]])
-        last["heat_s"] = end_s
-    return out
 
 
 def cycles(rates_c_per_s: Sequence[float]) -> list[dict[str, Any]]:
@@ -157,7 +144,7 @@ def run(pair: Pair, spec: ActuatorSpec, figures: Path | None) -> dict[str, Any]:
     gains = {name: findings.field.base.cost - findings.field.contenders[(name,)].cost for name in truths}
     answers, tables = {}, {}
     for name, keys in truths.items():
-        tables[name] = record(pair, {name: keys}, protocol(found.segments))
+        tables[name] = record(pair, {name: keys}, proposed.half_cycles(found.segments))
         report = discover(tables[name], spec)
         answers[name] = {
             "true": keys,

@@ -30,11 +30,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.recordings import same_recording
+from tests.small_picture import SMALL_PICTURE
 from torsight.core.results import DOCUMENTS
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
 
-SCENE = """
+SCENE = (
+    """
 seed = {seed}
 [protocol]
 time_factor = 0.05
@@ -50,15 +52,9 @@ wire_capacity_j_per_k = 0.6
 [film]
 fps = 10.0
 crf = 8
-[camera]
-width_px = 320
-height_px = 240
-focal_px = 550.0
-[sticks]
-dot_mm = 2.4
-[light]
-read_noise = 0.7
 """
+    + SMALL_PICTURE
+)
 TORSIGHT = (sys.executable, "-m", "torsight.cli.main")
 
 

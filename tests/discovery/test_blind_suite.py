@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from tests.scripts import script
 from torsight.core.units import DEG
 from torsight.discovery.discover import discover
 from torsight.discovery.prediction import predict_angle
@@ -18,14 +16,7 @@ from torsight.discovery.prediction import predict_angle
 
 @pytest.fixture(scope="module")
 def cases() -> ModuleType:
-    path = Path(__file__).parents[2] / "benchmarks" / "discovery" / "cases.py"
-    spec = importlib.util.spec_from_file_location("blind_suite_cases", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return script("benchmarks/discovery/cases.py")
 
 
 def test_nothing_is_named_on_a_rig_whose_phase_law_is_a_little_bent(cases: ModuleType) -> None:

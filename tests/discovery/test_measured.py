@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from tests.scripts import script
 from torsight.discovery.engine import find_missing
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
 
@@ -18,14 +17,7 @@ pytestmark = pytest.mark.shared_data
 
 @pytest.fixture(scope="module")
 def emps() -> ModuleType:
-    path = Path(__file__).parents[2] / "examples" / "emps.py"
-    spec = importlib.util.spec_from_file_location("emps_example", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return script("examples/emps.py")
 
 
 def test_linear_drive_lacks_friction_that_differs_by_direction(emps: ModuleType, shared_data: Path) -> None:

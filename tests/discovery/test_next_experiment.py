@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.proposed import half_cycles
 from torsight.actuator.drive import prepare_log
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, actuator_from
@@ -116,25 +117,6 @@ def test_a_programme_does_what_its_segments_say() -> None:
     assert set(menu(Habits(0.1, 0.2, 75.0, 55.0, 60.0), heat)) >= {"usual", "slow", "fast", "partial", "stairs"}
 
 
-def half_cycles(segments: tuple[dict[str, object], ...]) -> list[dict[str, object]]:
-    """Return the proposed segments as half-cycles of a scene for the synthetic rig."""
-    out: list[dict[str, object]] = []
-    for segment in segments:
-        if segment["action"] == "cool":
-            out[-1]["cool_s"] = segment["duration_s"]
-            continue
-        if not out or "cool_s" in out[-1]:
-            out.append({"spring": segment["spring"], "points": [], "heat_s": 0.0})
-        last = out[-1]
-        start_s, lasts_s = float(last["heat_s"]), float(segment["duration_s"])
-        reach_s = start_s + lasts_s - float(segment["hold_s"])
-        last["points"] = [*last["points"], [reach_s, segment["to_c"]]]  # type: ignore[misc]
-        if float(segment["hold_s"]) > 0.0:
-            last["points"] = [*last["points"], [start_s + lasts_s, segment["to_c"]]]  # type: ignore[misc]
-        last["heat_s"] = start_s + lasts_s
-    return out
-
-
 def record(effects: dict[str, dict[str, float]], protocol: list[dict[str, object]]) -> SyncedTable:
     scene = {
         "motion": {"kind": "rig"},
@@ -177,7 +159,7 @@ def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_
     assert np.median(np.abs(plain * 180.0 / np.pi - columns["sensor_lag_deg"])) < 0.5
     again = next_experiment(problem, field, rivals, needed_gain=12.0)
     assert again.to_json() == found.to_json()
-    protocol = half_cycles(found.segments)  # type: ignore[arg-type]
+    protocol = half_cycles(found.segments)
     for truth in ({"sensor_lag": {"lag_s": 5.0}}, {"clock_offset": {"offset_s": 5.0}}):
         _, new = field_of(record(truth, protocol), spec, names)
         cost = {name: new.contenders[(name,)].cost for name in names}

@@ -14,11 +14,13 @@ from calibration.printing import usual_board
 from tests.actuator.spring_bench import write_bench
 from tests.calibration.made_up_views import in_right, poses
 from tests.docs.documented import ROOT
+from tests.small_picture import SMALL_PICTURE
 from tests.tracker.films import Rig, write_film
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
 
-SCENE = """
+SCENE = (
+    """
 seed = 5
 [protocol]
 time_factor = 0.08
@@ -39,20 +41,13 @@ M_s_c = 0.6
 [film]
 fps = 3.0
 crf = 18
-[camera]
-width_px = 320
-height_px = 240
-focal_px = 550.0
-[sticks]
-dot_mm = 2.4
-[light]
-read_noise = 0.7
-texture = 0.0
 [log]
 offset_s = 5.0
 [output]
 camera = false
 """
+    + SMALL_PICTURE
+)
 
 
 def small_scene() -> Scene:
