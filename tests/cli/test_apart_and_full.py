@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-import resource
 import shlex
 import shutil
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.cli.bad_inputs import make_world
+from tests.full_disk import full_disk
 from tests.fuzz.readers import READERS, TESTS, make_neighbours
 from torsight.cli.main import main
 
@@ -84,19 +81,6 @@ def test_paths_stay_where_they_say(world: Path, capsys: pytest.CaptureFixture[st
         assert f"{name}: no such file" in capsys.readouterr().err
     assert not list(world.parent.rglob("made"))
     assert not (world / "results").exists()
-
-
-@contextmanager
-def full_disk(limit_bytes: int) -> Iterator[None]:
-    """Let no file grow beyond a limit, as on a disk that has that much left; holds for root, too."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-        signal.signal(signal.SIGXFSZ, before)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -34,6 +37,10 @@ CURVES: Final = {
     "temperature/b": ("merged", "curves"),
 }
 """The tables that hold a curve, the best first."""
+
+_END: Final = b"RRF2FOOT"
+_END_BYTES: Final = 64
+"""A recording ends with its table of contents, which these letters mark."""
 
 COLUMNS: Final = {
     "angle/measured": "angle_deg",
@@ -79,17 +86,34 @@ def write_recording(folder: Path, *, film: Path | None = None, progress: Progres
         preview = _preview(results, film, Path(scratch), progress=progress)
         # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
         stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
-        stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
-        layout.log_styles(stream)
-        log_curves(stream, results)
-        log_band(stream, results)
-        log_half_cycles(stream, results)
-        _log_film(stream, results, preview)
-        _log_words(stream, results)
-        stream.flush()
-        stream.disconnect()
+        with _whole(temporary):
+            stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
+            layout.log_styles(stream)
+            log_curves(stream, results)
+            log_band(stream, results)
+            log_half_cycles(stream, results)
+            _log_film(stream, results, preview)
+            _log_words(stream, results)
+            stream.flush()
+            stream.disconnect()
     progress("recording", 1, 1)
     return path
+
+
+@contextlib.contextmanager
+def _whole(path: Path) -> Iterator[None]:
+    """Refuse a recording that lacks its end: on a full disk its writer ends early, or says nothing at all."""
+    full = OSError(errno.ENOSPC, "it was cut off while it was written: is the disk full?")
+    try:
+        yield
+    except RuntimeError as error:
+        if "writer" not in str(error):
+            raise
+        raise full from error
+    with path.open("rb") as file:
+        file.seek(max(file.seek(0, os.SEEK_END) - _END_BYTES, 0))
+        if _END not in file.read():
+            raise full
 
 
 def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress: Progress) -> Preview | None:
