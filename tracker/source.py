@@ -141,25 +141,14 @@ def open_source(
 def _read_times(path: Path) -> NDArray[np.float64]:
     """Read ``frame, time_s``; index by frame number, NaN where the table has no row."""
     from torsight.core.storage import read_table
-    from torsight.core.tables import MOST_FRAMES, require_increasing
+    from torsight.core.tables import frame_numbers, require_increasing
 
     table = read_table(path, required=("frame", "time_s"))
-    frame = table["frame"].to_numpy(np.float64)
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
-    bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
-    bad[1:] |= ~(frame[1:] > frame[:-1])
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        raise InputError(
-            "is no frame number in increasing order",
-            where=f"{path}, row {row + 2}, column frame",
-            value=f"{frame[row]:g}",
-            limit=f"0, 1, 2 … {MOST_FRAMES} at most",
-            do="mend the table",
-        )
+    frame = frame_numbers(table, path=path)
     times = np.full(int(frame[-1]) + 1, np.nan)
-    times[frame.astype(np.int64)] = time_s
+    times[frame] = time_s
     return times
 
 

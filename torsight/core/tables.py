@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from torsight.core.records import SyncedTable
 from torsight.core.storage import number_column, read_table, write_table
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_FRAMES: Final = 20_000_000
 """A larger frame number is a damaged one: no film is that long."""
@@ -38,13 +41,36 @@ def angle_columns(angles: StickAngles) -> dict[str, Any]:
     }
 
 
+def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
+    """Return the column ``frame`` of a table, one row after the other of the film.
+
+    Raises
+    ------
+    InputError
+        For a number that is not whole, does not come after the one before, or is larger than any film's.
+    """
+    frame = table["frame"].to_numpy(np.float64)
+    bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
+    bad[1:] |= ~(frame[1:] > frame[:-1])
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise InputError(
+            "is no frame number in increasing order",
+            where=f"{path}, row {row + 2}, column frame",
+            value=f"{frame[row]:g}",
+            limit=f"0, 1, 2 … {MOST_FRAMES} at most",
+            do="mend the table, or track the film again",
+        )
+    return np.asarray(frame, dtype=np.int64)
+
+
 def read_angles(path: Path) -> StickAngles:
     """Read ``angle.csv``.
 
     Raises
     ------
     InputError
-        When a column is missing, or the times do not increase.
+        When a column is missing, or frames or times do not increase.
     """
     table = read_table(path, required=_ANGLE)
     valid = table["valid"].to_numpy() > 0.5
@@ -54,19 +80,8 @@ def read_angles(path: Path) -> StickAngles:
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
     require_degrees(table["angle_deg"].to_numpy(np.float64), where=str(path))
-    frame = table["frame"].to_numpy(np.float64)
-    bad = ~((frame >= 0) & (frame <= MOST_FRAMES))
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        raise InputError(
-            "is no frame number",
-            where=f"{path}, row {row + 2}, column frame",
-            value=f"{frame[row]:g}",
-            limit=f"0 to {MOST_FRAMES}",
-            do="track the film again",
-        )
     return StickAngles(
-        frame=frame.astype(np.int64),
+        frame=frame_numbers(table, path=path),
         time_s=time_s,
         angle_rad=np.where(valid, table["angle_deg"].to_numpy(np.float64) * DEG, np.nan),
         sigma_rad=np.where(valid, table["angle_sigma_deg"].to_numpy(np.float64) * DEG, np.nan),
