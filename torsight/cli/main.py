@@ -40,6 +40,8 @@ COMMANDS: Final = (
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
+_ASKED_AGAIN_S: Final = 0.3
+
 app = typer.Typer(
     name="torsight",
     help="From a film of two sticks to a trusted model of the torsion actuator.",
@@ -102,19 +104,51 @@ class _Ended(BaseException):
 
 @contextlib.contextmanager
 def _asked_to_end() -> Iterator[None]:
-    """Let a request to end unwind the command, so that it leaves no half-written file behind."""
+    """Let a request to end unwind the command, so that it leaves no half-written file behind.
+
+    An exception that is raised while compiled code calls back into Python is lost there. So the process asks itself
+    again until the request has come through; while it unwinds, further requests change nothing.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    ended = threading.Event()
+    asking: list[threading.Thread] = []
+
+    def ask_again(thread: int) -> None:
+        while not ended.wait(_ASKED_AGAIN_S):
+            signal.pthread_kill(thread, signal.SIGTERM)
 
     def end(_number: int, _frame: object) -> None:
+        if _unwinding():
+            return
+        if not asking:
+            asking.append(threading.Thread(target=ask_again, args=(threading.get_ident(),), daemon=True))
+            asking[0].start()
         raise _Ended
 
+    def tell_nobody(lost: sys.UnraisableHookArgs, /) -> None:
+        if not isinstance(lost.exc_value, _Ended):
+            tell_lost(lost)
+
+    tell_lost, sys.unraisablehook = sys.unraisablehook, tell_nobody
     before = signal.signal(signal.SIGTERM, end)
     try:
         yield
     finally:
+        ended.set()
+        for thread in asking:
+            thread.join()
         signal.signal(signal.SIGTERM, before)
+        sys.unraisablehook = tell_lost
+
+
+def _unwinding() -> bool:
+    """Return whether a request to end is on its way up through what puts things away."""
+    error = sys.exception()
+    while error is not None and not isinstance(error, _Ended):
+        error = error.__context__
+    return error is not None
 
 
 def _interrupted(code: int) -> int:

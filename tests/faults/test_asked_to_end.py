@@ -1,0 +1,66 @@
+"""A request to end comes through wherever it meets the command, once, and what puts things away is left in peace."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import itertools
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from torsight.cli import main
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+
+def work_on() -> None:
+    """Go on for longer than any test waits, in steps that a signal can interrupt."""
+    for _ in itertools.repeat(None, 3000):
+        time.sleep(0.01)
+
+
+def ask() -> None:
+    signal.raise_signal(signal.SIGTERM)
+
+
+def through_compiled_code() -> None:
+    """Ask while foreign code calls back into Python: an exception is lost on the way."""
+    ctypes.CFUNCTYPE(None)(ask)()
+
+
+@pytest.mark.parametrize("how", [ask, through_compiled_code])
+def test_the_request_comes_through(how: Callable[[], None], capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGTERM), sys.unraisablehook
+
+    def asked() -> None:
+        with main._asked_to_end():
+            how()
+            work_on()
+
+    with pytest.raises(main._Ended):
+        asked()
+    assert (signal.getsignal(signal.SIGTERM), sys.unraisablehook) == before
+    assert capsys.readouterr().err == ""
+
+
+def test_what_puts_things_away_is_not_interrupted() -> None:
+    put_away: list[str] = []
+
+    @contextlib.contextmanager
+    def held() -> Iterator[None]:
+        try:
+            yield
+        finally:
+            ask()
+            with contextlib.suppress(FileNotFoundError):
+                raise FileNotFoundError
+            ask()
+            put_away.append("all of it")
+
+    with pytest.raises(main._Ended), main._asked_to_end(), held():
+        ask()
+    assert put_away == ["all of it"]
