@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import heapq
 from collections.abc import Iterator
 from fractions import Fraction
@@ -151,7 +152,8 @@ class FilmSource:
         step = 1.0 / (self._rate or DEFAULT_FPS)
         if pts is None or start is None:
             return last_s + step if np.isfinite(last_s) else 0.0
-        time_s = float((pts - start) * base)
+        # Rounded once, as the fraction would be.
+        time_s = (pts - start) * base.numerator / base.denominator
         # Two frames with one stamp: some containers' clocks are coarser than the frame rate.
         return time_s if time_s > last_s else last_s + 1e-3 * step
 
@@ -270,19 +272,29 @@ class _Reader:
 
 def luma_of(frame: Any, *, rotation: int) -> NDArray[np.uint8]:
     """Return the brightness of a frame, a view of the decoder's memory where possible."""
-    name = str(frame.format.name)
-    plane = frame.planes[0]
-    if name.startswith(_PLANAR) and not name.endswith(("le", "be")) and name not in ("gray16", "gray10"):
+    name = frame.format.name
+    bits = _bits_below(name)
+    if bits == 0:
+        plane = frame.planes[0]
         rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
         luma = rows[: frame.height, : frame.width]
-    elif name.startswith(("yuv4", "gray1")) and name[-4:] in _DEEP:
+    elif bits is not None:
+        plane = frame.planes[0]
         deep = np.frombuffer(plane, np.uint16).reshape(-1, plane.line_size // 2)
-        luma = (deep[: frame.height, : frame.width] >> _DEEP[name[-4:]]).astype(np.uint8)
+        luma = (deep[: frame.height, : frame.width] >> bits).astype(np.uint8)
     else:
         luma = frame.to_ndarray(format="gray")
     if rotation:
         luma = np.ascontiguousarray(np.rot90(luma, rotation // 90))
     return luma
+
+
+@functools.cache
+def _bits_below(name: str) -> int | None:
+    """Return how many bits the luma of a pixel format has below a byte's; None where it has no plane of its own."""
+    if name.startswith(_PLANAR) and not name.endswith(("le", "be")) and name not in ("gray16", "gray10"):
+        return 0
+    return _DEEP.get(name[-4:]) if name.startswith(("yuv4", "gray1")) else None
 
 
 def _kilo(value: int | None) -> float | None:

@@ -27,7 +27,7 @@ _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Size of the errors that hang together over the usual one, as tried."""
 _SPREAD: Final = 1.2
 """Standard deviation of the logarithm of that ratio: a factor of three."""
-_MOST_ROWS: Final = 240
+_MOST_ROWS: Final = 160
 _BIN_RAD: Final = np.deg2rad(2.0)
 
 
@@ -39,8 +39,6 @@ class HangingErrors:
     ----------
     whiten : (n, n) float64
         Takes residuals in units of white noise to independent ones of unit variance.
-    log_determinant : float
-        Of the covariance of one column of residuals.
     white : float
         a: white noise over what it was said to be; 1 at least.
     ratio : float
@@ -50,7 +48,6 @@ class HangingErrors:
     """
 
     whiten: Floats
-    log_determinant: float
     white: float
     ratio: float
     length_rad: float
@@ -74,25 +71,25 @@ def hanging_errors(direction_rad: Floats, error: Floats, slopes: Floats, *, usua
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
-    best = -np.inf, HangingErrors(np.eye(n), 0.0, 1.0, 0.0, _LENGTHS_RAD[0])
+    best = -np.inf, HangingErrors(np.eye(n), 1.0, 0.0, _LENGTHS_RAD[0])
     for length in _LENGTHS_RAD:
-        together = np.exp(-apart / length)
+        # In its own directions the covariance is diagonal for every ratio.
+        share, ways = np.linalg.eigh(np.exp(-apart / length))
+        error_along, slopes_along = ways.T @ error, (ways.T @ slopes.reshape(n, -1)).reshape(slopes.shape)
         for ratio in _RATIOS:
-            covariance = np.eye(n) + (ratio * usual) ** 2 * together
-            factor = np.linalg.cholesky(covariance)
-            whiten = np.linalg.inv(factor)
-            flat = (whiten @ error).reshape(-1)
-            columns = (whiten @ slopes.reshape(n, -1)).reshape(n * q, -1)
+            variance = 1.0 + (ratio * usual) ** 2 * np.maximum(share, 0.0)
+            flat = (error_along / np.sqrt(variance)[:, None]).ravel()
+            columns = (slopes_along / np.sqrt(variance)[:, None, None]).reshape(n * q, -1)
             basis, triangle = np.linalg.qr(columns)
             left = flat - basis @ (basis.T @ flat)
             free = max(n * q - columns.shape[1], 1)
             white = max(1.0, float(np.sqrt(left @ left / free)))
-            log_determinant = 2.0 * float(np.sum(np.log(np.diag(factor))))
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
-            score = -0.5 * q * log_determinant - lost - free * np.log(white) - 0.5 * float(left @ left) / white**2
-            score -= 0.5 * (np.log(ratio) / _SPREAD) ** 2
+            score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
+            score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2
             if score > best[0]:
-                best = score, HangingErrors(whiten / white, log_determinant, white, float(ratio * usual), length)
+                whiten = (ways / np.sqrt(variance)).T / white
+                best = score, HangingErrors(whiten, white, float(ratio * usual), length)
     return best[1]
 
 
