@@ -7,14 +7,13 @@ report.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
@@ -26,6 +25,7 @@ from torsight.actuator.turns import turning_points
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 from torsight.discovery.interface import Candidate
+from torsight.discovery.temperature_errors import TemperatureErrors, draw_errors, with_errors
 
 Array = NDArray[np.float64]
 
@@ -34,9 +34,6 @@ RESOLUTION_DEG: Final = 0.1
 ALWAYS_FAMILY: Final = "start"
 """Effects of this family say what came before the record: they are always fitted and never named."""
 _NOISE_DRAWS: Final = 6
-_ALIKE_S: Final = 3.0
-_TOP_C: Final = 1.0
-_TOP_SHARE: Final = 0.5
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
 
@@ -67,7 +64,6 @@ class ActuatorProblem:
     seed: int = 0
     resolution: float = RESOLUTION_DEG
     clock_sigma_s: float | None = None
-    _noisy: dict[float, tuple[Drive, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -149,20 +145,27 @@ class ActuatorProblem:
 
         Errors of the size that the conditioning gives are drawn and driven through the model. That catches what a
         formula would miss: a corner's error stays in the angle for the whole rest after it. The top of a half-cycle, at
-        which an incomplete transformation ends, is such a corner, and known little better than one sample is.
+        which an incomplete transformation ends, is such a corner.
         """
-        return self._errors_through(self._noisy_drives(tops=_TOP_SHARE), values, effects)
+        late_s = values.get("lag_s", 0.0)
+        return self._errors_through(lambda errors: errors.with_tops(late_s), values, effects)
 
     def smooth_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return the same with the tops of half-cycles as well known as the rest of the temperatures."""
-        return self._errors_through(self._noisy_drives(tops=0.0), values, effects)
+        return self._errors_through(lambda errors: errors.smooth_c, values, effects)
 
-    def _errors_through(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        if not drives:
+    def _errors_through(
+        self,
+        added_c: Callable[[TemperatureErrors], tuple[Array, Array]],
+        values: Mapping[str, float],
+        effects: Sequence[str],
+    ) -> Array:
+        if not self._temperature_errors:
             return np.zeros(len(self.rows))
         clean = self.predict(values, effects)
-        errors = [self._predict(drive, values, effects) - clean for drive in drives]
-        return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+        drives = (with_errors(self.drive, added_c(errors)) for errors in self._temperature_errors)
+        found = [self._predict(drive, values, effects) - clean for drive in drives]
+        return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         ports = self.model(effects).ports(drive, values)
@@ -177,13 +180,12 @@ class ActuatorProblem:
         )
         return run_ports(thin, start_angle_rad=drive.start_angle_rad).angle_rad / DEG
 
-    def _noisy_drives(self, *, tops: float) -> tuple[Drive, ...]:
+    @cached_property
+    def _temperature_errors(self) -> tuple[TemperatureErrors, ...]:
         if self.drive.noise_c <= NEGLIGIBLE_C:
             return ()
-        if tops not in self._noisy:
-            rng = np.random.default_rng(self.seed)
-            self._noisy[tops] = tuple(_noisy(self.drive, rng, tops=tops) for _ in range(_NOISE_DRAWS))
-        return self._noisy[tops]
+        rng = np.random.default_rng(self.seed)
+        return tuple(draw_errors(self.drive, rng) for _ in range(_NOISE_DRAWS))
 
 
 def kept_rows(drive: Drive) -> NDArray[np.int64]:
@@ -236,37 +238,6 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
     mean = (total[high] - total[low]) / number
     usable = good[rows] | (count[high] - count[low] > half)
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
-
-
-def _noisy(drive: Drive, rng: np.random.Generator, *, tops: float) -> Drive:
-    """Return the drive with errors of its own size, alike over a few seconds, on its temperatures and their slopes.
-
-    ``tops`` is the error of each half-cycle's top in standard deviations of one sample.
-    """
-    interval = float(np.median(np.diff(drive.time_s)))
-    errors = []
-    for spring in range(2):
-        smooth = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval, mode="nearest")
-        error = drive.temp_sigma_c * smooth / max(float(np.std(smooth)), 1e-12)
-        errors.append(error + tops * drive.noise_c * _at_tops(drive, spring, rng))
-    slopes = [np.gradient(error, drive.time_s) for error in errors]
-    return replace(
-        drive,
-        temp_a_c=drive.temp_a_c + errors[0],
-        temp_b_c=drive.temp_b_c + errors[1],
-        rate_a_c_s=drive.rate_a_c_s + slopes[0],
-        rate_b_c_s=drive.rate_b_c_s + slopes[1],
-    )
-
-
-def _at_tops(drive: Drive, spring: int, rng: np.random.Generator) -> Array:
-    """Return a bump of random height (one standard deviation: 1) at the top of every half-cycle of a spring."""
-    temp_c = drive.temp_a_c if spring == 0 else drive.temp_b_c
-    bumps = np.zeros(len(drive))
-    for label in np.unique(drive.cycles.half[drive.cycles.active == spring]):
-        rows = drive.cycles.half == label
-        bumps[rows] = rng.standard_normal() * np.exp(-(np.max(temp_c[rows]) - temp_c[rows]) / _TOP_C)
-    return bumps
 
 
 def _clock_known(effect: Effect, sigma_s: float) -> Effect:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.fitting import EffectSet
+from torsight.discovery.fitting import EffectSet, space_of
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
@@ -23,6 +23,10 @@ from torsight.discovery.stand_in import LEAST_PULLED, predictable
 
 LEAST_BY_PRIORS: Final = 15.0
 """Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
+
+
+_TIED: Final = 0.9
+"""Correlation from which two effects' values hang together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,9 +164,11 @@ class _Judge:
             return False
         if not without.effects:
             return True
-        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then.
+        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then and
+        # the two do not hang together.
         whole = self._over_time(self._field.base.held_out.residual)
-        least = 0.0 if after <= self._least_size() else self._settings.share_of_all * whole
+        alone = after <= self._least_size() and not tied(self._field, contender)
+        least = 0.0 if alone else self._settings.share_of_all * whole
         return before - after >= max(self._settings.share_of_rest * rest, least)
 
     def _least_size(self) -> float:
@@ -231,6 +237,24 @@ class _Judge:
             for c in self._field.of_size(len(chosen.effects))
             if c is not chosen and c.named and c.cost <= limit and self.earned(c) and self.adequate(c)
         ]
+
+
+def tied(field: Field, contender: Contender) -> bool:
+    """Return whether values of two effects of a set can only be known together: what one lacks the other makes up."""
+    fit = contender.fit
+    space = space_of(fit.parameters)
+    derivative = fit.solution.jacobian * space.scale
+    information = derivative.T @ (derivative * field.fitter.weight[:, None])
+    information[np.diag_indices_from(information)] += space.prior_information * space.scale**2 + 1e-9
+    spread = np.linalg.inv(information)
+    size = np.sqrt(np.diag(spread))
+    places = {p.name: i for i, p in enumerate(fit.parameters)}
+    own = [[places[p.name] for p in field.fitter.candidates[name].parameters] for name in fit.effects]
+    return any(
+        float(np.max(np.abs(spread[np.ix_(one, other)] / np.outer(size[one], size[other])))) > _TIED
+        for k, one in enumerate(own)
+        for other in own[:k]
+    )
 
 
 def _weights(contenders: list[Contender]) -> dict[EffectSet, float]:
