@@ -73,14 +73,13 @@ def fill_in(folder: Path, world: Path) -> None:
 
 
 def _scenes(folder: Path) -> None:
-    """Put this scene and the repository's there, a moment of their films long."""
+    """Put this scene there, and the repository's with films of a moment."""
+    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
     scenes = folder / "fixtures" / "scenes"
     scenes.mkdir(parents=True)
-    texts = {folder / "scene.toml": SCENE}
     for path in (ROOT / "fixtures" / "scenes").glob("*.toml"):
-        texts[scenes / path.name] = path.read_text(encoding="utf-8")
-    for path, text in texts.items():
-        path.write_text(text.replace("[film]", "[film]\nseconds = 0.5"), encoding="utf-8")
+        text = path.read_text(encoding="utf-8").replace("[film]", "[film]\nseconds = 0.5")
+        (scenes / path.name).write_text(text, encoding="utf-8")
 
 
 def _boards(folder: Path) -> None:

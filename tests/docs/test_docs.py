@@ -8,12 +8,13 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import typer
 
 from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, commands, named
+from torsight.actuator.effects import ActsOn, load_effects
 from torsight.cli.main import COMMANDS, app
 from torsight.cli.reference import command_reference
 
@@ -49,6 +50,12 @@ def test_what_the_page_on_python_names_can_be_imported() -> None:
     for package, names in rows:
         module = importlib.import_module(package)
         assert not [name for name in re.findall(r"`(\w+)`", names) if not hasattr(module, name)], package
+
+
+def test_the_files_to_copy_for_an_effect_act_where_the_page_says() -> None:
+    text = (DOCS / "effects.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^ *\| `(\w+)` \|.*\| `(\w+)` \|$", text, flags=re.MULTILINE)
+    assert {port: load_effects()[name].acts_on for port, name in rows} == {port: port for port in get_args(ActsOn)}
 
 
 def test_the_readme_fits_one_screen() -> None:

@@ -49,6 +49,31 @@ def test_command_writes_the_files_of_the_contract(tmp_path: Path, app: typer.Typ
     assert truth["angle_deg"].tolist() == pytest.approx([60.0, 62.0, 64.0, 66.0, 68.0])
 
 
+def test_a_record_without_a_film_is_the_rigs_own(tmp_path: Path, app: typer.Typer) -> None:
+    text = """
+seed = 4
+[protocol]
+time_factor = 0.05
+[[protocol.half_cycle]]
+spring = "a"
+[film]
+fps = 5.0
+[effects.end_stop]
+angle_deg = 100.0
+stiffness_mnm_per_rad = 1000.0
+"""
+    (tmp_path / "scene.toml").write_text(text)
+    words = [str(tmp_path / "scene.toml"), "--record", "--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"merged.csv", "actuator.toml", "truth.toml"}
+    merged = pd.read_csv(tmp_path / "out" / "merged.csv")
+    assert merged["time_s"].diff().dropna().tolist() == pytest.approx([0.2] * (len(merged) - 1))
+    # A stiff stop, and three sigmas of 0.06° of noise.
+    assert -100.0 - 1.0 < merged["angle_deg"].min() < -100.0 + 1.0
+    assert merged["temp_a_c"].max() > 75.0
+    assert "end_stop" in (tmp_path / "out" / "truth.toml").read_text()
+
+
 def test_seed_on_the_command_line_replaces_the_scenes(tmp_path: Path, app: typer.Typer) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     for seed in ("1", "2"):

@@ -15,6 +15,9 @@ def render(
     out: Annotated[Path, typer.Option(help="Folder for film, log and truth.")],
     *,
     seed: Annotated[int | None, typer.Option(min=0, help="Replaces the scene's seed.")] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="No film: merged.csv and actuator.toml, for fit and discover.")
+    ] = False,
 ) -> Answer:
     """Film a synthetic rig with known angles: film, temperature log, truth, and a ready experiment.
 
@@ -22,12 +25,17 @@ def render(
     """
     from torsight.cli.console import progress_bar, say
     from torsight.core.storage import read_toml, require_apart
-    from torsight.synthetic.render import render_scene
+    from torsight.synthetic.render import record_scene, render_scene
     from torsight.synthetic.scene import scene_from
 
     texts = ("experiment.toml", "actuator.toml", "camera.toml", "markers.toml", "truth.toml")
     require_apart([out / name for name in texts], [scene])
     read = scene_from(read_toml(scene), where=str(scene), seed=seed)
+    if record:
+        merged = record_scene(read, out=out)
+        actuator = out / "actuator.toml"
+        say(f"recorded {scene} in {out}; analyse it with: torsight discover {merged} --actuator {actuator} --out {out}")
+        return Answer({"merged": str(merged)}, files=(merged, actuator, out / "truth.toml"))
     with progress_bar() as progress:
         experiment = render_scene(read, out=out, progress=progress)
     say(f"filmed {scene} into {out}; analyse it with: torsight run {experiment}")

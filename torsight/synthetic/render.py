@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from torsight.core.camera import camera_content
 from torsight.core.progress import Progress, silent
 from torsight.core.storage import write_table, write_text
+from torsight.core.tables import write_merged
 from torsight.core.units import DEG
 from torsight.synthetic.camera_work import Occluders, frame_ticks, light_gain, shake_path
-from torsight.synthetic.experiment import Played, clock, log_columns, play_scene
+from torsight.synthetic.experiment import Played, clock, log_columns, make_record, play_scene
 from torsight.synthetic.film import SUFFIXES, TICKS, open_film
 from torsight.synthetic.optics import camera_of, views
 from torsight.synthetic.scene import Scene
@@ -66,6 +67,35 @@ def render_scene(scene: Scene, *, out: Path, progress: Progress = silent) -> Pat
     _write_toml(out / "truth.toml", _answer(scene))
     _write_toml(out / "experiment.toml", _experiment(scene))
     return out / "experiment.toml"
+
+
+def record_scene(scene: Scene, *, out: Path) -> Path:
+    """Write what a scene's rig does without filming it: as a perfect camera and one clock would have it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What happens; film, camera, light and the log's clock do not matter, but for the frame rate.
+    out : Path
+        Folder; gets ``merged.csv``, ``actuator.toml`` and ``truth.toml``.
+
+    Returns
+    -------
+    Path
+        ``merged.csv``.
+
+    Raises
+    ------
+    ConfigError
+        When the scene's motion is not a rig's.
+    OutputError
+        When a file cannot be written.
+    """
+    record = make_record(scene, rate_hz=scene.film.fps)
+    write_merged(out / "merged.csv", record.table)
+    _write_toml(out / "actuator.toml", scene.declared.to_toml())
+    _write_toml(out / "truth.toml", _answer(scene))
+    return out / "merged.csv"
 
 
 def film_names(scene: Scene) -> tuple[str, ...]:
