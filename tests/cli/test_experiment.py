@@ -56,6 +56,13 @@ def test_the_configuration_as_used_gives_the_same_experiment(folder: Path) -> No
     assert again == experiment
 
 
+def test_the_folder_of_an_experiment_stands_for_it(folder: Path) -> None:
+    assert read_experiment(_write(folder, WHOLE).parent) == read_experiment(folder / "experiment.toml")
+    (folder / "experiment.toml").unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        read_experiment(folder)
+
+
 def test_a_stereo_pair(folder: Path) -> None:
     text = WHOLE.replace('path = "film.mp4"', 'path = ["film.mp4", "right.mp4"]')
     assert read_experiment(_write(folder, text)).video_right == str(folder / "right.mp4")
@@ -68,7 +75,12 @@ def test_a_stereo_pair(folder: Path) -> None:
         ("offset_s", "ofset_s", ConfigError, r"\[sync\]: unknown key 'ofset_s'.*did you mean 'offset_s'"),
         ('path = "film.mp4"', "", ConfigError, r"\[video\]: 'path' names no film"),
         ('path = "film.mp4"', 'path = ["a", "b", "c"]', ConfigError, "a list of two for left and right"),
-        ('path = "film.mp4"', 'path = "flim.mp4"', InputError, r"no such file; did you mean film\.mp4"),
+        (
+            'path = "film.mp4"',
+            'path = "flim.mp4"',
+            InputError,
+            r"did you mean film\.mp4.*experiment\.toml, \[video\] path",
+        ),
         ('path = "temps.csv"', "", ConfigError, r"\[temperature\]: names no file"),
         ('file = "actuator.toml"', "file = 3", ConfigError, "'file' is not a text"),
         ("seed = 4", "seed = -1", ConfigError, "'seed' is out of range; found -1"),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.config import get_number, get_table, get_text
-from torsight.core.errors import ConfigError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.storage import check_keys, missing_file, read_toml
 
 KEYS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -107,7 +107,7 @@ class Experiment:
 
 
 def read_experiment(path: Path) -> Experiment:
-    """Read ``EXPERIMENT.toml``; relative paths are relative to it.
+    """Read ``EXPERIMENT.toml``, or that of a folder; relative paths are relative to it.
 
     Raises
     ------
@@ -116,7 +116,14 @@ def read_experiment(path: Path) -> Experiment:
     InputError
         When the file, or a file that it names, is missing.
     """
+    path = experiment_file(path)
     return experiment_from(read_toml(path), where=str(path), folder=path.parent)
+
+
+def experiment_file(path: Path) -> Path:
+    """Return the ``experiment.toml`` of a folder that has one, as ``torsight init`` leaves it; else the path."""
+    inside = path / "experiment.toml"
+    return inside if inside.is_file() else path
 
 
 def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> Experiment:
@@ -140,7 +147,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     def named(table: str, key: str) -> Path | None:
         if key not in tables[table]:
             return None
-        return _existing(folder / get_text(tables[table], key, where=places[table]))
+        return _existing(folder / get_text(tables[table], key, where=places[table]), named=f"{places[table]} {key}")
 
     temperature, actuator = named("temperature", "path"), named("actuator", "file")
     if temperature is None or actuator is None:
@@ -158,7 +165,8 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     fps = tables["video"].get("fps")
     sync = dict(tables["sync"])
     if "led_events" in sync:
-        sync["led_events"] = str(_existing(folder / get_text(sync, "led_events", where=places["sync"])))
+        name = get_text(sync, "led_events", where=places["sync"])
+        sync["led_events"] = str(_existing(folder / name, named=f"{places['sync']} led_events"))
     return Experiment(
         video=left,
         video_right=right,
@@ -202,12 +210,13 @@ def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, 
     for name in names:
         path = folder / name
         if not any(character in path.name for character in "*?["):
-            _existing(path)
+            _existing(path, named=f"{where} path")
         found.append(str(path))
     return found[0], found[1] if len(found) == 2 else None
 
 
-def _existing(path: Path) -> Path:
-    if not path.exists():
-        raise missing_file(path)
-    return path
+def _existing(path: Path, *, named: str) -> Path:
+    if path.exists():
+        return path
+    error = missing_file(path)
+    raise InputError(error.what, where=error.where, do=f"{error.do}; it is named in {named}")

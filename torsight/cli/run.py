@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def run(
-    experiment: Annotated[Path | None, typer.Argument(metavar="EXPERIMENT.toml", help="What belongs together.")] = None,
+    experiment: Annotated[
+        Path | None,
+        typer.Argument(metavar="EXPERIMENT.toml", help="What belongs together; or the folder of such a file."),
+    ] = None,
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,

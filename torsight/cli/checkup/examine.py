@@ -13,7 +13,7 @@ from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.film import MODEL_ERROR_DEG, check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment import experiment_file, read_experiment
 from torsight.core.camera import read_camera
 from torsight.core.errors import ConfigError, TorsightError
 from torsight.core.progress import Progress, silent
@@ -78,7 +78,7 @@ def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
     """
     found = Inputs(fps=fps)
     for name in names:
-        path = Path(name)
+        path = experiment_file(Path(name))
         suffix = path.suffix.lower()
         if suffix == ".toml":
             kind = _kind(path)
