@@ -14,13 +14,22 @@ if TYPE_CHECKING:
     from torsight.actuator.fit import FitResult
 
 
+def _effect_ids(begun: str) -> list[str]:
+    """Return the effects' ids for a shell's completion: the names of their files, which need not be imported for it."""
+    folder = Path(__file__).parents[1] / "actuator" / "effects"
+    return sorted(path.stem for path in folder.glob(f"{begun}*.py") if not path.stem.startswith("_"))
+
+
 def fit(
     merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
     *,
     actuator: Annotated[Path, typer.Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for fit.json and model.json.")],
     effect: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="An effect to fit as well; may be given more than once.")
+        list[str] | None,
+        typer.Option(
+            metavar="ID", autocompletion=_effect_ids, help="An effect to fit as well; may be given more than once."
+        ),
     ] = None,
 ) -> Answer:
     """Fit the friction torque, with the characterised values' uncertainties as priors.

@@ -30,6 +30,11 @@ def effect_name(identifier: str) -> str:
     return identifier.replace("_", " ")
 
 
+def counted(count: int, name: str) -> str:
+    """Return ``1 half-cycle`` or ``3 half-cycles``."""
+    return f"{count} {name}{'' if count == 1 else 's'}"
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number with ``digits`` significant digits, a true minus sign, and – where it is not known."""
     if value is None or not math.isfinite(value):

@@ -21,7 +21,7 @@ from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
-from torsight.core.wording import effect_name, listed
+from torsight.core.wording import counted, effect_name, listed
 
 _HARMLESS: Final = ("decimal_comma", "separator", "comment", "header", "units", "encoding")
 _SLOW_S: Final = 1.0
@@ -158,8 +158,8 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
         return [Finding("log", "stops", text, f"heat to {limits.full_c:.0f} °C and more")]
     full = [cycle for cycle in cycles if cycle.peak_c >= limits.full_c]
     text = (
-        f"{len(cycles)} half-cycles, peaks {peaks} °C; {len(full)} of them complete the transformation "
-        f"({limits.full_c:.1f} °C), {len(moving) - len(full)} end in it."
+        f"{counted(len(cycles), 'half-cycle')}, peaks {peaks} °C; the transformation is complete "
+        f"({limits.full_c:.1f} °C) in {len(full)}, not in {len(moving) - len(full)}."
     )
     level = "limits" if not full else "fine"
     advice = f"heat at least once to {limits.full_c:.0f} °C" if not full else ""
@@ -167,12 +167,15 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
     warm = [cycle for cycle in cycles[:-1] if cycle.end_c > limits.cooled_c]
     if warm:
         text = (
-            f"{len(warm)} half-cycles end before their spring has cooled to {limits.cooled_c:.1f} °C, where it is "
-            "martensite again, as the model takes it."
+            f"{counted(len(warm), 'half-cycle')} with a spring that has not cooled to {limits.cooled_c:.1f} °C, "
+            "where it is martensite again, as the model takes it."
         )
         findings.append(Finding("log", "limits", text, "let each spring cool for longer"))
     if len(moving) < _FEW:
-        text = f"only {len(moving)} half-cycles move: an effect is accepted on half-cycles that the fit has not seen."
+        text = (
+            f"only {counted(len(moving), 'half-cycle')} with motion: an effect is accepted on half-cycles that the fit "
+            "has not seen."
+        )
         findings.append(Finding("record", "limits", text, "record four and more, both springs, at two rates"))
     return findings
 
