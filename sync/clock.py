@@ -28,6 +28,7 @@ _BY_LIGHT_SIGMA_S: Final = 1.0
 _GIVEN_SIGMA_PPM: Final = 1e-3
 _WIDE_S: Final = 1.0
 _VERY_WIDE_S: Final = 5.0
+_TOO_MANY_UNMATCHED: Final = 2
 _ADVICE: Final = (
     "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
     "at two clearly different rates with one heating cut short"
@@ -101,6 +102,8 @@ def find_clock(
         notes = ("drift is not known and taken as none", *_restart_notes(settled))
         exact_offset = (given_offset_s, given_offset_s)
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), settled.reading)
+    if evidence.swapped and given_offset_s is None and evidence.strokes - evidence.matched >= _TOO_MANY_UNMATCHED:
+        raise _other_way_round(evidence)
     beliefs = evidence.beliefs
     if given_drift_ppm is not None:
         row = np.zeros(len(beliefs[0].mean))
@@ -242,6 +245,16 @@ def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
     if evidence.swapped:
         notes.append("the motion fits better with the springs the other way round: check which channel is A")
     return notes
+
+
+def _other_way_round(evidence: MotionEvidence) -> NoResultError:
+    return NoResultError(
+        "the offset between film and log is unknown: the motion fits with the springs the other way round",
+        where="angle and temperatures",
+        value=f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes without a heating or cooling",
+        limit="heating A turns clockwise, heating B counter-clockwise, as the film is seen",
+        do="check which channel is A and whether the film is mirrored, or give the offset (--offset)",
+    )
 
 
 def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:

@@ -348,6 +348,8 @@ def heating_end(
         return None
     reached_s = off_s + (top_c - level) / rate
     hold_s = off_s - reached_s
+    # Over a gap of the log a flank seems longer than its ramp.
+    length_s = min(length_s, rise_c / rate)
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
     reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0

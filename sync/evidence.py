@@ -35,6 +35,11 @@ _STOP_SIGMA_S: Final = 0.05
 _CORNER_PER_LAG: Final = 0.6
 _STOP_ASTRAY_S: Final = 3.0
 _STOP_ASTRAY_SHARE: Final = 0.05
+_STOP_MEANS_NOTHING: Final = 1e-4
+"""A stop that was given a heating of another cycle: a tenth of those astray, anywhere within some 1000 s."""
+_STOP_ACCOUNTS: Final = 6
+_UNLIKELY_STOPS: Final = 9.0
+_SWAPPED: Final = 0.12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +126,7 @@ def motion_evidence(
     beliefs = [belief.moved(best.middle_s - part.middle_s) for part in found for belief in part.beliefs]
     mirrored = [replace(flank, spring="b" if flank.spring == "a" else "a") for flank in picture.flanks]
     offsets = np.arange(plateaus[0].low_s - 2000.0, plateaus[0].high_s + 2000.0, 5.0)
-    swapped = float(explained_share(strokes, mirrored, offsets).max()) > plateaus[0].score + 0.3
+    swapped = float(explained_share(strokes, mirrored, offsets).max()) > plateaus[0].score + _SWAPPED
     return MotionEvidence(
         beliefs=tuple(beliefs),
         middle_s=best.middle_s,
@@ -173,9 +178,9 @@ def _weigh(scene: _Scene, plateau: Plateau, prior: Belief | None) -> _Weighed | 
                 delay.covariance,
                 _TEMPER * delay.log_weight + float(log_weight) - lost,
             )
-            for stop in paired:
-                belief = _with_stop(belief, stop, scene.jumps, crossings.middle_s)
-            beliefs.append(belief if prior is None else _with_prior(belief, prior, crossings.middle_s))
+            if prior is not None:
+                belief = _with_prior(belief, prior, crossings.middle_s)
+            beliefs += _with_stops(belief, paired, scene.jumps, crossings.middle_s)
     return _Weighed(beliefs, crossings.middle_s, matched, len(paired))
 
 
@@ -191,17 +196,32 @@ def _possible(
     return replace(plateau, low_s=max(low, plateau.low_s), high_s=max(min(high, plateau.high_s), low + 0.5))
 
 
-def _with_stop(belief: Belief, stop: _PairedStop, jumps: Sequence[Jump], middle_s: float) -> Belief:
-    """Take a stop into account; one that contradicts the rest may have another cause."""
-    # Rows behind a jump stand earlier than they belong by what is missing there.
-    design = np.array([1.0, stop.film_s - middle_s, *(-1.0 if stop.log_s > jump.after_s else 0.0 for jump in jumps)])
-    offset_s = stop.log_s - stop.film_s
-    sharp = belief.updated(design, offset_s, stop.variance)
-    blunt = belief.updated(design, offset_s, stop.variance + _STOP_ASTRAY_S**2)
-    sharp_weight = sharp.log_weight + float(np.log1p(-stop.astray))
-    blunt_weight = blunt.log_weight + float(np.log(stop.astray))
-    chosen = sharp if sharp_weight >= blunt_weight else blunt
-    return Belief(chosen.mean, chosen.covariance, float(np.logaddexp(sharp_weight, blunt_weight)))
+def _with_stops(belief: Belief, stops: Sequence[_PairedStop], jumps: Sequence[Jump], middle_s: float) -> list[Belief]:
+    """Take the stops into account; any of them may have another cause.
+
+    Where two contradict each other nothing tells which one is astray: both accounts are kept, by their weights.
+    """
+    accounts = [belief]
+    for stop in stops:
+        # Rows behind a jump stand earlier than they belong by what is missing there.
+        behind = [-1.0 if stop.log_s > jump.after_s else 0.0 for jump in jumps]
+        design = np.array([1.0, stop.film_s - middle_s, *behind])
+        ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + _STOP_ASTRAY_S**2, stop.astray))
+        offset_s = stop.log_s - stop.film_s
+        found = [
+            _lighter(account.updated(design, offset_s, variance), share)
+            for account in accounts
+            for variance, share in ways
+        ]
+        found += [_lighter(account, stop.astray * _STOP_MEANS_NOTHING) for account in accounts]
+        most = max(account.log_weight for account in found)
+        found.sort(key=lambda account: -account.log_weight)
+        accounts = [account for account in found[:_STOP_ACCOUNTS] if account.log_weight > most - _UNLIKELY_STOPS]
+    return accounts
+
+
+def _lighter(belief: Belief, share: float) -> Belief:
+    return replace(belief, log_weight=belief.log_weight + float(np.log(share)))
 
 
 def _before(scene: _Scene, plateau: Plateau, prior: Belief | None) -> Belief:

@@ -97,6 +97,38 @@ def test_a_given_offset_stays_and_a_lag_of_the_sensor_is_not_taken_for_drift():
     assert covers(clock.drift_ci95_ppm, 0.0, widen=2.3)
 
 
+def without(log, begin_s, end_s):
+    keep = (log.time_s < begin_s) | (log.time_s >= end_s)
+    return TemperatureLog(log.time_s[keep], log.temp_a_c[keep], log.temp_b_c[keep])
+
+
+def messy_pair():
+    rig = replace(FAST, threshold_scatter_c=0.02)
+    return records(
+        make_pair(5, rig=rig, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05, offset_s=37.3, drift_ppm=60.0)
+    )
+
+
+def test_a_gap_that_swallows_a_heating():
+    angles, log = messy_pair()
+    clock = estimate_clock(angles, without(log, 97.3, 187.3))
+    assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
+
+
+def test_half_of_the_log_at_a_wrong_time():
+    angles, log = messy_pair()
+    later = np.arange(len(log)) > len(log) // 2
+    clock = estimate_clock(angles, TemperatureLog(log.time_s + 5400.0 * later, log.temp_a_c, log.temp_b_c))
+    assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
+    assert any("wrong time" in note for note in clock.notes)
+
+
+def test_channels_that_are_swapped_are_no_offset():
+    angles, log = messy_pair()
+    with pytest.raises(NoResultError, match="the other way round"):
+        estimate_clock(angles, TemperatureLog(log.time_s, log.temp_b_c, log.temp_a_c))
+
+
 def test_no_motion_says_unknown_instead_of_guessing():
     angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
     still = replace(angles, angle_rad=np.full(len(angles), 0.3))
