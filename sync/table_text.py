@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
 _SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
 _PREAMBLE_LINES: Final = 60
@@ -115,6 +116,8 @@ def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[st
             where=str(path),
             do="look for a quotation mark that is not closed",
         ) from error
+    if decimal == ",":
+        _with_points(frame, columns)
     return TextTable(frame=frame, first_line=header + 2, repairs=tuple(repairs))
 
 
@@ -249,6 +252,16 @@ def _decimal(
     count = len(_COMMA_NUMBER.findall(whole))
     repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
     return ","
+
+
+def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
+    """Write decimal points in columns that stayed text: some of their rows have commas, others points."""
+    import pandas as pd
+
+    for index in columns:
+        column = frame.iloc[:, index]
+        if not pd.api.types.is_numeric_dtype(column):
+            frame[frame.columns[index]] = column.astype("string").str.replace(_DECIMAL_COMMA, ".", regex=True)
 
 
 def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:

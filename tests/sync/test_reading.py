@@ -285,6 +285,14 @@ def test_a_comma_in_a_note_says_nothing_about_numbers(tmp_path, note, delimiter)
     assert [str(value) for value in reading.log.extra["note"]] == [note.strip('"')] * 5
 
 
+def test_commas_and_points_in_one_column(tmp_path):
+    rows = "".join(f"{i};{24.25 + i}".replace(".", "," if i % 2 else ".") + ";25.5\n" for i in range(6))
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.temp_a_c.tolist() == [24.25, 25.25, 26.25, 27.25, 28.25, 29.25]
+    assert kinds(reading) == {"decimal_comma": 3}
+
+
 def test_an_ambiguous_number_is_told_with_its_line(tmp_path):
     rows = "0;24.5;25.5;1,5\n1;24.5;25.5;1,5\n2;24,125;25.5;1,5\n"
     (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c;note\n" + rows)
