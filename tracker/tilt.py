@@ -73,15 +73,10 @@ class Tilt:
         return {
             "known": self.known,
             "from": "the markers' own ellipses" if self.known else "nothing: the track covers too little of a turn",
-            "tilt_deg": _tilt_deg(stretch) if self.known else None,
-            "tilt_at_most_deg": _tilt_deg(stretch + 2.0 * self.sigma),
+            "tilt_deg": float(np.rad2deg(2.0 * np.sqrt(stretch))) if self.known else None,
             "arc_deg": float(np.rad2deg(self.arc_rad)),
             "error_it_can_make_deg": float(np.rad2deg(self.sigma)),
         }
-
-
-def _tilt_deg(stretch: float) -> float:
-    return float(np.rad2deg(2.0 * np.sqrt(stretch)))
 
 
 def fit_tilt(
