@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,13 @@ import pytest
 
 from tests.cli.bad_inputs import make_world
 from tests.made_up_run import write_made_up_run
-from torsight.cli import campaign
+from torsight.cli import campaign, limited
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment import read_experiment
 from torsight.cli.main import main
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.provenance import provenance
-from torsight.core.storage import write_json
+from torsight.core.storage import is_running, write_json
 
 
 def leave(*words: str) -> int:
@@ -137,6 +138,45 @@ def test_no_more_processes_than_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     assert campaign.processes(-1, tasks=3) == 3
     assert campaign.processes(100, tasks=3) == 3
     assert campaign.processes(-1, tasks=1000) == 64
+
+
+CHILDREN = {
+    "hangs": ("import time; time.sleep(1000)", "takes longer than it may; allowed 0.5 s"),
+    "fails": ("""print('{"error": {"message": "no such film"}}'); raise SystemExit(3)""", "no such film"),
+    "dies": ("import os; os.abort()", "ended with -6"),
+}
+
+
+@pytest.mark.parametrize("child", CHILDREN)
+def test_a_record_that_takes_too_long_is_ended(child: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code, words = CHILDREN[child]
+    monkeypatch.setattr(limited, "COMMAND", (sys.executable, "-c", code))
+    (task,) = tasks(
+        [made / "rigs" / "broken" / "experiment.toml"], made / "out", limit_s=0.5 if child == "hangs" else 60
+    )
+    row = run_task(task)
+    assert row["status"] == "failed"
+    assert words in row["message"]
+    assert limited._running == set()
+
+
+def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = (
+        "import subprocess, sys, time, pathlib;"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)']);"
+        f"pathlib.Path({str(tmp_path / 'child')!r}).write_text(str(child.pid)); time.sleep(1000)"
+    )
+    monkeypatch.setattr(limited, "COMMAND", (sys.executable, "-c", code))
+    with pytest.raises(NoResultError, match="takes longer"):
+        limited.run_limited(tmp_path / "experiment.toml", out=tmp_path, limit_s=3.0)
+    if (tmp_path / "child").exists():  # a machine that is slow has not come so far
+        process = int((tmp_path / "child").read_text())
+        assert not is_running(process) or Path(f"/proc/{process}/stat").read_text().split()[2] == "Z"
+
+
+@pytest.mark.parametrize("limit", ["0", "-3", "nan", "inf"])
+def test_a_limit_that_is_none(limit: str, made: Path) -> None:
+    assert leave("batch", str(made / "rigs"), "--out", str(made / "out"), "--timeout", limit) == 2
 
 
 def test_names_are_short_readable_and_different(tmp_path: Path) -> None:

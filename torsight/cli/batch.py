@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.core.errors import ConfigError
 
 
 def batch(
@@ -17,6 +19,9 @@ def batch(
     jobs: Annotated[int, typer.Option(help="Processes on this machine; -1 is one per core.")] = -1,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(metavar="S", help="Longest time for one experiment; it is a failed one then.")
     ] = None,
 ) -> Answer:
     """Run many experiments and put their results into one table and one page of small pictures.
@@ -29,7 +34,9 @@ def batch(
     from torsight.cli.console import progress_bar, say
     from torsight.report.gallery import write_gallery
 
-    todo = tasks(find_experiments(sources), out)
+    if timeout is not None and not 0.0 < timeout < math.inf:
+        raise ConfigError("is no length of time", where="--timeout", value=timeout, limit="more than 0 s")
+    todo = tasks(find_experiments(sources), out, limit_s=timeout)
     with progress_bar() as progress:
         rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
     page = write_gallery(rows, out)

@@ -51,11 +51,12 @@ _WATCH: Final = "end with the campaign"
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One experiment file and the folder for its results."""
+    """One experiment file, the folder for its results, and how long it may take, s (None: as long as it does)."""
 
     name: str
     experiment: Path
     folder: Path
+    limit_s: float | None = None
 
 
 def find_experiments(sources: Iterable[str]) -> list[Path]:
@@ -89,13 +90,13 @@ def _glob(path: Path) -> list[Path]:
     return sorted(anchor.glob(pattern))
 
 
-def tasks(experiments: Sequence[Path], out: Path) -> list[Task]:
+def tasks(experiments: Sequence[Path], out: Path, *, limit_s: float | None = None) -> list[Task]:
     """Return one task per experiment with names that are short, readable and different."""
     stems = [_name(path) for path in experiments]
     alone = {stem for stem in stems if stems.count(stem) == 1}
     numbered = {stem: _numbered(stem, alone) for stem in stems}
     names = [stem if stem in alone else next(numbered[stem]) for stem in stems]
-    return [Task(name=name, experiment=path, folder=out / name) for name, path in zip(names, experiments, strict=True)]
+    return [Task(name, path, out / name, limit_s) for name, path in zip(names, experiments, strict=True)]
 
 
 def _numbered(stem: str, taken: Container[str]) -> Iterator[str]:
@@ -110,12 +111,16 @@ def _name(path: Path) -> str:
 def run_task(task: Task) -> dict[str, Any]:
     """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
     from torsight.cli.experiment import read_experiment
+    from torsight.cli.limited import run_limited
     from torsight.cli.run import run_experiment
 
     try:
         experiment = read_experiment(task.experiment)
         if not is_current(task, experiment.to_configuration(), experiment.inputs()):
-            run_experiment(experiment, out=task.folder, resume=True)
+            if task.limit_s is None:
+                run_experiment(experiment, out=task.folder, resume=True)
+            else:
+                run_limited(task.experiment, out=task.folder, limit_s=task.limit_s)
         return {"name": task.name, "status": "done", "message": "", **result_row(task.folder)}
     except TorsightError as error:
         message = str(error)
@@ -243,8 +248,11 @@ def _run_for(parent: int, task: Task) -> dict[str, Any]:
 
 
 def _end_with(parent: int) -> None:
+    from torsight.cli.limited import end_all
+
     while os.getppid() == parent:
         time.sleep(0.2)
+    end_all()
     os._exit(1)
 
 

@@ -1,0 +1,77 @@
+"""One experiment of a campaign with a limit of time: a run in a process of its own, which can be ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+from torsight.core.errors import NoResultError
+
+COMMAND: Final = (sys.executable, "-m", "torsight.cli.main")
+_running: set[int] = set()
+
+
+def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
+    """Do ``torsight run`` on an experiment; end it where it takes longer than the limit.
+
+    What it had finished stays, and the next call goes on from there.
+
+    Parameters
+    ----------
+    experiment : Path
+        ``EXPERIMENT.toml``.
+    out : Path
+        Folder for the results.
+    limit_s : float
+        Longest time, s.
+
+    Raises
+    ------
+    NoResultError
+        When it took too long, or failed: with the message of the run.
+    """
+    words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
+    # A session of its own: whatever the run has started ends with it.
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    _running.add(child.pid)
+    try:
+        answer, told = child.communicate(timeout=limit_s)
+    except subprocess.TimeoutExpired as error:
+        raise NoResultError(
+            "takes longer than it may",
+            where=str(experiment),
+            limit=f"{limit_s:g} s",
+            do="run it alone, or give more --timeout; a second call goes on with it",
+        ) from error
+    finally:
+        end(child.pid)
+        child.communicate()
+        _running.discard(child.pid)
+    if child.returncode != 0:
+        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {told.strip()[-300:]}")
+
+
+def end_all() -> None:
+    """End every run that this process has started."""
+    for process in tuple(_running):
+        end(process)
+
+
+def end(process: int) -> None:
+    """End a run and what it has started, where it is still there."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process, signal.SIGKILL)
+
+
+def _message(answer: str) -> str:
+    """Return what the run says was wrong; empty where it could not say."""
+    try:
+        return str(json.loads(answer)["error"]["message"])
+    except (ValueError, KeyError, TypeError):
+        return ""
