@@ -134,6 +134,16 @@ def test_the_summary_names_report_and_recording(finished: Path) -> None:
         assert words in text
 
 
+def test_the_summary_of_an_ambiguous_run_says_what_to_do_next(finished: Path, tmp_path: Path) -> None:
+    from torsight.cli.summary import summary
+
+    shutil.copy(finished / "out" / "angle.csv", tmp_path)
+    found = read_json(finished / "out" / "discovery.json")
+    found |= {"verdict": "ambiguous", "next_experiment": {"text": "Heat A slowly."}}
+    (tmp_path / "discovery.json").write_text(json.dumps(found), encoding="utf-8")
+    assert "Next experiment   Heat A slowly." in summary(tmp_path)
+
+
 def test_provenance_is_enough_to_do_it_again_with_any_number_of_threads(finished: Path, tmp_path: Path) -> None:
     """Same numbers, same bytes: every file but the recording, and all of its data; only its stamps may differ."""
     again = tmp_path / "out"

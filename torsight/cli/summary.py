@@ -32,5 +32,8 @@ def summary(folder: Path) -> list[str]:
             f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see"
             + (f" (noise floor {floor:.2f}°)" if floor is not None else "")
         )
+    proposed = (discovery.get("next_experiment") or {}).get("text")
+    if proposed:
+        lines.append(f"Next experiment   {proposed}")
     lines += [f"Report            {folder / 'report.html'}", f"Recording         {folder / 'recording.rrd'}"]
     return lines
