@@ -15,6 +15,7 @@ import pytest
 
 from tests.recordings import fingerprint
 from torsight.cli.main import main
+from torsight.cli.run import other_versions
 from torsight.core.storage import read_json, read_table
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import demo_scene, scene_from
@@ -170,6 +171,16 @@ def test_an_input_that_changed_since_is_refused(
     (tmp_path / "provenance.json").write_text(text)
     assert leave("run", "--from", str(tmp_path / "provenance.json")) == 3
     assert "has changed since the run" in capsys.readouterr().err
+
+
+def test_other_versions_are_told(finished: Path, tmp_path: Path) -> None:
+    origin = finished / "out" / "provenance.json"
+    assert other_versions(origin) == []
+    content = json.loads(origin.read_text())
+    content["versions"]["numpy"] = "1.0"
+    (tmp_path / "provenance.json").write_text(json.dumps(content))
+    (line,) = other_versions(tmp_path / "provenance.json")
+    assert line.startswith("note: made with other versions, numbers may differ: numpy 1.0, here ")
 
 
 def test_the_scene_of_the_demo_hides_something_from_its_actuator_file() -> None:

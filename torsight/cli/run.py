@@ -40,6 +40,8 @@ def run(
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
     chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
+    for line in other_versions(from_) if from_ is not None else ():
+        say(line)
     with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
     say("")
@@ -85,6 +87,21 @@ def again(path: Path) -> Experiment:
                 limit=f"{str(expected)[:12]} (SHA-256)",
             )
     return experiment_from(configuration, where=f"{path}, configuration", folder=Path())
+
+
+def other_versions(path: Path) -> list[str]:
+    """Return what to say where a ``provenance.json`` names other versions than are installed: numbers may differ."""
+    from torsight.core.provenance import versions
+    from torsight.core.storage import read_json
+
+    recorded = read_json(path).get("versions")
+    recorded = recorded if isinstance(recorded, dict) else {}
+    changed = [
+        f"{name} {recorded.get(name, 'unknown')}, here {found}"
+        for name, found in versions().items()
+        if recorded.get(name) != found
+    ]
+    return [f"note: made with other versions, numbers may differ: {'; '.join(changed)}"] if changed else []
 
 
 def run_experiment(
