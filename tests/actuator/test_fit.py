@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator.fit import fit_model
+from torsight.actuator.fit import fit_model, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
@@ -132,6 +132,15 @@ def test_no_motion_is_refused_with_what_is_missing():
     model = ActuatorModel(reference_spec())
     with pytest.raises(InputError, match=r"does not move.*40\.0 °C"):
         fit_model(model, model.prepare(table), where="r.csv")
+
+
+def test_uncertain_whole_turns_are_no_lack_of_motion():
+    log, _ = programme([(0, [(80.0, 0.3)])])
+    model = ActuatorModel(reference_spec())
+    angle = model.simulate(model.prepare_log(log, start_angle_rad=3.0)).angle_rad
+    sigma = np.where(np.arange(len(log)) < 0.7 * len(log), 2.0 * np.pi, 1e-3)
+    table = SyncedTable(log.time_s, angle, sigma, log.temp_a_c, log.temp_b_c)
+    require_motion(model.prepare(table), where="r.csv")
 
 
 def test_model_file_round_trip_and_prediction(tmp_path):

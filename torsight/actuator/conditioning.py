@@ -31,7 +31,10 @@ Array = NDArray[np.float64]
 
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
-_THRESHOLD: Final = 2.2
+# By how many of its sigmas a longer window may be off what shorter ones say: what it is off by stays in the value.
+# Behind a slow sensor short windows know too little of the rest that decays.
+_THRESHOLD: Final = 1.6
+_THRESHOLD_LAGGED: Final = 2.2
 _SHORTEST: Final = 16
 _MAX_STRIDE_S: Final = 2.0
 _BLOCK_S: Final = 0.1
@@ -39,6 +42,9 @@ _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
 _SELECTION: Final = 1.8
+# And the largest of them follow the temperature only to within the noise: so much larger again, in mean square.
+_FOLLOWED: Final = 2.5
+_WARMED: Final = 0.1
 # Beyond this many time constants what is left of an earlier corner is nothing.
 _GONE: Final = 25.0
 
@@ -57,12 +63,16 @@ class Conditioned:
         One standard deviation of what noise is left.
     noise_c : float
         Noise of the input (standard deviation).
+    understated : float
+        By how much errors while it is warm exceed ``sigma_c``, which knows of the noise alone: a wire whose temperature
+        itself wanders cannot be followed as closely, and that shows in what was taken out.
     """
 
     temp_c: Array
     rate_c_s: Array
     sigma_c: Array
     noise_c: float
+    understated: float = 1.0
 
 
 def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditioned:
@@ -85,10 +95,27 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     value, rate, sigma = _smooth(*_blocks(time_s, temp_c), least, time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
         return Conditioned(temp_c, rate, np.full(n, noise), noise)
-    if lag_s == 0.0:
-        # Noise that is alike over several rows counts as more of it.
-        level_holds(time_s, temp_c, noise * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
-    return Conditioned(value, rate, sigma, noise)
+    if lag_s != 0.0:
+        return Conditioned(value, rate, sigma, noise)
+    understated = _understated(temp_c, value, sigma, alike=int(alike))
+    # Noise that is alike over several rows counts as more of it.
+    level_holds(time_s, temp_c, noise * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
+    return Conditioned(value, rate, sigma, noise, understated)
+
+
+def _understated(temp_c: Array, value: Array, sigma_c: Array, *, alike: int) -> float:
+    """Return the ratio of the errors of a conditioned temperature to their sigmas, root mean square while it is warm.
+
+    Independent noise is not alike in neighbouring rows, errors of following are: the mean product of what was taken out
+    in neighbouring rows is their mean square, less what the noise in the windows takes off (which a sigma before
+    selection squared is).
+    """
+    warm = value >= value.min() + _WARMED * float(np.ptp(value))
+    residual = np.where(warm, temp_c - value, 0.0)
+    count = int(warm.sum())
+    stated = float(np.mean(sigma_c[warm] ** 2))
+    products = [float(residual[:-lag] @ residual[lag:]) / count for lag in range(alike, alike + 3)]
+    return math.sqrt(max(1.0, _FOLLOWED + float(np.mean(products)) / stated))
 
 
 def _blocks(time_s: Array, temp_c: Array) -> tuple[Array, Array]:
@@ -145,7 +172,10 @@ def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: 
     sizes = [smallest]
     while sizes[-1] < longest:
         sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
-    value, rate, left_over, sides = _local_fits(time_s / interval, temp_c, sigma, np.array(sizes), lag_s / interval)
+    threshold = _THRESHOLD_LAGGED if lag_s > 0.0 else _THRESHOLD
+    value, rate, left_over, sides = _local_fits(
+        time_s / interval, temp_c, sigma, np.array(sizes), lag_s / interval, threshold
+    )
     rate /= interval
     sides[:, 0] /= interval
     sides[:, 1] /= interval**2
@@ -255,7 +285,7 @@ def _judge(state: Array, estimate: float, reach: float) -> bool:
 
 @compiled
 def _local_fits(
-    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], lag: float
+    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], lag: float, threshold: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return value, slope and sigma of the best local fit at every sample, and both sides' slopes.
 
@@ -280,7 +310,7 @@ def _local_fits(
                 if state[kind, 0] == 0.0:
                     continue
                 y, rate, variance, variance_rate = _fit(sums[kind], work, lag)
-                if not _judge(state[kind], y, _THRESHOLD * sigma * np.sqrt(variance)):
+                if not _judge(state[kind], y, threshold * sigma * np.sqrt(variance)):
                     continue
                 sides[kind, 0, k], sides[kind, 1, k], sides[kind, 2, k] = rate, sigma**2 * variance_rate, size
                 if variance < best:

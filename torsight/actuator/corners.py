@@ -24,6 +24,8 @@ _SEEN: Final = 6.0
 """A change of slope is looked at when it exceeds this many of its sigmas."""
 _SURE: Final = 5.0
 """And it is a corner when the fit of both sides says so by this many."""
+_BENT: Final = 2.0
+"""A side whose third order shows by so many of its sigmas is no parabola: the window is too long."""
 _HALF_WINDOWS_S: Final = (40.0, 25.0, 15.0, 9.0, 5.5)
 
 
@@ -148,6 +150,8 @@ def _fitted(log: _Log, places: list[int], k: int) -> _Found:
         at, error = _best_place(part.t, part.y, log.lag_s)
         if error <= log.sigma_c**2 * (before + 3.0 * np.sqrt(2.0 * before)):
             _, coefficients, spread = _solve(part.t, part.y, at, log.lag_s)
+            if _bent(part.t, part.y, at, log.lag_s, coefficients, 2 * log.smallest) > _BENT * log.sigma_c:
+                continue
             return _Found(part, at, float(abs(coefficients[3]) / (log.sigma_c * np.sqrt(spread[3, 3]))))
     return _Found(None, 0.0, 0.0)
 
@@ -204,6 +208,34 @@ def _solve(t: Array, y: Array, at: float, lag: float) -> tuple[float, Array, Arr
     out = np.zeros(6)
     out[:count] = coefficients / scale
     return max(error, 0.0), out, inverse.astype(np.float64)
+
+
+@compiled
+def _bent(t: Array, y: Array, at: float, lag: float, coefficients: Array, least: int) -> float:
+    """Return by how many sigmas (for noise of one) what the fit leaves on a side is of third order, of both the larger.
+
+    A side of fewer than ``least`` samples says nothing.
+    """
+    f = np.empty((2, 6))
+    worst = 0.0
+    corner = 0
+    while corner < t.size and t[corner] < at:
+        corner += 1
+    for first, last in ((0, corner), (corner, t.size)):
+        if last - first < least:
+            continue
+        total = square = 0.0
+        for i in range(first, last):
+            _functions(t[i], t[0], at, lag, f)
+            left = y[i]
+            for a in range(6):
+                left -= f[0, a] * coefficients[a]
+            u = 2.0 * (t[i] - t[first]) / (t[last - 1] - t[first]) - 1.0
+            third = 0.5 * u * (5.0 * u * u - 3.0)
+            total += third * left
+            square += third * third
+        worst = max(worst, abs(total) / np.sqrt(square))
+    return worst
 
 
 @compiled

@@ -111,6 +111,8 @@ class Drive:
         The temperatures as logged.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
+    understated : float
+        By how much the errors left in the temperatures exceed ``temp_sigma_c``.
     """
 
     time_s: Array
@@ -128,6 +130,7 @@ class Drive:
     known: NDArray[np.bool_]
     sensors: Sensors
     turns: int = 0
+    understated: float = 1.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -181,7 +184,8 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
 def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
     """Return the angle at the start and its sigma: the mean over the rest that the record starts with.
 
-    The rest is taken as long as the angle stays within five sigmas of its median so far.
+    The rest is taken as long as the angle stays within five sigmas of its median so far, and the median of what follows
+    differs from it by no more than two medians of so many rows may.
     """
     valid = np.flatnonzero(np.isfinite(angle_rad))
     angle = angle_rad[valid]
@@ -192,7 +196,9 @@ def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
     while count < min(len(angle), 4000):
         step = angle[count : count + max(4, count // 2)]
         middle = float(np.median(angle[:count]))
-        if abs(float(np.median(step)) - middle) > 0.25 * band or np.mean(np.abs(step - middle) > band) > 0.2:
+        doubt = 0.25 * band * math.sqrt(1.0 / count + 1.0 / len(step))
+        moved = abs(float(np.median(step)) - middle) > 0.25 * band + 3.0 * doubt
+        if moved or np.mean(np.abs(step - middle) > band) > 0.2:
             break
         count += len(step)
     rest = angle[:count]
@@ -217,6 +223,7 @@ class _Base:
     room_c: float
     known: NDArray[np.bool_]
     sensors: Sensors
+    understated: float
 
     def drive(self, angle: Array, sigma: Array, start: float) -> Drive:
         return Drive(
@@ -234,6 +241,7 @@ class _Base:
             room_c=self.room_c,
             known=self.known,
             sensors=self.sensors,
+            understated=self.understated,
         )
 
 
@@ -268,6 +276,7 @@ def _driven(
         room_c=min(coldest),
         known=(known_a & known_b)[rows],
         sensors=Sensors(time_s, (filled_a, filled_b), rows),
+        understated=max(item.understated for item in smooth),
     )
 
 

@@ -14,30 +14,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.cycle import Cycle, fitted_cycle
 from torsight.actuator.drive import Drive
+from torsight.actuator.estimates import covariance_of, estimates_of, quiet
+from torsight.actuator.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
-from torsight.actuator.weights import correlation_rows, noisy_drives, row_sigma, spikes
+from torsight.actuator.weights import correlation_rows, noisy_drives, spikes
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 
-if TYPE_CHECKING:
-    from torsight.actuator.effects import Derived
-
 Array = NDArray[np.float64]
 
 _FIRST_KAPPA: Final = 20.0
 _ROUNDS: Final = 3
-_STEP: Final = 1e-3
 _SCREENED: Final = 2
-_SILENT: Final = 0.9
 _LEAST_MOTION: Final = 8.0
 _SCALE_NOTE: Final = (
     "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
@@ -119,64 +116,6 @@ class FitResult:
         }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
-    """The record and the free parameters in scaled form: value = centre + scale · u."""
-
-    model: ActuatorModel
-    drive: Drive
-    parameters: tuple[Parameter, ...]
-    scale: Array
-    counted: NDArray[np.bool_]
-    noisy: tuple[Drive, ...]
-
-    def row_sigma(self, u: Array) -> Array:
-        """Return every row's standard deviation at these values."""
-        values = self.values(u)
-        angle = self.model.simulate(self.drive, values).angle_rad
-        off = [self.model.simulate(drive, values).angle_rad - angle for drive in self.noisy]
-        return row_sigma(self.drive, angle, np.array(off).reshape(-1, len(angle)))
-
-    @property
-    def names(self) -> list[str]:
-        return [parameter.name for parameter in self.parameters]
-
-    def values(self, u: Array) -> dict[str, float]:
-        centre = np.array([parameter.value for parameter in self.parameters])
-        return dict(zip(self.names, (centre + self.scale * u).tolist(), strict=True))
-
-    def scaled(self, values: Mapping[str, float]) -> Array:
-        """Return the scaled form of a start; parameters that it does not name stay at their own value."""
-        return np.array(
-            [
-                (values.get(parameter.name, parameter.value) - parameter.value) / scale
-                for parameter, scale in zip(self.parameters, self.scale, strict=True)
-            ]
-        )
-
-    def bounds(self) -> tuple[Array, Array]:
-        lower = np.array([(p.lower - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
-        upper = np.array([(p.upper - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
-        return lower, upper
-
-    def prior(self) -> Array:
-        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
-        return np.array(
-            [0.0 if p.sigma is None else s / p.sigma for p, s in zip(self.parameters, self.scale, strict=True)]
-        )
-
-    def misfit(self, u: Array, weight: Array) -> Array:
-        angle = self.model.simulate(self.drive, self.values(u)).angle_rad
-        residual = ((angle - self.drive.angle_rad) * weight)[self.counted]
-        return np.concatenate([residual, self.prior() * u])
-
-    def jacobian(self, u: Array, weight: Array) -> Array:
-        """Return the misfit's derivatives, by differences that are large against the stepping's tolerance."""
-        here = self.misfit(u, weight)
-        columns = [(self.misfit(u + _STEP * unit, weight) - here) / _STEP for unit in np.eye(len(u))]
-        return np.stack(columns, axis=1)
-
-
 def fit_model(
     model: ActuatorModel,
     drive: Drive,
@@ -214,7 +153,7 @@ def fit_model(
     if use is not None:
         counted &= use
     scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
-    problem = _Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
+    problem = Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
     u, weight, kappa, converged = _solve(problem, list(starts or default_starts(model)), progress)
     return _result(problem, u, weight, kappa, converged=converged)
 
@@ -228,7 +167,9 @@ def require_motion(drive: Drive, *, where: str) -> None:
         Saying how far it moved, and how warm the springs became.
     """
     angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
-    noise = float(np.nanmedian(drive.angle_sigma_rad)) if np.isfinite(drive.angle_sigma_rad).any() else 0.0
+    # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
+    read = drive.angle_sigma_rad[drive.angle_sigma_rad < np.pi]
+    noise = float(np.median(read)) if len(read) else 0.0
     low, high = np.quantile(angle, [0.002, 0.998]) if len(angle) else (0.0, 0.0)
     least = max(_LEAST_MOTION * noise, 0.5 * DEG)
     if high - low < least:
@@ -257,9 +198,7 @@ def _own_scale(parameter: Parameter) -> float:
     return 0.05 * span if np.isfinite(span) and span < 1e3 else 1.0
 
 
-def _solve(
-    problem: _Problem, starts: list[Mapping[str, float]], progress: Progress
-) -> tuple[Array, Array, float, bool]:
+def _solve(problem: Problem, starts: list[Mapping[str, float]], progress: Progress) -> tuple[Array, Array, float, bool]:
     """Return the minimum, the rows' weights, κ and whether it converged."""
     from scipy.optimize import least_squares
 
@@ -298,25 +237,25 @@ def _solve(
     return best.x, weight, kappa, bool(best.status > 0)
 
 
-def _spread(problem: _Problem, angle: Array, sigma: Array) -> tuple[float, float]:
+def _spread(problem: Problem, angle: Array, sigma: Array) -> tuple[float, float]:
     """Return variance and correlation time of the whitened residual."""
     white = ((problem.drive.angle_rad - angle) / sigma)[problem.counted]
     return float(np.mean(white**2)), correlation_rows(white)
 
 
-def _result(problem: _Problem, u: Array, weight: Array, kappa: float, *, converged: bool) -> FitResult:
+def _result(problem: Problem, u: Array, weight: Array, kappa: float, *, converged: bool) -> FitResult:
     model, drive = problem.model, problem.drive
     values = {**model.nominal(), **problem.values(u)}
     simulation = model.simulate(drive, values)
     residual = np.where(problem.counted, drive.angle_rad - simulation.angle_rad, np.nan)
     sigma = problem.row_sigma(u)
     ratio, rows = _spread(problem, simulation.angle_rad, sigma)
-    covariance, known = _covariance(problem, u, weight)
+    covariance, known = covariance_of(problem, u, weight)
     measured = drive.angle_rad[problem.counted]
     error = residual[problem.counted]
     total = float(np.sum((measured - measured.mean()) ** 2))
-    estimates = _estimates(model, values, problem, covariance, known)
-    quiet = _quiet(problem, covariance, known)
+    estimates = estimates_of(model, values, problem, covariance, known)
+    says_nothing_of = quiet(problem, covariance, known)
     return FitResult(
         model=model,
         values=values,
@@ -332,67 +271,9 @@ def _result(problem: _Problem, u: Array, weight: Array, kappa: float, *, converg
         r2=1.0 - float(np.sum(error**2)) / total if total > 0.0 else float("nan"),
         cycle=fitted_cycle(drive, simulation, values),
         converged=converged,
-        silent_about=quiet,
-        notes=_notes(model, quiet, kappa),
+        silent_about=says_nothing_of,
+        notes=_notes(model, says_nothing_of, kappa),
     )
-
-
-def _covariance(problem: _Problem, u: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the covariance of the free parameters, and which of them record or prior say anything about."""
-    jacobian = problem.jacobian(u, weight)
-    information = jacobian.T @ jacobian
-    known = np.diag(information) > 1e-9
-    inverse = np.zeros_like(information)
-    if known.any():
-        inverse[np.ix_(known, known)] = np.linalg.pinv(information[np.ix_(known, known)], hermitian=True)
-    return inverse * np.outer(problem.scale, problem.scale), known
-
-
-def _quiet(problem: _Problem, covariance: Array, known: NDArray[np.bool_]) -> tuple[str, ...]:
-    names = []
-    for number, parameter in enumerate(problem.parameters):
-        sigma = float(np.sqrt(covariance[number, number]))
-        if not known[number] or (parameter.sigma is not None and sigma > _SILENT * parameter.sigma):
-            names.append(parameter.name)
-    return tuple(names)
-
-
-def _estimates(
-    model: ActuatorModel, values: Mapping[str, float], problem: _Problem, covariance: Array, known: NDArray[np.bool_]
-) -> dict[str, Estimate]:
-    place = {name: number for number, name in enumerate(problem.names)}
-    made = {}
-    for parameter in model.all_parameters:
-        value = values[parameter.name]
-        number = place.get(parameter.name)
-        if number is None:
-            made[parameter.name] = Estimate(value, 0.0, (value, value), parameter.unit, fixed=True)
-            continue
-        sigma = float(np.sqrt(covariance[number, number])) if known[number] else float("nan")
-        reach = 1.96 * sigma if known[number] else float("inf")
-        interval = (max(value - reach, parameter.lower), min(value + reach, parameter.upper))
-        made[parameter.name] = Estimate(value, sigma, interval, parameter.unit)
-    for effect in model.chosen:
-        for derived in effect.derived:
-            made[derived.name] = _derived(derived, values, problem, covariance)
-    return made
-
-
-def _derived(derived: Derived, values: Mapping[str, float], problem: _Problem, covariance: Array) -> Estimate:
-    """Return a value for people with the sigma that the fitted ones give it (first order)."""
-    value = derived.value(values)
-    slopes = []
-    for name, scale in zip(problem.names, problem.scale, strict=True):
-        step = 1e-4 * float(scale)
-        change = derived.value({**values, name: values[name] + step}) - value
-        if derived.period is not None:
-            change = (change + 0.5 * derived.period) % derived.period - 0.5 * derived.period
-        slopes.append(change / step)
-    gradient = np.array(slopes)
-    sigma = float(np.sqrt(max(0.0, gradient @ covariance @ gradient)))
-    if derived.period is not None:
-        sigma = min(sigma, 0.5 * derived.period)
-    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), derived.unit)
 
 
 def _notes(model: ActuatorModel, quiet: tuple[str, ...], kappa: float) -> tuple[str, ...]:

@@ -2,7 +2,8 @@
 
 A heating that is held for some seconds before it cools ends in a level. A local parabola bows up within its noise
 there, the one-way transformation keeps the bow's top, and the angle is off through all of the rest that follows. Where
-the log itself says that a top is level, to within less than its noise, its mean takes the parabola's place.
+the log itself says that a top is level, to within less than its noise, its mean takes the parabola's place, and with it
+as much of a slope and a bow as the log is sure of: a controlled top overshoots, and sinks to its level slowly.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from torsight.actuator.turns import turning_points
 Array = NDArray[np.float64]
 
 _TURN_C: Final = 1.0
-_REACH_S: Final = 60.0
+_REACH_S: Final = 20.0
 _LEAST_S: Final = 4.0
 _LEAST_ROWS: Final = 12
 # Slope or bow of so many sigmas: the window is not level.
-_REJECTED: Final = 2.0
+_REJECTED: Final = 1.5
 # And level enough to take its mean where what it may slope or bow by is this share of the noise.
 _LEVEL: Final = 0.7
 _BELOW: Final = 2.5
 
 
 def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, rate: Array, left_over: Array) -> None:
-    """Put the mean of every held top in place of the local fits, in place.
+    """Put the level of every held top in place of the local fits, in place.
 
     Parameters
     ----------
@@ -47,17 +48,40 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
         if window is None:
             continue
         first, last = window
-        count = last - first + 1
-        mean = float(np.mean(temp_c[first : last + 1]))
-        sigma = noise_c / math.sqrt(count)
+        level, slope, sigma = _level(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
         rows = np.arange(first, last + 1)
         # At its ends the window may reach over a corner by a row or two: there the corner's own fit stands.
-        rows = rows[value[rows] >= mean - _BELOW * left_over[rows]]
-        value[rows], rate[rows] = mean, 0.0
-        left_over[rows] = np.minimum(left_over[rows], 1.5 * sigma)
+        inside = value[rows] >= level - _BELOW * left_over[rows]
+        rows = rows[inside]
+        value[rows], rate[rows] = level[inside], slope[inside]
+        left_over[rows] = np.minimum(left_over[rows], sigma[inside])
         # What bows above the level beside it does so for the same reason.
         low, high = np.searchsorted(time_s, [time_s[first] - _LEAST_S, time_s[last] + _LEAST_S])
-        value[low:high] = np.minimum(value[low:high], mean)
+        value[low:high] = np.minimum(value[low:high], level.max())
+
+
+def _level(time_s: Array, temp_c: Array, noise_c: float) -> tuple[Array, Array, Array]:
+    """Return value, slope and sigma of a window that is nearly level: its mean, and what is sure of slope and bow.
+
+    Slope and bow are each shrunk by what their doubt says (James and Stein): one of less than a sigma is none.
+    """
+    half_s = 0.5 * float(time_s[-1] - time_s[0])
+    u = (time_s - time_s[0]) / half_s - 1.0
+    level, slope = np.full(len(u), float(np.mean(temp_c))), np.zeros(len(u))
+    variance = np.full(len(u), noise_c**2 / len(u))
+    for (size, doubt), shape, change in zip(
+        _sizes(time_s, temp_c, noise_c), _shapes(u), (np.ones(len(u)), 3.0 * u), strict=True
+    ):
+        sure = max(0.0, 1.0 - (doubt / size) ** 2) * size if size != 0.0 else 0.0
+        level += sure * shape
+        slope += sure * change / half_s
+        variance += 0.5 * (doubt * shape) ** 2
+    return level, slope, np.sqrt(variance)
+
+
+def _shapes(u: Array) -> tuple[Array, Array]:
+    """Return slope and bow over −1 to 1: Legendre's polynomials of first and second order."""
+    return u, 1.5 * u * u - 0.5
 
 
 def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> tuple[int, int] | None:
@@ -84,10 +108,16 @@ def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> t
 
 def _unevenness(time_s: Array, temp_c: Array, noise_c: float) -> tuple[float, float]:
     """Return by how much the window slopes or bows, whichever is more certain, and one sigma of that, °C."""
+    found = [(abs(size), doubt) for size, doubt in _sizes(time_s, temp_c, noise_c)]
+    return max(found, key=lambda item: item[0] / item[1])
+
+
+def _sizes(time_s: Array, temp_c: Array, noise_c: float) -> list[tuple[float, float]]:
+    """Return slope and bow of a window, °C at its end, each with one sigma."""
     u = 2.0 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]) - 1.0
     found = []
-    for shape in (u, 1.5 * u * u - 0.5):
+    for shape in _shapes(u):
         weight = float(shape @ shape)
         size = float(shape @ temp_c) - float(np.mean(temp_c)) * float(shape.sum())
-        found.append((abs(size) / weight, noise_c / math.sqrt(weight)))
-    return max(found, key=lambda item: item[0] / item[1])
+        found.append((size / weight, noise_c / math.sqrt(weight)))
+    return found

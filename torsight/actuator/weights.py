@@ -25,11 +25,12 @@ Array = NDArray[np.float64]
 
 LEVEL_SIGMA_RAD: Final = 0.05 * DEG
 """No level at rest is known better than this: friction gives way before it slides, masses overshoot, sticks settle."""
+_RUN_ON: Final = 0.05
+"""Share of a jump by which a mass that is let go may run on. A spring that cooled above its loading curve gives way
+when the other one's heating starts; the model stops where the torques meet, and the half-cycle goes on from there."""
 _DRAWS: Final = 16
-_ALIKE_S: Final = 3.0
+_ALIKE_S: Final = 2.5
 _LASTS_S: Final = 2.0 * math.sqrt(math.pi) * _ALIKE_S
-# Of the errors that conditioning states: its windows follow the temperature only to within the noise.
-_UNDERSTATED: Final = 1.6
 _STEADY_C: Final = 1e-3
 _SPIKE: Final = 8.0
 
@@ -47,7 +48,7 @@ def noisy_drives(drive: Drive, *, draws: int = _DRAWS) -> tuple[Drive, ...]:
         smooth = gaussian_filter1d(rng.standard_normal((2, len(drive))), width, axis=1, mode="nearest")
         # A filter over this width leaves white noise with this standard deviation.
         unit = smooth * math.sqrt(2.0 * math.sqrt(math.pi) * width)
-        error = _UNDERSTATED * drive.temp_sigma_c * unit
+        error = drive.understated * drive.temp_sigma_c * unit
         made.append(replace(drive, temp_a_c=drive.temp_a_c + error[0], temp_b_c=drive.temp_b_c + error[1]))
     return tuple(made)
 
@@ -64,6 +65,8 @@ def row_sigma(drive: Drive, angle_rad: Array, off_rad: Array) -> Array:
     off_rad : (k, n) float64
         What errors of the temperature do to the modelled angle; k may be 0.
     """
+    from scipy.ndimage import maximum_filter1d
+
     interval_s = float(np.median(np.diff(drive.time_s)))
     lasts = np.full(len(drive), max(1.0, _LASTS_S / interval_s))
     still = np.concatenate([[True], np.abs(np.diff(angle_rad)) < 1e-9])
@@ -72,11 +75,23 @@ def row_sigma(drive: Drive, angle_rad: Array, off_rad: Array) -> Array:
     for first, last in pairwise([0, *edges.tolist(), len(drive)]):
         if still[first]:
             lasts[first:last] = np.maximum(lasts[first:last], last - first)
-            level[first:last] = LEVEL_SIGMA_RAD
+            level[first:last] = LEVEL_SIGMA_RAD**2 * lasts[first:last]
     driven = np.mean(off_rad**2, axis=0) if len(off_rad) else np.zeros(len(drive))
+    # A motion that starts a little earlier or later is off by as much as the rows beside its start and its end are.
+    beside = maximum_filter1d(driven, 1 + 2 * round(_ALIKE_S / interval_s), mode="nearest")
+    driven = np.where(still, driven, beside)
+    for first, last in _half_cycles(drive):
+        jump_rad = abs(float(angle_rad[first] - angle_rad[first - 1])) if first else 0.0
+        level[first:last] += (_RUN_ON * jump_rad) ** 2 * (last - first)
     reading = np.where(np.isfinite(drive.angle_sigma_rad), drive.angle_sigma_rad, 0.0)
     reading = np.maximum(reading, reading_floor(drive))
-    return np.asarray(np.sqrt(reading**2 + (driven + level**2) * lasts))
+    return np.asarray(np.sqrt(reading**2 + driven * lasts + level))
+
+
+def _half_cycles(drive: Drive) -> list[tuple[int, int]]:
+    """Return the first row of every half-cycle and the one after its last."""
+    starts = np.flatnonzero(np.diff(drive.cycles.half)) + 1
+    return list(pairwise([0, *starts.tolist(), len(drive)]))
 
 
 def reading_floor(drive: Drive) -> float:
