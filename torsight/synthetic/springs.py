@@ -47,6 +47,15 @@ def loading(c: Constants, theta: float) -> float:
 
 
 @njit(cache=True)
+def unwound_from(c: Constants, theta: float, tau: float) -> float:
+    """Return the angle from which cold martensite was unwound that carries ``tau``; ``theta`` on its loading curve."""
+    if tau >= loading(c, theta):
+        return theta
+    start = max(theta, c.theta_cr)
+    return start + max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0) / (c.k_m - c.k_s)
+
+
+@njit(cache=True)
 def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
     """Return a torque that starts at an onset and reaches ``rise`` 100° past it."""
     if rise == 0.0 or theta <= onset:
@@ -135,7 +144,8 @@ def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c
     else:
         tau = s[TAU_R] + stiffness * ((theta - s[THETA_R]) - s[THETA_L] * (xi - s[XI_R]))
         if s[MODE] == COOLING:
-            tau = max(tau, loading(c, theta))
+            wound = max(theta, s[THETA_MAX])
+            tau = max(tau, loading(c, wound) - c.k_m * (wound - theta))
     return tau + side_torque(c, theta, temp_c)
 
 
@@ -244,9 +254,9 @@ def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c:
 def set_cold(
     c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
 ) -> None:
-    """Make a spring that was active cold martensite on its loading curve at its present angle."""
+    """Make a spring that was active cold martensite on its loading curve; one that lay below it stays there."""
     s[MODE] = COLD
-    s[THETA_MAX] = theta
+    s[THETA_MAX] = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
     s[FACTOR] = 1.0
     set_martensite(c, s, xi0, xi, theta, temp_c)
 
@@ -287,7 +297,8 @@ def start_heating(
 def start_cooling(
     c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
 ) -> None:
-    """Switch a heated spring off."""
+    """Switch a heated spring off: one that lies below its loading curve then counts as unwound from further off."""
     turn(s, xi0, xi, 0)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = COOLING
+    s[THETA_MAX] = unwound_from(c, theta, s[TAU_R])
