@@ -100,7 +100,8 @@ def fit_loops(loops: Sequence[Loop], *, law: str) -> CurveFit:
         Parameter("E_A_gpa", 60.0, "GPa", lower=5.0, upper=300.0, sigma=20.0),
         Parameter("E_M_gpa", 30.0, "GPa", lower=5.0, upper=300.0, sigma=15.0),
         Parameter("strain_0_percent", 0.05, "%"),
-        Parameter("alpha_percent_per_k", 1e-3, "%/K", sigma=1e-3),
+        # Thermal expansion of NiTi: 6.6e-6 (martensite) to 11e-6 per kelvin (austenite).
+        Parameter("alpha_percent_per_k", 9e-4, "%/K", sigma=2e-4),
     )
     return fit_curve(
         lambda values: np.concatenate([strain(loop, values, law=law) for loop in loops]),
