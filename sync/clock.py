@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -112,7 +112,9 @@ def find_clock(
     estimate = conclude(beliefs, middle_s=evidence.middle_s)
     notes = (*_notes(evidence, estimate), *_restart_notes(settled))
     method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(evidence)
-    return Found(_as_map(estimate, method, notes), settled.reading)
+    if given_offset_s is not None:
+        return Found(_as_map(estimate, method, notes), settled.reading)
+    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), settled.reading)
 
 
 def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
@@ -135,7 +137,8 @@ def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, gi
         f"shared event: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
         f"{evidence.switchings}"
     )
-    return Found(_as_map(conclude([belief], middle_s=evidence.middle_s), method, notes), settled.reading)
+    clock = _as_map(conclude([belief], middle_s=evidence.middle_s), method, notes)
+    return Found(_coarse(clock, reading.coarse_s), settled.reading)
 
 
 def _paired(
@@ -206,6 +209,18 @@ def _as_map(estimate: ClockEstimate, method: str, notes: Sequence[str]) -> Clock
         method=method,
         notes=tuple(notes),
     )
+
+
+def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
+    """Let the interval hold both readings of coarse stamps: cut off, as they are taken, and rounded."""
+    if step_s == 0.0:
+        return clock
+    low, high = clock.offset_ci95_s
+    note = (
+        f"the log's stamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset is "
+        f"{0.5 * step_s:.3g} s smaller: the interval holds both"
+    )
+    return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
 
 
 def _method(evidence: MotionEvidence) -> str:

@@ -92,7 +92,8 @@ def read_temperature_log(path: Path) -> LogReading:
         extra=extra | merged.texts,
     )
     repairs += _gaps(joined.time_s)
-    return LogReading(log=log, repairs=tuple(repairs), restarts=joined.restarts, zero=zero)
+    coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
+    return LogReading(log=log, repairs=tuple(repairs), restarts=joined.restarts, zero=zero, coarse_s=coarse_s)
 
 
 def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:

@@ -74,9 +74,13 @@ class LogReading:
         Restarts of the logging clock, in order.
     zero : str or None
         Instant (ISO 8601) of time 0 where the stamps were dates; None where they were seconds.
+    coarse_s : float
+        Step of stamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0 where
+        every row has a stamp of its own.
     """
 
     log: TemperatureLog
     repairs: tuple[Repair, ...] = ()
     restarts: tuple[Restart, ...] = ()
     zero: str | None = None
+    coarse_s: float = 0.0

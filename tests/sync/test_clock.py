@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up_pairs import Rig, make_pair, programme, records
 from two_instruments import read_pair
 
-from sync import LightEvents, LogReading, estimate_clock, find_clock
+from sync import LightEvents, LogReading, estimate_clock, find_clock, read_temperature_log
 from sync.repairs import Restart
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import TemperatureLog
@@ -121,6 +122,16 @@ def test_half_of_the_log_at_a_wrong_time():
     clock = estimate_clock(angles, TemperatureLog(log.time_s + 5400.0 * later, log.temp_a_c, log.temp_b_c))
     assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
     assert any("wrong time" in note for note in clock.notes)
+
+
+@pytest.mark.parametrize("coarse", [np.floor, np.round])
+def test_whole_seconds_are_cut_off_or_rounded(coarse, tmp_path):
+    angles, log = messy_pair()
+    table = {"time_s": coarse(log.time_s), "temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}
+    pd.DataFrame(table).to_csv(tmp_path / "t.csv", index=False)
+    clock = find_clock(angles, read_temperature_log(tmp_path / "t.csv")).clock
+    assert covers(clock.offset_ci95_s, 37.3, widen=1.3)
+    assert any("steps of 1 s" in note for note in clock.notes)
 
 
 def test_channels_that_are_swapped_are_no_offset():
