@@ -15,7 +15,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
 from torsight.actuator.weights import correlation_rows, spikes
 from torsight.cli.fit import fit_to_folder
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import SyncedTable
 from torsight.core.tables import read_merged
 from torsight.core.units import DEG
@@ -130,7 +130,7 @@ def test_no_motion_is_refused_with_what_is_missing():
     angle = 3.0 + 1e-3 * np.random.default_rng(1).standard_normal(len(log))
     table = SyncedTable(log.time_s, angle, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c)
     model = ActuatorModel(reference_spec())
-    with pytest.raises(InputError, match=r"does not move.*40\.0 °C"):
+    with pytest.raises(NoResultError, match=r"does not move.*40\.0 °C"):
         fit_model(model, model.prepare(table), where="r.csv")
 
 

@@ -10,7 +10,7 @@ from torsight.actuator.drive import prepare_log, prepare_table, start_angle
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.segments import half_cycles
 from torsight.actuator.spec import reference_spec
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
 
@@ -58,7 +58,7 @@ def test_the_same_spring_twice():
 
 def test_no_heating_is_refused_with_what_is_missing():
     flat = 23.0 + 0.3 * np.sin(np.arange(500) / 40)
-    with pytest.raises(InputError, match="neither spring is heated"):
+    with pytest.raises(NoResultError, match="neither spring is heated"):
         half_cycles(flat, flat)
 
 
@@ -67,7 +67,7 @@ def test_both_heated_at_once_is_told_as_that():
     with pytest.raises(InputError, match="both springs are heated at once"):
         half_cycles(log.temp_a_c, log.temp_a_c, heat_a=log.heat_a, heat_b=log.heat_a)
     cold = np.full(len(log), 23.0)
-    with pytest.raises(InputError, match="neither spring is heated"):
+    with pytest.raises(NoResultError, match="neither spring is heated"):
         half_cycles(cold, cold, heat_a=log.heat_a, heat_b=log.heat_b)
 
 

@@ -152,7 +152,9 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     Raises
     ------
     InputError
-        When it has fewer than 20 rows, no angle, no temperature, or when neither spring is heated.
+        When it has fewer than 20 rows, no angle or no temperature.
+    NoResultError
+        When neither spring is heated.
     """
     if len(table) < 20:
         raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
@@ -173,7 +175,7 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
 
     Raises
     ------
-    InputError
+    InputError, NoResultError
         As :func:`prepare_table`.
     """
     base = _driven(log.time_s, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b, row_rate_hz=math.inf, where=where)

@@ -25,7 +25,7 @@ from torsight.actuator.estimates import covariance_of, estimates_of, quiet
 from torsight.actuator.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.weights import correlation_rows, noisy_drives, spikes
-from torsight.core.errors import InputError
+from torsight.core.errors import NoResultError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
@@ -144,7 +144,7 @@ def fit_model(
 
     Raises
     ------
-    InputError
+    NoResultError
         When nothing moves.
     """
     require_motion(drive, where=where)
@@ -163,7 +163,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
 
     Raises
     ------
-    InputError
+    NoResultError
         Saying how far it moved, and how warm the springs became.
     """
     angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
@@ -174,7 +174,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
     least = max(_LEAST_MOTION * noise, 0.5 * DEG)
     if high - low < least:
         warmest = max(float(drive.temp_a_c.max()), float(drive.temp_b_c.max()))
-        raise InputError(
+        raise NoResultError(
             "the actuator does not move",
             where=where,
             value=f"a range of {(high - low) / DEG:.2f}°, springs up to {warmest:.1f} °C",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.turns import turning_points
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, NoResultError
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,9 @@ def half_cycles(
     Raises
     ------
     InputError
-        When neither spring is ever heated, or both only together.
+        When both springs are heated, but only together.
+    NoResultError
+        When neither spring is ever heated.
     """
     temps = (temp_a_c, temp_b_c)
     switched = False
@@ -95,7 +97,7 @@ def half_cycles(
     return _chain(chained, len(temp_a_c))
 
 
-def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError:
+def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError | NoResultError:
     """Return what to say of a record in which no spring is driven on its own."""
     span = [float(np.max(t) - np.min(t)) for t in temps]
     value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
@@ -107,7 +109,7 @@ def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError:
             limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",
             do="heat one spring at a time, or check that the two temperature columns are two sensors",
         )
-    return InputError(
+    return NoResultError(
         "neither spring is heated",
         where=where,
         value=value,
