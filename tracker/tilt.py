@@ -26,8 +26,9 @@ from torsight.core.minimise import jacobian_of, least_squares
 Floats = NDArray[np.float64]
 
 _STRETCHES: Final = (0.0002, 0.003, 0.01, 0.03, 0.08)
-_BELIEF: Final = (0.3, 0.25, 0.2, 0.15, 0.1)
-"""Priors of the stretch (tilts of 1.6, 6, 11, 20 and 32 degrees), and what is thought of each beforehand."""
+_BELIEF: Final = (0.02, 0.08, 0.25, 0.4, 0.25)
+"""Priors of the stretch (tilts of 1.6, 6, 11, 20 and 32 degrees), and what is thought of each beforehand. Little
+is staked on a camera that is straight: a short arc hardly shows 10 degrees, and must not be sure of none."""
 _PERSPECTIVE: Final = 0.8
 """Change of scale across half the picture, over the root of the stretch: both come from one tilt."""
 _BENDING: Final = 0.04

@@ -6,8 +6,9 @@ sure of a tilt that is none. So the residuals z of a first fit, in units of whit
 
     cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ))
 
-with ψ the stick's direction. κ and ℓ are those of greatest restricted likelihood (Patterson and Thompson, 1971: what
-the fit itself took out of the residuals is allowed for) under a weak prior of how large such errors usually are.
+with ψ the stick's direction. κ and ℓ are judged by the restricted likelihood (Patterson and Thompson, 1971: what the
+fit itself took out of the residuals is allowed for) under a weak prior of how large such errors usually are. Of those
+that are about as likely as the best the most careful ones are taken: short arcs hold few independent errors.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Size of the errors that hang together over the usual one, as tried."""
 _SPREAD: Final = 1.2
 """Standard deviation of the logarithm of that ratio: a factor of three."""
+_AS_LIKELY: Final = 2.0
+"""By how much the logarithm of the likelihood may be less than the best: two standard deviations."""
 _MOST_ROWS: Final = 160
 _BIN_RAD: Final = np.deg2rad(2.0)
 
@@ -71,7 +74,7 @@ def hanging_errors(direction_rad: Floats, error: Floats, slopes: Floats, *, usua
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
-    best = -np.inf, HangingErrors(np.eye(n), 1.0, 0.0, _LENGTHS_RAD[0])
+    found: list[tuple[float, HangingErrors]] = []
     for length in _LENGTHS_RAD:
         # In its own directions the covariance is diagonal for every ratio.
         share, ways = np.linalg.eigh(np.exp(-apart / length))
@@ -87,10 +90,11 @@ def hanging_errors(direction_rad: Floats, error: Floats, slopes: Floats, *, usua
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
             score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2
-            if score > best[0]:
-                whiten = (ways / np.sqrt(variance)).T / white
-                best = score, HangingErrors(whiten, white, float(ratio * usual), length)
-    return best[1]
+            whiten = (ways / np.sqrt(variance)).T / white
+            found.append((score, HangingErrors(whiten, white, float(ratio * usual), length)))
+    limit = max(score for score, _ in found) - _AS_LIKELY
+    likely = [errors for score, errors in found if score >= limit]
+    return max(likely, key=lambda errors: (errors.white * errors.ratio) ** 2 * errors.length_rad)
 
 
 def spread_rows(direction_rad: Floats, known: NDArray[np.bool_], *, most: int = _MOST_ROWS) -> NDArray[np.intp]:
