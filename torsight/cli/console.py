@@ -15,25 +15,11 @@ def progress_bar() -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield lambda _step, _done, _total: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bars
+    from torsight.cli.bars import Bars
 
-    tasks: dict[str, TaskID] = {}
-    reached: dict[str, float] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-
-        def report(step: str, done: float, total: float | None) -> None:
-            if step not in tasks:
-                tasks[step] = bars.add_task(step, total=total)
-            elif done < reached[step]:
-                # The same kind of work begins once more: its time left starts anew, too.
-                bars.reset(tasks[step])
-            reached[step] = done
-            bars.update(tasks[step], completed=done, total=total)
-
-        yield report
+    bars = Bars()
+    with bars.shown:
+        yield bars.report
 
 
 def say(text: str) -> None:
