@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from sync.corners import MAX_LAG_S, Corner
 
 _SURE_SHARE: Final = 0.8
+_NO_LAG_SHARE: Final = 0.15
+"""Where no corner can be read, a sensor that is not late at all lies within the interval, not at its very end."""
 _UNLIKELY: Final = 7.0
 _MODEL_SHARE: Final = 0.05
 """How far a real sensor is from a first-order lag, as a share of the lag."""
@@ -49,8 +51,9 @@ def lag_belief(corners: Sequence[Corner]) -> LagBelief:
     """Pool the corners of a log."""
     usable = [corner for corner in corners if corner.lag_s < 0.9 * MAX_LAG_S and corner.lag_sigma_s < 2.0]
     if not usable:
-        grid = np.arange(0.25, MAX_LAG_S, 0.5)
-        return LagBelief(None, None, grid, np.full(len(grid), -np.log(len(grid))))
+        some = np.arange(0.25, MAX_LAG_S, 0.5)
+        weight = np.concatenate([[_NO_LAG_SHARE], np.full(len(some), (1.0 - _NO_LAG_SHARE) / len(some))])
+        return LagBelief(None, None, np.concatenate([[0.0], some]), np.log(weight))
     value, sigma = _pooled(usable)
     sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
     grid = np.unique(

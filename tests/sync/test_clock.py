@@ -134,6 +134,15 @@ def test_whole_seconds_are_cut_off_or_rounded(coarse, tmp_path):
     assert any("steps of 1 s" in note for note in clock.notes)
 
 
+def test_a_log_too_slow_for_a_corner_leaves_room_for_no_lag_and_for_a_long_one():
+    angles, log = messy_pair()
+    clock = estimate_clock(angles, TemperatureLog(log.time_s[::40], log.temp_a_c[::40], log.temp_b_c[::40]))
+    low, high = clock.offset_ci95_s
+    assert low < 37.3 - 10.0
+    assert high > 37.3
+    assert any("no corner" in note for note in clock.notes)
+
+
 def test_channels_that_are_swapped_are_no_offset():
     angles, log = messy_pair()
     with pytest.raises(NoResultError, match="the other way round"):
