@@ -113,3 +113,36 @@ def test_the_top_of_a_short_hold_is_its_level(noise_c):
     # Twice the best that is possible, and a bias of less than that.
     assert np.std(errors) < 2.0 * noise_c / 6.0
     assert abs(np.mean(errors)) < noise_c / 6.0
+
+
+@pytest.mark.parametrize("interval_s", [0.04, 0.25])
+def test_the_overshoot_of_a_controlled_top_stays(interval_s):
+    """A top that a controller overshoots by 0.3 °C and lets sink: its highest, not the level that it comes to."""
+    errors = []
+    for seed in range(6):
+        time_s = np.arange(0.0, 420.0, interval_s)
+        after = np.maximum(time_s - 250.0, 0.0)
+        rise = 23.0 + 0.14 * np.minimum(time_s, 250.0) + 0.056 * after * np.exp(-after / 15.0)
+        end = 58.0 + 0.056 * 40.0 * np.exp(-40.0 / 15.0)
+        temp = np.where(time_s < 290.0, rise, 23.0 + (end - 23.0) * np.exp(-(time_s - 290.0) / 45.0))
+        read = temp + 0.15 * np.random.default_rng(seed).standard_normal(len(temp))
+        errors.append(float(condition(time_s, read).temp_c.max() - temp.max()))
+    # A parabola over the ten seconds of the top knows its vertex to 1.5 noises over the root of its rows.
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0 * 1.5 * 0.15 / np.sqrt(10.0 / 0.25)
+
+
+def test_a_wire_that_wanders_is_known_less_well_than_its_noise_says():
+    """The errors that are left exceed the stated ones, by as much as is said."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, 900.0, 0.04)
+    walk, keep = np.empty(len(time_s)), np.exp(-0.04 / 2.0)
+    walk[0] = 0.0
+    for k in range(1, len(walk)):
+        walk[k] = keep * walk[k - 1] + 0.05 * np.sqrt(1.0 - keep**2) * rng.standard_normal()
+    steady, wandering = wire(time_s), wire(time_s) + walk
+    noise = 0.15 * rng.standard_normal(len(time_s))
+    plain, found = condition(time_s, steady + noise), condition(time_s, wandering + noise)
+    assert found.understated > 1.2 * plain.understated
+    warm = steady > 30.0
+    errors = (found.temp_c - wandering)[warm] / (found.understated * found.sigma_c[warm])
+    assert 0.6 < np.sqrt(np.mean(errors**2)) < 1.7

@@ -11,7 +11,7 @@ from actuator_programmes import programme
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from torsight.actuator.closed_form import half_cycle, stable_cycle
+from torsight.actuator.closed_form import cooled_angle, half_cycle, heated_angle, stable_cycle
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
@@ -70,6 +70,31 @@ def test_kernel_agrees_with_the_closed_forms(tau_c_mnm, start_deg, case):
     assert expected.case == case
     assert phi.min() + 0.5 * rig.theta_p_rad == pytest.approx(expected.theta_2_rad, abs=1e-9)
     assert phi[-1] + 0.5 * rig.theta_p_rad == pytest.approx(expected.theta_3_rad, abs=1e-9)
+
+
+@pytest.mark.parametrize(("tau_c_mnm", "start_deg"), [(0.3, 150.0), (0.79, 177.6), (1.4, 215.0)])
+def test_the_way_of_a_slide_is_that_of_equations_23_and_26(tau_c_mnm, start_deg):
+    rig = Rig.from_values({**REFERENCE_VALUES, "tau_c_mnm": tau_c_mnm})
+    form = half_cycle(rig, start_deg * DEG + 0.5 * rig.theta_p_rad)
+    log, _ = programme([(0, [(95.0, 0.2)])])
+    simulation = simulated(log, start_deg, tau_c_mnm=tau_c_mnm)
+    theta, xi, top = simulation.phi_rad + 0.5 * rig.theta_p_rad, simulation.xi_a, int(np.argmax(log.temp_a_c))
+    moving = np.flatnonzero(np.abs(np.diff(theta, prepend=theta[0])) > 1e-9)
+    up, down = moving[moving <= top], moving[moving > top]
+    # Before the stop angle: there the spring is on its loading curve.
+    down = down[theta[down] < form.theta_3_rad - 1e-6]
+    assert len(up) > 50
+    assert len(down) > 0
+    for k in up:
+        angle = heated_angle(
+            rig, theta_1_rad=form.theta_1_rad, theta_l_rad=form.theta_l_rad, xi_12=form.xi_12, xi=xi[k]
+        )
+        assert theta[k] == pytest.approx(angle, abs=1e-9)
+    for k in down:
+        angle = cooled_angle(
+            rig, theta_2_rad=form.theta_2_rad, theta_l_rad=form.theta_l_rad, xi_23=form.xi_23, xi=xi[k]
+        )
+        assert theta[k] == pytest.approx(angle, abs=1e-9)
 
 
 def test_case_b_sticks_until_the_fraction_of_equation_21():

@@ -63,7 +63,7 @@ def draw_panels(
             axes.plot(*place, "ko", markersize=3.0)
             axes.annotate(word, place, textcoords="offset points", xytext=(5, 5))
         if any(line.label for line in lines):
-            axes.legend(frameon=False, fontsize="small", markerscale=3.0, loc="lower right" if notes else "best")
+            axes.legend(frameon=False, fontsize="small", markerscale=3.0, loc="upper left" if notes else "best")
         axes.set(xlabel=x_label, ylabel=y_label, title=title)
         if all(np.all(line.y >= 0.0) for line in lines):
             axes.set_ylim(bottom=0.0)
