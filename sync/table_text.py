@@ -249,7 +249,7 @@ def _decimal(
             limit="'.' as decimal sign, no thousands sign",
             do="export it with '.' as decimal sign",
         )
-    count = len(_COMMA_NUMBER.findall(whole))
+    count = sum(1 for _ in _COMMA_NUMBER.finditer(whole))
     repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
     return ","
 
