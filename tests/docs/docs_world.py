@@ -47,6 +47,7 @@ offset_s = 5.0
 camera = false
 """
     + SMALL_PICTURE
+    + "texture = 0.0\n"
 )
 
 
