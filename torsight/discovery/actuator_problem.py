@@ -7,7 +7,7 @@ report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -147,23 +147,19 @@ class ActuatorProblem:
         formula would miss: a corner's error stays in the angle for the whole rest after it. The top of a half-cycle, at
         which an incomplete transformation ends, is such a corner.
         """
-        late_s = values.get("lag_s", 0.0)
-        return self._errors_through(lambda errors: errors.with_tops(late_s), values, effects)
+        return self._errors_through([errors.with_tops_c for errors in self._temperature_errors], values, effects)
 
     def smooth_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return the same with the tops of half-cycles as well known as the rest of the temperatures."""
-        return self._errors_through(lambda errors: errors.smooth_c, values, effects)
+        return self._errors_through([errors.smooth_c for errors in self._temperature_errors], values, effects)
 
     def _errors_through(
-        self,
-        added_c: Callable[[TemperatureErrors], tuple[Array, Array]],
-        values: Mapping[str, float],
-        effects: Sequence[str],
+        self, added_c: Sequence[tuple[Array, Array]], values: Mapping[str, float], effects: Sequence[str]
     ) -> Array:
-        if not self._temperature_errors:
+        if not added_c:
             return np.zeros(len(self.rows))
         clean = self.predict(values, effects)
-        drives = (with_errors(self.drive, added_c(errors)) for errors in self._temperature_errors)
+        drives = (with_errors(self.drive, errors) for errors in added_c)
         found = [self._predict(drive, values, effects) - clean for drive in drives]
         return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 

@@ -79,7 +79,7 @@ class Settings:
     share_explained: float = 0.8
     near_floor: float = 2.0
     share_of_rest: float = 0.6
-    share_of_all: float = 0.02
+    share_of_all: float = 0.05
     least_size: float = 2.0
     least_unknown: float = 4.5
     over_floor_unknown: float = 3.0
