@@ -133,6 +133,12 @@ def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, gi
     notes = list(_restart_notes(settled))
     if evidence.rivals:
         notes.append(f"{evidence.rivals} other shifts pair as many changes of the light: check the offset")
+    if evidence.second_shift_s is not None:
+        notes.append(
+            f"{evidence.events - evidence.matched} changes of the light at one end of the film fit the log when its "
+            f"rows there are taken {evidence.second_shift_s:+.3g} s off the others: its clock may have jumped without "
+            "a restart that shows; the interval holds both, look at the log's stamps"
+        )
     method = (
         f"shared event: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
         f"{evidence.switchings}"

@@ -29,6 +29,8 @@ _REPEATS: Final = 2.0
 """Switchings that meet the frames at one phase repeat one error: two are taken to tell as much as one."""
 _ASTRAY: Final = 1e-3
 _GRID: Final = 161
+_HELD_SIGMAS: Final = 1.8
+"""An offset so many standard deviations off is within the 95 % interval."""
 _LARGEST_DRIFT: Final = 300.0 * PPM
 
 
@@ -65,6 +67,9 @@ class LightEvidence:
         Pairs found; events on the film; changes of the switch in the log.
     rivals : int
         Other shifts that pair as many events.
+    second_shift_s : float or None
+        By how much later another shift pairs the events that are left at one end of the film: the log's clock may have
+        jumped in between. The belief then holds both.
     """
 
     belief: Belief
@@ -73,6 +78,7 @@ class LightEvidence:
     events: int
     switchings: int
     rivals: int
+    second_shift_s: float | None = None
 
 
 def read_light_events(path: Path) -> LightEvents:
@@ -169,7 +175,41 @@ def light_evidence(
     belief = _intersected(
         away_s=away_s, offset_s=offset_s, film_step_s=film_step_s[index], log_step_s=log_step_s[partner]
     )
-    return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1)
+    left = np.setdiff1d(np.arange(len(film_s)), index), np.setdiff1d(np.arange(len(log_s)), partner)
+    second_s = _second_shift(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s, left=left)
+    if second_s is not None:
+        second_s -= chosen
+        covariance = belief.covariance.copy()
+        covariance[0, 0] += (second_s / _HELD_SIGMAS) ** 2
+        belief = Belief(belief.mean, covariance, belief.log_weight)
+    return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1, second_s)
+
+
+def _second_shift(
+    film_s: NDArray[np.float64],
+    film_on: NDArray[np.bool_],
+    log_s: NDArray[np.float64],
+    log_on: NDArray[np.bool_],
+    film_step_s: NDArray[np.float64],
+    log_step_s: NDArray[np.float64],
+    *,
+    left: tuple[NDArray[np.int64], NDArray[np.int64]],
+) -> float | None:
+    """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
+    events, switchings = left
+    # One pair fits any shift.
+    at_one_end = len(events) > 1 and (events[-1] == len(events) - 1 or events[0] == len(film_s) - len(events))
+    if not at_one_end or len(switchings) < len(events):
+        return None
+    count, offsets = _best_shifts(
+        film_s[events],
+        film_on[events],
+        log_s[switchings],
+        log_on[switchings],
+        film_step_s[events],
+        log_step_s[switchings],
+    )
+    return offsets[0] if count == len(events) and len(offsets) == 1 else None
 
 
 def missing_by_light(

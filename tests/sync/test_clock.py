@@ -201,6 +201,21 @@ def test_a_shared_light_has_no_bias():
     assert np.std(errors) * fps < 0.4
 
 
+def test_a_clock_that_jumps_forward_between_two_rows_is_told_by_the_light():
+    """Nothing in the stamps shows it; rows on either side lie by different offsets, and neither is silently wrong."""
+    pair = make_pair(5, rig=FAST, cycles=fast_programme(5), offset_s=31.0, film_fps=30.0, log_step_s=0.05)
+    angles, log = records(pair)
+    at_s = 31.0 + 0.5 * (pair.switch_true_s[2, 0] + pair.switch_true_s[1, 1])
+    jumped = replace(log, time_s=np.where(log.time_s > at_s, log.time_s + 4.0, log.time_s))
+    clock = find_clock(angles, LogReading(jumped), light=light_of(pair)).clock
+    assert covers(clock.offset_ci95_s, 31.0)
+    assert covers(clock.offset_ci95_s, 35.0)
+    assert any("may have jumped" in note for note in clock.notes)
+    whole = find_clock(angles, LogReading(log), light=light_of(pair)).clock
+    assert not any("may have jumped" in note for note in whole.notes)
+    assert np.ptp(whole.offset_ci95_s) < 0.2
+
+
 def test_a_light_without_a_switch_in_the_log():
     pair = make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05)
     angles, log = records(pair)
