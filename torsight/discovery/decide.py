@@ -25,6 +25,8 @@ LEAST_BY_PRIORS: Final = 15.0
 """Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
 
 
+_CLEAR: Final = 2.25
+"""How many times what is worth a name a second effect removes that is small beside the first one."""
 _TIED: Final = 0.9
 """Correlation from which two effects' values hang together."""
 
@@ -168,6 +170,7 @@ class _Judge:
         # the two do not hang together.
         whole = self._over_time(self._field.base.held_out.residual)
         alone = after <= self._least_size() and not tied(self._field, contender)
+        alone = alone and before - after >= _CLEAR * self._least_size()
         least = 0.0 if alone else self._settings.share_of_all * whole
         return before - after >= max(self._settings.share_of_rest * rest, least)
 
@@ -228,15 +231,24 @@ class _Judge:
         """Return the other sets of the same size that explain the record as well.
 
         What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
-        worse by no more than a share of that is not refuted: its own form may be the one that errs less.
+        worse by no more than a share of that is not refuted: its own form may be the one that errs less. Nor is one
+        whose residual is larger by less than the resolution: no model is known to be right that closely.
         """
         beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
         limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
         return [
             c
             for c in self._field.of_size(len(chosen.effects))
-            if c is not chosen and c.named and c.cost <= limit and self.earned(c) and self.adequate(c)
+            if c is not chosen and c.named and (c.cost <= limit or self._as_close(c, chosen))
+            if self.earned(c) and self.adequate(c)
         ]
+
+    def _as_close(self, contender: Contender, chosen: Contender) -> bool:
+        """Return whether a set leaves no more than the chosen one but for the resolution, at no higher price."""
+        resolution = self._field.fitter.problem.resolution
+        least = self._over_time(self._residual(chosen)) + resolution**2
+        dear = contender.prior - chosen.prior > self._settings.rival_gain
+        return not dear and self._over_time(self._residual(contender)) <= least
 
 
 def tied(field: Field, contender: Contender) -> bool:

@@ -61,7 +61,8 @@ class Settings:
         the fit has not seen: a second name is not given for the error of the first one's form.
     share_of_all : float
         For the same reason each one must remove this share of the base model's squared error on such blocks, unless
-        less is left with it than is worth a name and its values do not hang together with the others'.
+        less is left with it than is worth a name, it removes clearly more than that, and its values do not hang
+        together with the others'.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
