@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# No test depends on how fast a machine is.
+settings.register_profile("torsight", deadline=None)
+settings.load_profile("torsight")
 
 ROOT = Path(__file__).parents[1]
 
