@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
-import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.viewer import encoding
 
 if TYPE_CHECKING:
     from tracker.source import Frame
@@ -21,12 +26,12 @@ MOST_FRAMES: Final = 1500
 RATE_HZ: Final = 25
 """Rate of the preview's own clock; the recording says which film time each of its frames belongs to."""
 
-_CODECS: Final = (
-    # Shows in the viewer out of the box.
-    ("libsvtav1", {"preset": "10", "crf": "38", "g": "50"}),
-    # The viewer needs an ffmpeg executable for this one.
-    ("libx264", {"preset": "veryfast", "crf": "26", "g": "50"}),
-)
+STUCK_S: Final = 60.0
+"""An encoder that does nothing for so long is ended; a picture takes it some milliseconds."""
+
+_ENCODER: Final = Path(encoding.__file__)
+_CODECS: Final = ("libsvtav1", "libsvtav1", "libx264")
+"""One after the other until one comes to its end. The viewer shows AV1 by itself; for H.264 it needs ffmpeg."""
 
 # Videos hold black to white as 16 to 235.
 _VIDEO_LEVELS: Final = np.round(16.0 + np.arange(256) * (219.0 / 255.0)).astype(np.uint8)
@@ -63,9 +68,27 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
     ------
     InputError
         When the film cannot be read.
+    OSError
+        When the file cannot be written.
+    NoResultError
+        When no encoder comes to its end.
     """
-    import av
+    for codec in _CODECS:
+        with contextlib.suppress(_StuckError):
+            return _encoded(film, path, codec=codec, frame_count=frame_count, progress=progress)
+    raise NoResultError(
+        "the film's small copy for the viewer could not be encoded",
+        where=str(film),
+        limit=f"{STUCK_S:g} s for one picture",
+        do="is this computer very busy? what was measured is there: the same command with --resume tries it again",
+    )
 
+
+class _StuckError(Exception):
+    """An encoder that ended itself, or was ended, before its work was done."""
+
+
+def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, progress: Progress) -> Preview:
     from tracker.source import open_source
 
     source = open_source(film)
@@ -73,27 +96,43 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
     scale = min(1.0, WIDEST_PX / source.size_px[0])
     # Encoders of 4:2:0 pictures need even sizes.
     width, height = (max(2, 2 * round(size * scale / 2)) for size in source.size_px)
-    # The encoder tells its settings on standard error unless it is told to keep to errors.
-    os.environ.setdefault("SVT_LOG", "1")
     chosen: list[int] = []
-    with av.open(str(path), "w", format="mp4") as container:
-        codec, options = next(one for one in _CODECS if one[0] in av.codecs_available)
-        stream: Any = container.add_stream(codec, rate=RATE_HZ, options=options)
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        last = np.zeros((height, width), np.uint8)
-        for frame in source:
-            if frame.index >= frame_count:
-                break
-            progress("recording", frame.index, frame_count)
-            if frame.index % stride:
-                continue
-            last = _fitted(frame, last)
-            picture = _picture(last)
-            picture.pts = len(chosen)
-            container.mux(stream.encode(picture))
-            chosen.append(frame.index)
-        container.mux(stream.encode())
+    last = np.zeros((height, width), np.uint8)
+    words = [str(path), codec, str(width), str(height), str(RATE_HZ), str(STUCK_S)]
+    with subprocess.Popen(
+        [sys.executable, "-P", str(_ENCODER), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as encoder:
+        pictures, said = cast("IO[bytes]", encoder.stdin), cast("IO[bytes]", encoder.stdout)
+        try:
+            with contextlib.suppress(BrokenPipeError):  # then its exit code says why
+                for frame in source:
+                    if frame.index >= frame_count:
+                        break
+                    progress("recording", frame.index, frame_count)
+                    if frame.index % stride:
+                        continue
+                    last = _fitted(frame, last)
+                    pictures.write(encoding.PICTURE + _VIDEO_LEVELS[last].tobytes())
+                    chosen.append(frame.index)
+                pictures.write(encoding.END)
+            with contextlib.suppress(BrokenPipeError):
+                pictures.close()
+            told = said.read()
+        except BaseException:
+            encoder.kill()
+            raise
+    if encoder.returncode != 0:
+        _tell(told)
+        raise _StuckError
     return Preview(path, np.array(chosen, dtype=np.int64), width / source.size_px[0], (width, height))
+
+
+def _tell(said: bytes) -> None:
+    """Raise what the encoder said of the disk; nothing where it said nothing."""
+    with contextlib.suppress(ValueError):
+        trouble = json.loads(said)
+        if trouble["errno"] is not None:
+            raise OSError(trouble["errno"], trouble["message"])
 
 
 def _fitted(frame: Frame, last: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -105,10 +144,3 @@ def _fitted(frame: Frame, last: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if frame.luma.shape == last.shape:
         return frame.luma
     return np.asarray(cv2.resize(frame.luma, last.shape[::-1], interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def _picture(luma: NDArray[np.uint8]) -> Any:
-    import av
-
-    colourless = np.full((luma.shape[0] // 2, luma.shape[1]), 128, np.uint8)
-    return av.VideoFrame.from_ndarray(np.vstack([_VIDEO_LEVELS[luma], colourless]), format="yuv420p")

@@ -1,0 +1,148 @@
+"""The small copy of the film: its encoder may hang, end or lack room, and leaves the process that asks as it is."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from torsight.core.errors import NoResultError
+from torsight.viewer import encoding, preview
+from torsight.viewer.preview import write_preview
+
+LEVELS = (30, 90, 150, 210)
+
+STUCK = """
+import runpy, sys, time
+import av
+real = av.open
+
+class Container:
+    def __init__(self, *args, **options):
+        self.real = real(*args, **options)
+    def __enter__(self):
+        return self
+    def __exit__(self, *error):
+        self.real.close()
+    def add_stream(self, codec, **options):
+        self.stream = self.real.add_stream(codec, **options)
+        return self.stream if codec == "libx264" else Stream()
+    def mux(self, packets):
+        self.real.mux(packets)
+
+class Stream:
+    def encode(self, picture=None):
+        time.sleep(3600.0)
+
+av.open = Container
+sys.argv[0] = {encoder!r}
+runpy.run_path({encoder!r}, run_name="__main__")
+"""
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index, level in enumerate(LEVELS):
+        cv2.imwrite(str(folder / f"{index:03d}.png"), np.full((120, 160), level, np.uint8))
+    return folder
+
+
+def levels_in(path: Path) -> list[float]:
+    import av
+
+    with av.open(str(path)) as container:
+        return [float(frame.to_ndarray(format="gray").mean()) for frame in container.decode(video=0)]
+
+
+def codec_of(path: Path) -> str:
+    import av
+
+    with av.open(str(path)) as container:
+        return str(container.streams.video[0].codec_context.name)
+
+
+def test_this_process_keeps_its_priority_and_its_user(film: Path, tmp_path: Path) -> None:
+    if not hasattr(os, "sched_getscheduler"):
+        pytest.skip("this system has no such priorities")
+    before = os.sched_getscheduler(0), os.geteuid()
+    write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
+    assert (os.sched_getscheduler(0), os.geteuid()) == before
+    assert "av1" in codec_of(tmp_path / "preview.mp4")
+
+
+def test_no_thread_of_the_encoder_goes_before_everything_else(tmp_path: Path) -> None:
+    if not hasattr(os, "sched_getscheduler"):
+        pytest.skip("this system has no such priorities")
+    words = [str(tmp_path / "preview.mp4"), "libsvtav1", "160", "120", "25", "60"]
+    with subprocess.Popen([sys.executable, "-P", encoding.__file__, *words], stdin=subprocess.PIPE) as encoder:
+        assert encoder.stdin is not None
+        encoder.stdin.write((encoding.PICTURE + bytes(160 * 120)) * 20)
+        encoder.stdin.flush()
+        tasks = Path(f"/proc/{encoder.pid}/task")
+        end = time.monotonic() + 60.0
+        while len(list(tasks.iterdir())) < 4 and time.monotonic() < end:
+            time.sleep(0.02)
+        policies = {os.sched_getscheduler(int(task.name)) for task in tasks.iterdir()}
+        encoder.stdin.write(encoding.END)
+    assert policies == {os.SCHED_OTHER}
+    assert encoder.returncode == 0
+
+
+def test_an_encoder_that_hangs_ends_itself_and_the_next_one_does_the_work(
+    film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stuck = tmp_path / "stuck.py"
+    stuck.write_text(STUCK.format(encoder=encoding.__file__), encoding="utf-8")
+    monkeypatch.setattr(preview, "_ENCODER", stuck)
+    monkeypatch.setattr(preview, "STUCK_S", 0.3)
+    made = write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
+    assert codec_of(made.path) == "h264"
+    np.testing.assert_allclose(levels_in(made.path), LEVELS, atol=4.0)
+    monkeypatch.setattr(preview, "_CODECS", ("libsvtav1", "libsvtav1"))
+    with pytest.raises(NoResultError, match=r"could not be encoded.*0\.3 s.*--resume"):
+        write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
+
+
+def test_a_full_disk_is_told_as_one(film: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("this system has no full device")
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)) as told:
+        write_preview(film, Path("/dev/full"), frame_count=len(LEVELS))
+    assert told.value.errno == errno.ENOSPC
+
+
+def test_an_encoder_whose_sender_is_gone_ends_and_one_at_the_terminal_stays(tmp_path: Path) -> None:
+    words = [str(tmp_path / "preview.mp4"), "libx264", "160", "120", "25", "60"]
+    with subprocess.Popen([sys.executable, "-P", encoding.__file__, *words], stdin=subprocess.PIPE) as encoder:
+        assert encoder.stdin is not None
+        encoder.stdin.write(encoding.PICTURE + bytes(160 * 120))
+        encoder.stdin.flush()
+        end = time.monotonic() + 60.0
+        while not (tmp_path / "preview.mp4").exists() and time.monotonic() < end:
+            time.sleep(0.02)
+        # The terminal's Ctrl-C reaches the whole group; the sender is the one that decides.
+        encoder.send_signal(signal.SIGINT)
+        assert encoder.poll() is None
+    assert encoder.returncode == encoding.GONE
+
+
+def test_who_stops_the_work_leaves_no_encoder(film: Path, tmp_path: Path) -> None:
+    def stop(_what: str, _done: int, _of: int) -> None:
+        raise KeyboardInterrupt
+
+    children = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
+    before = children.read_text() if children.exists() else ""
+    with pytest.raises(KeyboardInterrupt):
+        write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS), progress=stop)
+    assert not children.exists() or children.read_text() == before

@@ -1,0 +1,85 @@
+"""A video encoder in a process of its own, pictures on standard input.
+
+An encoder that comes with its own threads is not to be trusted with the process that holds the results: SVT-AV1 was
+seen to wait for itself for ever when its last pictures are asked for, and where it is run by root it gives its caller
+real-time priority before everything else. Here it runs without root's rights, and this process ends itself when
+nothing comes out for LIMIT seconds.
+
+Its arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
+video levels (16 to 235); ``e`` is the end. Without an end the sender is gone, and so goes this process. What is
+wrong is told as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts with
+little more than PyAV.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+PICTURE: Final = b"f"
+END: Final = b"e"
+OPTIONS: Final = {
+    "libsvtav1": {"preset": "10", "crf": "38", "g": "50"},
+    "libx264": {"preset": "veryfast", "crf": "26", "g": "50"},
+}
+NOBODY: Final = 65534
+GONE: Final = 3
+"""Exit code when the sender ended without an end."""
+
+
+def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s: float) -> int:
+    """Encode what comes on standard input and return the exit code."""
+    import av
+
+    # Who is asked to stop at the terminal is the sender, and closes what this process reads.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    nowhere = Path(os.devnull).open("w")  # noqa: SIM115 - faulthandler writes there until the end
+    # The encoder tells its settings on standard error unless it is told to keep to errors.
+    os.environ.setdefault("SVT_LOG", "1")
+    with Path(target).open("wb") as file:
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            os.seteuid(NOBODY)
+        with av.open(file, "w", format="mp4") as container:
+            stream: Any = container.add_stream(codec, rate=rate_hz, options=OPTIONS[codec])
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            colourless = np.full((height // 2, width), 128, np.uint8)
+            count = 0
+            while (letter := sys.stdin.buffer.read(1)) == PICTURE:
+                luma = sys.stdin.buffer.read(width * height)
+                if len(luma) < width * height:
+                    return GONE
+                picture = np.vstack([np.frombuffer(luma, np.uint8).reshape(height, width), colourless])
+                frame = av.VideoFrame.from_ndarray(picture, format="yuv420p")
+                frame.pts = count
+                count += 1
+                faulthandler.dump_traceback_later(limit_s, exit=True, file=nowhere)
+                container.mux(stream.encode(frame))
+                faulthandler.cancel_dump_traceback_later()
+            if letter != END:
+                return GONE
+            faulthandler.dump_traceback_later(limit_s, exit=True, file=nowhere)
+            container.mux(stream.encode())
+    faulthandler.cancel_dump_traceback_later()
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        width_px, height_px, rate = (int(word) for word in sys.argv[3:6])
+        code = main(sys.argv[1], sys.argv[2], width_px, height_px, rate, float(sys.argv[6]))
+    except Exception as error:  # noqa: BLE001 - the sender says what it means
+        system = isinstance(error, OSError) and not type(error).__module__.startswith("av")
+        sys.stdout.write(
+            json.dumps({"errno": getattr(error, "errno", None) if system else None, "message": str(error)})
+        )
+        sys.stdout.flush()
+        code = 1
+    # At once: what an encoder does at its own end no longer matters.
+    os._exit(code)
