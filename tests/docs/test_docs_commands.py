@@ -21,6 +21,7 @@ import sys
 import time
 import urllib.request
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -101,10 +102,15 @@ def _python(words: list[str]) -> None:
         assert (ROOT / words[-1]).exists()
         return
     arguments = ["--help"] if words[0].startswith("benchmarks/") else words[1:]
+    beside = ROOT / Path(words[0]).parent
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [words[0], *arguments])
-        # As for a script that Python starts: what lies beside it can be imported.
-        patch.syspath_prepend(ROOT / Path(words[0]).parent)
+        # As for a script that Python starts: what lies beside it can be imported, whatever else has such a name.
+        patch.syspath_prepend(beside)
+        for name in {path.stem for path in beside.glob("*.py")}:
+            # Set first, so that what the script imports goes again with the patch.
+            patch.setitem(sys.modules, name, ModuleType(name))
+            del sys.modules[name]
         try:
             runpy.run_path(str(ROOT / words[0]), run_name="__main__")
         except SystemExit as end:
