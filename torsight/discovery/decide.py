@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.fitting import EffectSet, space_of
+from torsight.discovery.fitting import EffectSet
+from torsight.discovery.intervals import curvature_spread
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
 from torsight.discovery.search import Contender, Field, Settings
@@ -254,11 +255,7 @@ class _Judge:
 def tied(field: Field, contender: Contender) -> bool:
     """Return whether values of two effects of a set can only be known together: what one lacks the other makes up."""
     fit = contender.fit
-    space = space_of(fit.parameters)
-    derivative = fit.solution.jacobian * space.scale
-    information = derivative.T @ (derivative * field.fitter.weight[:, None])
-    information[np.diag_indices_from(information)] += space.prior_information * space.scale**2 + 1e-9
-    spread = np.linalg.inv(information)
+    spread = curvature_spread(field, contender)
     size = np.sqrt(np.diag(spread))
     places = {p.name: i for i, p in enumerate(fit.parameters)}
     own = [[places[p.name] for p in field.fitter.candidates[name].parameters] for name in fit.effects]

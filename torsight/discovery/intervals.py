@@ -35,15 +35,20 @@ def covariance(field: Field, contender: Contender) -> Array:
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
     inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
-    space = space_of(fit.parameters)
     derivative = fit.solution.jacobian
-    information = derivative.T @ (derivative * weight[:, None]) / inflation
-    information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
-    found = np.asarray(np.linalg.inv(information))
+    found = curvature_spread(field, contender, inflation=inflation)
     plain = np.diag(found)
     shared = found @ (derivative.T @ (common_errors(field.fitter.problem) * weight[:, None])) / inflation
     widened = np.sqrt((plain + _between_blocks(field, contender)) / plain)
     return np.asarray(found * np.outer(widened, widened) + shared @ shared.T)
+
+
+def curvature_spread(field: Field, contender: Contender, *, inflation: float = 1.0) -> Array:
+    """Return the covariance (m, m) by the objective's curvature alone, the data's share of it divided by a number."""
+    space, derivative = space_of(contender.fit.parameters), contender.fit.solution.jacobian
+    information = derivative.T @ (derivative * field.fitter.weight[:, None]) / inflation
+    information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
+    return np.asarray(np.linalg.inv(information))
 
 
 def common_errors(problem: Problem) -> Array:
