@@ -6,9 +6,9 @@ real-time priority before everything else. Here it runs without root's rights, a
 nothing comes out for LIMIT seconds.
 
 Its arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
-video levels (16 to 235); ``e`` is the end. Without an end the sender is gone, and so goes this process. What is
-wrong is told as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts with
-little more than PyAV.
+video levels (16 to 235); ``e`` is the end. Without an end the sender is gone, and so goes this process. What is wrong
+is told as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts
+with little more than PyAV.
 """
 
 from __future__ import annotations
