@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from calibration.board import Board
 from calibration.detect import View
-from calibration.lens import one_thread
 from torsight.core.camera import Intrinsics, Pose
 from torsight.core.circles import axis_basis
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.minimise import least_squares
+from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,7 @@ are not certain, then with the narrow window, which gives the result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -21,6 +20,7 @@ from torsight.core.camera import Intrinsics
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import project, rotation_matrix
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]
 
@@ -113,17 +113,6 @@ class LensCalibration:
     def sigma(self) -> Floats:
         """The larger of both standard deviations, in the order of :data:`PARAMETERS`."""
         return np.maximum(self.fit.sigma, self.between_views)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let OpenCV work on one thread: its sums, and with them the last digits, depend on the number of threads."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:

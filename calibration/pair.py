@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.detect import View
-from calibration.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma, one_thread
+from calibration.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma
 from torsight.core.camera import Intrinsics, RightCamera
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import epipolar_distance_px, rotation_vector
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]
 

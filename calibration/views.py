@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from calibration.board import Board
 from calibration.detect import View, find_board, goes_on, other_boards_seen
-from calibration.lens import board_normals, one_thread
+from calibration.lens import board_normals
 from calibration.pictures import Picture, expand, film_step, is_film, read_pictures, require_same_camera
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 
 _MOST_FILM_VIEWS: Final = 30
 _BLURRED: Final = 1.5

@@ -20,6 +20,7 @@ from sync.repairs import LogReading
 from sync.settle import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
 from torsight.core.errors import NoResultError
 from torsight.core.records import ClockMap, TemperatureLog
+from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 
@@ -43,6 +44,7 @@ class Found:
     reading: LogReading
 
 
+@one_thread()
 def estimate_clock(
     angles: StickAngles,
     log: TemperatureLog,
@@ -77,6 +79,7 @@ def estimate_clock(
     ).clock
 
 
+@one_thread()
 def find_clock(
     angles: StickAngles,
     reading: LogReading,

@@ -12,6 +12,7 @@ from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import on_plane, ray_from_pixel, rotation_matrix
+from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.lone import lone_direction
@@ -52,6 +53,7 @@ class Orientation:
         return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + _FLOOR_PX**2 * np.eye(2))
 
 
+@one_thread()
 def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float = 1.0) -> Orientation:
     """Return the moving stick's orientation against the base stick.
 

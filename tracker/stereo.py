@@ -14,6 +14,7 @@ from torsight.core.circles import axis_basis
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.geometry import triangulate
 from torsight.core.scale import check_scale
+from torsight.core.threads import one_thread
 from torsight.core.tracks import MARKERS, MarkerTracks
 from tracker.orient import Orientation, Points, from_plane
 
@@ -24,6 +25,7 @@ _OFF_LINE: Final = 30.0
 _PARALLEL: Final = 0.2
 
 
+@one_thread()
 def orient_pair(
     left: MarkerTracks, right: MarkerTracks, camera: Camera, *, known_mm: Mapping[str, float] | None = None
 ) -> Orientation:

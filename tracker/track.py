@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.checkpoint import RowStore, source_key
 from tracker.follow import Follower
@@ -45,6 +45,7 @@ class TrackResult:
     report: dict[str, Any] = field(default_factory=dict)
 
 
+@one_thread()
 def track_film(
     source: FrameSource,
     *,
@@ -76,8 +77,6 @@ def track_film(
     OutputError
         When checkpoints cannot be written.
     """
-    # Threads would only wait for each other on these small pictures, and change nothing in the result.
-    cv2.setNumThreads(1)
     start = find_start(source, markers)
     follower = Follower(start.markers, moving=start.moving)
     store = RowStore(out, key=_key(source, markers) if out else "")

@@ -6,8 +6,9 @@ import pytest
 from made_up_views import LENS, SIZE_PX, exact_view, poses
 
 from calibration.detect import find_board
-from calibration.lens import calibrate_lens, fit_lens, jackknife_sigma, lens_values, one_thread, spread_deg
+from calibration.lens import calibrate_lens, fit_lens, jackknife_sigma, lens_values, spread_deg
 from torsight.core.errors import NoResultError
+from torsight.core.threads import one_thread
 
 TRUE = lens_values(LENS)
 

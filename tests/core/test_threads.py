@@ -24,6 +24,23 @@ def test_one_thread_inside_and_what_it_was_after_it() -> None:
     assert blas_threads() == before
 
 
+def test_libraries_that_are_loaded_inside_have_one_thread_too_and_nothing_stays_set() -> None:
+    script = (
+        "import os, threadpoolctl, torsight.core.threads as t\n"
+        "before = dict(os.environ)\n"
+        "@t.one_thread()\n"
+        "def inside():\n"
+        "    import numpy\n"
+        "    with t.one_thread():\n"
+        "        pass\n"
+        "    return {l['num_threads'] for l in threadpoolctl.threadpool_info() if l['user_api'] == 'blas'}\n"
+        "print(inside(), dict(os.environ) == before)"
+    )
+    more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{1} True"
+
+
 def test_a_command_computes_with_one_thread_even_when_more_are_asked_for() -> None:
     script = (
         "import torsight.cli.main, numpy, threadpoolctl;"

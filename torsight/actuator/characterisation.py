@@ -28,6 +28,7 @@ from torsight.actuator.spring_tests import SpringTests
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 from torsight.core.units import MPA
 
 Array = NDArray[np.float64]
@@ -91,6 +92,7 @@ class Characterisation:
         }
 
 
+@one_thread()
 def characterise(
     tests: SpringTests, *, source: str = "characterisation", progress: Progress = silent
 ) -> Characterisation:

@@ -28,6 +28,7 @@ from torsight.actuator.weights import correlation_rows, noisy_drives, spikes
 from torsight.core.errors import NoResultError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -116,6 +117,7 @@ class FitResult:
         }
 
 
+@one_thread()
 def fit_model(
     model: ActuatorModel,
     drive: Drive,
