@@ -8,6 +8,7 @@ goes on; the table of everything in the file is printed at the end.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -46,15 +47,20 @@ def one(seed: int) -> dict[str, Any]:
     }
 
 
-def main(path: Path, first: int, seeds: int) -> None:
+def main() -> None:
     """Characterise the seeds that are not in the file yet; print coverage and error in sigmas of every value."""
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
+    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
+    parser.add_argument("seeds", type=int, nargs="?", default=200, help="how many (default: %(default)s)")
+    given = parser.parse_args()
+    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
     done = {line["seed"] for line in known}
-    wanted = range(first, first + seeds)
+    wanted = range(given.first, given.first + given.seeds)
     for seed in wanted:
         if seed not in done:
             known.append(one(seed))
-            with path.open("a") as file:
+            with given.out.open("a") as file:
                 file.write(json.dumps(known[-1]) + "\n")
     lines = [line for line in known if line["seed"] in wanted]
     table = {
@@ -71,8 +77,4 @@ def main(path: Path, first: int, seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(
-        Path(sys.argv[1]),
-        int(sys.argv[2]) if len(sys.argv) > 2 else 0,
-        int(sys.argv[3]) if len(sys.argv) > 3 else 200,
-    )
+    main()

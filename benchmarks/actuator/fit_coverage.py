@@ -11,8 +11,8 @@ report.
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -124,23 +124,24 @@ def table(lines: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def main(path: Path, first: int, seeds: int) -> None:
+def main() -> None:
     """Fit the seeds that are not in the file yet and print the table."""
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    wanted = range(first, first + seeds)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
+    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
+    parser.add_argument("seeds", type=int, nargs="?", default=200, help="how many (default: %(default)s)")
+    given = parser.parse_args()
+    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
+    wanted = range(given.first, given.first + given.seeds)
     done = {line["seed"] for line in known}
     for seed in wanted:
         if seed in done:
             continue
         known.append(one(seed))
-        with path.open("a") as file:
+        with given.out.open("a") as file:
             file.write(json.dumps(known[-1]) + "\n")
     print(json.dumps(table([line for line in known if line["seed"] in wanted]), indent=2))
 
 
 if __name__ == "__main__":
-    main(
-        Path(sys.argv[1]),
-        int(sys.argv[2]) if len(sys.argv) > 2 else 0,
-        int(sys.argv[3]) if len(sys.argv) > 3 else 200,
-    )
+    main()

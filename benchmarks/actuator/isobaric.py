@@ -11,8 +11,8 @@ together give the transformation temperatures and the influence of stress with t
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -143,9 +143,13 @@ def _like(loop: Loop, percent: Array) -> Loop:
     return Loop(loop.temp_c, percent, loop.stress_pa, loop.turn)
 
 
-def main(folder: Path, figure: Path | None) -> None:
+def main() -> None:
     """Print the errors of prediction for both laws, and the values from all four stresses."""
-    loops = {stress: read_loop(folder / f"{stress} MPa.txt") for stress in STRESSES_MPA}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("figure", type=Path, nargs="?", metavar="FIGURE.png")
+    given = parser.parse_args()
+    loops = {stress: read_loop(given.folder / f"{stress} MPa.txt") for stress in STRESSES_MPA}
     table: dict[str, object] = {}
     for law in ("liang_rogers", "tanaka"):
         found = fit_loops(list(loops.values()), law=law)
@@ -158,7 +162,7 @@ def main(folder: Path, figure: Path | None) -> None:
             "left_out": left_out(loops, law=law),
         }
     print(json.dumps(table, indent=2, ensure_ascii=False))
-    if figure is not None:
+    if given.figure is not None:
         lines = []
         for number, (stress, loop) in enumerate(loops.items()):
             found = fit_loops([other for mpa, other in loops.items() if mpa != stress], law="liang_rogers")
@@ -166,8 +170,14 @@ def main(folder: Path, figure: Path | None) -> None:
             lines.append(
                 Line(loop.temp_c, strain(loop, found.values, law="liang_rogers"), "from the other three", f"C{number}-")
             )
-        draw(figure, lines, x_label="temperature (°C)", y_label="strain (%)", title="Each loop from the other three")
+        draw(
+            given.figure,
+            lines,
+            x_label="temperature (°C)",
+            y_label="strain (%)",
+            title="Each loop from the other three",
+        )
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)
+    main()

@@ -11,6 +11,7 @@ cooled to the room is a new half-cycle, where the drawn programme has one. One l
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -145,14 +146,19 @@ def _columns(springs: list[int], temps: list[np.ndarray], room_c: float, step_s:
     }  # fmt: skip
 
 
-def main(path: Path, first: int, seeds: int) -> None:
+def main() -> None:
     """Compare the seeds that are not in the file yet and print quantiles of what all of them give."""
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
+    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
+    parser.add_argument("seeds", type=int, nargs="?", default=40, help="how many (default: %(default)s)")
+    given = parser.parse_args()
+    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
     done = {line["seed"] for line in known}
-    for seed in range(first, first + seeds):
+    for seed in range(given.first, given.first + given.seeds):
         if seed not in done:
             known.append(one(seed))
-            with path.open("a") as file:
+            with given.out.open("a") as file:
                 file.write(json.dumps(known[-1]) + "\n")
     table = {
         name: {f"{100 * q:g} %": float(np.quantile([line[name] for line in known], q)) for q in (0.5, 0.9, 1.0)}
@@ -163,8 +169,4 @@ def main(path: Path, first: int, seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(
-        Path(sys.argv[1]),
-        int(sys.argv[2]) if len(sys.argv) > 2 else 0,
-        int(sys.argv[3]) if len(sys.argv) > 3 else 40,
-    )
+    main()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -24,7 +25,7 @@ from torsight.core.units import DEG
 ROWS = 120_000
 SPAN_S = 7200.0
 PYTHON_ROWS = 3000
-_INTERPRETED = "interpreted"
+_INTERPRETED = "--interpreted"
 
 
 def two_hours(rows: int) -> TemperatureLog:
@@ -93,6 +94,12 @@ def kernel_only(rows: int, times: int) -> float:
 
 def main() -> None:
     """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(_INTERPRETED, type=int, metavar="ROWS", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.interpreted:
+        print(kernel_only(given.interpreted, 1) / given.interpreted)
+        return
     model = ActuatorModel(reference_spec())
     log = two_hours(ROWS)
     drive = model.prepare_log(log, start_angle_rad=177.6 * DEG)
@@ -128,7 +135,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == [_INTERPRETED]:
-        print(kernel_only(int(sys.argv[2]), 1) / int(sys.argv[2]))
-    else:
-        main()
+    main()

@@ -5,8 +5,8 @@ Example: python benchmarks/discovery/report.py report.jsonl
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -102,7 +102,9 @@ def confusion(results: list[Result]) -> list[str]:
 
 def main() -> None:
     """Print the figures and the confusion matrix, all records and those with structured model error."""
-    results = read(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", nargs="+", metavar="RESULTS.jsonl")
+    results = read(parser.parse_args().results)
     for title, chosen in (("All", results), ("With structured model error", [r for r in results if r["model_error"]])):
         print(f"{title}: {len(chosen)} records")
         for name, value in figures(chosen):
