@@ -10,27 +10,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from batch_speed import campaign
-from kills import TORSIGHT, files, same
-
-
-def timed(rigs: Path, out: Path, *words: str) -> float:
-    """Do the campaign and return its wall time, s."""
-    began = time.monotonic()
-    command = [*TORSIGHT, "batch", str(rigs), "--out", str(out), *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        sys.exit(done.stderr)
-    print(f"  {' '.join(words):40s} {time.monotonic() - began:7.1f} s; {done.stderr.strip().splitlines()[-1]}")
-    return time.monotonic() - began
+from batch_speed import campaign, timed
+from kills import files, same
 
 
 def main() -> None:
