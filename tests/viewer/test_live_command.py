@@ -108,6 +108,7 @@ def test_it_ends_by_itself_with_a_browsers_page_served_to_this_computer_only(rig
         said, told = running.communicate(timeout=120)
     finally:
         running.kill()
+        running.communicate()
     assert running.returncode == 0, told
     assert "Traceback" not in told
     assert b"<html" in page.lower()
