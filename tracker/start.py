@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from tracker.detect import Dot, dot_near, find_dots
 from tracker.gauge import Gauge
@@ -54,8 +55,8 @@ class Start:
     kind: str
 
 
-def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
-    """Return the markers in the first frame in which they can be seen.
+def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
+    """Return the markers in the first frame in which they can be seen; ``progress`` is told before every look.
 
     Raises
     ------
@@ -77,6 +78,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
             break
         if frame.index not in _LOOKED_AT or frame.luma is None:
             continue
+        progress("looking for the markers", frame.index, _LOOKED_AT[-1])
         found = choose_sticks(frame.luma, find_dots(frame.luma))
         if found is None:
             continue
@@ -85,6 +87,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None) -> Start:
             best = (score, frame.index, frame.luma.copy(), found)
         if score > _CLEAR:
             break
+    progress("looking for the markers", _LOOKED_AT[-1], _LOOKED_AT[-1])
     if best is None:
         if count == 0:
             raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))

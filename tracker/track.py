@@ -77,7 +77,7 @@ def track_film(
     OutputError
         When checkpoints cannot be written.
     """
-    start = find_start(source, markers)
+    start = find_start(source, markers, progress=progress)
     follower = Follower(start.markers, moving=start.moving)
     store = RowStore(out, key=_key(source, markers) if out else "")
     state = store.resume() if resume else None

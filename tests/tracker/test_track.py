@@ -95,6 +95,18 @@ def test_markers_found_without_help_give_the_same_angles() -> None:
     np.testing.assert_allclose(outcome.error_deg, clean().error_deg, atol=4.0 * bound_deg(RIG))
 
 
+def test_looking_for_markers_is_told_before_the_tracking(tmp_path: Path) -> None:
+    told: list[tuple[str, float, float | None]] = []
+    film = write_film(replace(RIG, frames=20), tmp_path / "film.mkv", codec="ffv1", crf=None)
+    track_film(open_source(film), progress=lambda *words: told.append(words))
+    steps = list(dict.fromkeys(step for step, _, _ in told))
+    assert steps == ["looking for the markers", "tracking"]
+    for step in steps:
+        done = [(reached, of) for name, reached, of in told if name == step]
+        assert done == sorted(done)
+        assert done[-1][0] == done[-1][1]
+
+
 @pytest.mark.parametrize(
     "change",
     [

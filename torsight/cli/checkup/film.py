@@ -82,7 +82,7 @@ def check_film(
         stamps = read_stamps(source)
         check.content |= source.describe()
         _look_at_times(check, about, stamps, declared=source.frame_count, given=timestamps or fps)
-        start = find_start(source, hints)
+        start = find_start(source, hints, progress=progress)
         # Points without a dot cannot be found by themselves in the middle of the film.
         first = 0 if start.kind == "texture" else _first_frame(source, stamps, check, about, progress)
         _track_clip(check, about, Clip(source, stamps, first=first, count=CLIP), stamps, hints, camera, progress)
