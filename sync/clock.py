@@ -19,7 +19,7 @@ from sync.light import LightEvents, LightEvidence, light_evidence, missing_by_li
 from sync.repairs import LogReading
 from sync.settle import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
 from torsight.core.errors import NoResultError
-from torsight.core.records import ClockMap, TemperatureLog
+from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
@@ -143,7 +143,7 @@ def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, gi
             "a restart that shows; the interval holds both, look at the log's stamps"
         )
     method = (
-        f"shared event: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
+        f"{SHARED_EVENT}: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
         f"{evidence.switchings}"
     )
     clock = _as_map(conclude([belief], middle_s=evidence.middle_s), method, notes)

@@ -53,13 +53,14 @@ def _clock_sigma_s(merged: Path) -> float | None:
     that was given is a claim like any other.
     """
     from torsight.core.errors import InputError
+    from torsight.core.records import SHARED_EVENT
     from torsight.core.storage import read_json
 
     path = merged.parent / "sync.json"
     if not path.is_file():
         return None
     content = read_json(path)
-    if not str(content.get("method", "")).startswith("shared event"):
+    if not str(content.get("method", "")).startswith(SHARED_EVENT):
         return None
     try:
         low, high = (float(end) for end in content["offset_s"]["ci95"])

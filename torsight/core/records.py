@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from torsight.core.units import PPM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+SHARED_EVENT: Final = "shared event"
+"""How the ``method`` of a clock map begins that rests on an event that both clocks saw."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
