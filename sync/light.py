@@ -81,6 +81,22 @@ class LightEvidence:
     second_shift_s: float | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Changes:
+    """Changes of the light or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
+
+    time_s: NDArray[np.float64]
+    step_s: NDArray[np.float64]
+    goes_on: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> _Changes:
+        """Return some of the changes."""
+        return _Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
+
+
 def read_light_events(path: Path) -> LightEvents:
     """Read film times of a light: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
 
@@ -141,74 +157,58 @@ def light_evidence(
             where="temperature log",
             do="log the heating switch, or leave led_events out",
         )
-    film_s, film_step_s = _middles(events, frame_s)
-    middle_s = float(film_s.mean())
-    best: tuple[int, list[float], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]] | None = None
+    film = _on_film(events, frame_s)
+    middle_s = float(film.time_s.mean())
+    best: tuple[int, list[float], _Changes] | None = None
     for switch in _switches(log):
-        log_s, log_step_s, goes_on = _switchings(log.time_s, switch)
-        if len(log_s) == 0:
+        switchings = _in_log(log.time_s, switch)
+        if len(switchings) == 0:
             continue
-        count, offsets = _best_shifts(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s)
+        count, offsets = _best_shifts(film, switchings)
         if best is None or count > best[0]:
-            best = (count, offsets, log_s, log_step_s, goes_on)
-    if best is None or best[0] < max(1, (len(film_s) + 1) // 2):
+            best = (count, offsets, switchings)
+    if best is None or best[0] < max(1, (len(film) + 1) // 2):
         raise NoResultError(
             "the light's changes fit no changes of the heating switch",
             where="led_events",
-            value=f"{0 if best is None else best[0]} of {len(film_s)} events paired",
+            value=f"{0 if best is None else best[0]} of {len(film)} events paired",
             limit="at least half of them",
             do="check the times of the light, or leave led_events out",
         )
-    count, offsets, log_s, log_step_s, goes_on = best
+    count, offsets, switchings = best
     chosen = offsets[0]
     if near is not None:
         inside = [offset for offset in offsets if near[0] <= offset <= near[1]]
         chosen, offsets = (inside[0], inside) if inside else (chosen, offsets)
-    pairs = _pairs(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s, chosen)
-    index, partner = (np.array(item, dtype=np.int64) for item in zip(*pairs, strict=True))
-    away_s, offset_s = film_s[index] - middle_s, log_s[partner] - film_s[index]
+    index, partner = _pairs(film, switchings, chosen)
+    seen, shown = film.at(index), switchings.at(partner)
+    away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
     if jumps:
-        behind = np.stack([log_s[partner] > jump.after_s for jump in jumps], axis=1)
-        variance = _REPEATS * ((film_step_s[index] ** 2 + log_step_s[partner] ** 2) / 12.0 + _JITTER_S**2)
+        behind = np.stack([shown.time_s > jump.after_s for jump in jumps], axis=1)
+        variance = _REPEATS * ((seen.step_s**2 + shown.step_s**2) / 12.0 + _JITTER_S**2)
         belief = _with_jumps(away_s, offset_s, behind, variance, [jump.sigma_s for jump in jumps])
-        return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1)
-    belief = _intersected(
-        away_s=away_s, offset_s=offset_s, film_step_s=film_step_s[index], log_step_s=log_step_s[partner]
-    )
-    left = np.setdiff1d(np.arange(len(film_s)), index), np.setdiff1d(np.arange(len(log_s)), partner)
-    second_s = _second_shift(film_s, events.goes_on, log_s, goes_on, film_step_s, log_step_s, left=left)
+        return LightEvidence(belief, middle_s, count, len(film), len(switchings), len(offsets) - 1)
+    belief = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
+    second_s = _second_shift(film, switchings, index, partner)
     if second_s is not None:
         second_s -= chosen
         covariance = belief.covariance.copy()
         covariance[0, 0] += (second_s / _HELD_SIGMAS) ** 2
         belief = Belief(belief.mean, covariance, belief.log_weight)
-    return LightEvidence(belief, middle_s, count, len(film_s), len(log_s), len(offsets) - 1, second_s)
+    return LightEvidence(belief, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 
 
 def _second_shift(
-    film_s: NDArray[np.float64],
-    film_on: NDArray[np.bool_],
-    log_s: NDArray[np.float64],
-    log_on: NDArray[np.bool_],
-    film_step_s: NDArray[np.float64],
-    log_step_s: NDArray[np.float64],
-    *,
-    left: tuple[NDArray[np.int64], NDArray[np.int64]],
+    film: _Changes, switchings: _Changes, index: NDArray[np.int64], partner: NDArray[np.int64]
 ) -> float | None:
     """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
-    events, switchings = left
+    events = np.setdiff1d(np.arange(len(film)), index)
+    others = np.setdiff1d(np.arange(len(switchings)), partner)
     # One pair fits any shift.
-    at_one_end = len(events) > 1 and (events[-1] == len(events) - 1 or events[0] == len(film_s) - len(events))
-    if not at_one_end or len(switchings) < len(events):
+    at_one_end = len(events) > 1 and (events[-1] == len(events) - 1 or events[0] == len(film) - len(events))
+    if not at_one_end or len(others) < len(events):
         return None
-    count, offsets = _best_shifts(
-        film_s[events],
-        film_on[events],
-        log_s[switchings],
-        log_on[switchings],
-        film_step_s[events],
-        log_step_s[switchings],
-    )
+    count, offsets = _best_shifts(film.at(events), switchings.at(others))
     return offsets[0] if count == len(events) and len(offsets) == 1 else None
 
 
@@ -219,23 +219,20 @@ def missing_by_light(
 
     None where one side alone pairs as many events as both. Of several answers the shortest is taken.
     """
-    film_s, film_step_s = _middles(events, frame_s)
+    film = _on_film(events, frame_s)
     best: tuple[int, float] | None = None
     for switch in _switches(log):
-        log_s, log_step_s, goes_on = _switchings(log.time_s, switch)
+        switchings = _in_log(log.time_s, switch)
         sides = []
-        for rows in (log_s <= after_s, log_s > after_s):
+        for rows in (switchings.time_s <= after_s, switchings.time_s > after_s):
             if not rows.any():
                 break
-            count, offsets = _best_shifts(
-                film_s, events.goes_on, log_s[rows], goes_on[rows], film_step_s, log_step_s[rows]
-            )
-            sides.append((count, offsets))
+            sides.append(_best_shifts(film, switchings.at(rows)))
         if len(sides) < len(("before", "behind")) or not all(count for count, _ in sides):
             continue
         apart_s = min((a - b for a in sides[0][1] for b in sides[1][1] if a - b > -1.0), key=abs, default=None)
         total = sides[0][0] + sides[1][0]
-        if apart_s is not None and total <= len(film_s) and (best is None or total > best[0]):
+        if apart_s is not None and total <= len(film) and (best is None or total > best[0]):
             best = (total, apart_s)
     return None if best is None else best[1]
 
@@ -293,15 +290,15 @@ def _intersected(
     return Belief(mean, covariance, 0.0)
 
 
-def _middles(events: LightEvents, frame_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the middle and the length of the interval between the frame that shows the change and the one before."""
+def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> _Changes:
+    """Return the light's changes, each between the frame that shows it and the one before."""
     time_s = events.time_s
     if events.since_s is not None:
         step_s = time_s - events.since_s
-        return time_s - 0.5 * step_s, step_s
-    at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
-    step_s = frame_s[at] - frame_s[at - 1]
-    return time_s - 0.5 * step_s, step_s
+    else:
+        at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
+        step_s = frame_s[at] - frame_s[at - 1]
+    return _Changes(time_s - 0.5 * step_s, step_s, events.goes_on)
 
 
 def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
@@ -310,28 +307,20 @@ def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
 
 
-def _switchings(
-    time_s: NDArray[np.float64], switch: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def _in_log(time_s: NDArray[np.float64], switch: NDArray[np.bool_]) -> _Changes:
+    """Return a switch's changes, each between the row that shows it and the one before."""
     at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
-    return 0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at]
+    return _Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
 
 
-def _best_shifts(
-    film_s: NDArray[np.float64],
-    film_on: NDArray[np.bool_],
-    log_s: NDArray[np.float64],
-    log_on: NDArray[np.bool_],
-    film_step_s: NDArray[np.float64],
-    log_step_s: NDArray[np.float64],
-) -> tuple[int, list[float]]:
+def _best_shifts(film: _Changes, log: _Changes) -> tuple[int, list[float]]:
     """Return the largest number of pairs and the distinct offsets that reach it."""
-    trial = (log_s[None, :] - film_s[:, None])[film_on[:, None] == log_on[None, :]]
-    counts = [len(_pairs(film_s, film_on, log_s, log_on, film_step_s, log_step_s, float(offset))) for offset in trial]
+    trial = (log.time_s[None, :] - film.time_s[:, None])[film.goes_on[:, None] == log.goes_on[None, :]]
+    counts = [len(_pairs(film, log, float(offset))[0]) for offset in trial]
     if not counts:
         return 0, []
     most = max(counts)
-    apart_s = 2.0 * float(film_step_s.max() + log_step_s.max()) + _LARGEST_DRIFT * float(np.ptp(film_s))
+    apart_s = 2.0 * float(film.step_s.max() + log.step_s.max()) + _LARGEST_DRIFT * float(np.ptp(film.time_s))
     distinct: list[float] = []
     for offset, count in zip(trial, counts, strict=True):
         if count == most and all(abs(offset - other) > apart_s for other in distinct):
@@ -339,21 +328,17 @@ def _best_shifts(
     return most, distinct
 
 
-def _pairs(
-    film_s: NDArray[np.float64],
-    film_on: NDArray[np.bool_],
-    log_s: NDArray[np.float64],
-    log_on: NDArray[np.bool_],
-    film_step_s: NDArray[np.float64],
-    log_step_s: NDArray[np.float64],
-    offset_s: float,
-) -> list[tuple[int, int]]:
-    """Pair every event with the nearest switching of its direction, where that is as near as the clocks allow."""
+def _pairs(film: _Changes, log: _Changes, offset_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pair events with the nearest switching of their direction, where that is as near as the clocks allow.
+
+    Returns the rows of those events and of their partners.
+    """
     found: list[tuple[int, int]] = []
-    for index, at_s in enumerate(film_s):
-        away = np.where(log_on == film_on[index], np.abs(log_s - at_s - offset_s), np.inf)
+    for index, at_s in enumerate(film.time_s):
+        away = np.where(log.goes_on == film.goes_on[index], np.abs(log.time_s - at_s - offset_s), np.inf)
         partner = int(np.argmin(away))
-        slack_s = film_step_s[index] + log_step_s[partner] + _LARGEST_DRIFT * float(np.ptp(film_s))
+        slack_s = film.step_s[index] + log.step_s[partner] + _LARGEST_DRIFT * float(np.ptp(film.time_s))
         if away[partner] <= slack_s + 2.0 * _JITTER_S:
             found.append((index, partner))
-    return found
+    rows = np.array(found, dtype=np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]
