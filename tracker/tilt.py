@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.hanging import USUAL_PX, hanging_errors, spread_rows
-from torsight.core.minimise import jacobian_of, least_squares
+from torsight.core.minimise import least_squares
 
 Floats = NDArray[np.float64]
 
@@ -141,10 +141,8 @@ class _Paths:
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
-        error = self.misfit(values)
-        slopes = jacobian_of(lambda v: self.misfit(v).ravel(), values).reshape(*error.shape, -1)
         white = float(np.sqrt(np.median(self.variance)))
-        whiten = hanging_errors(self.direction_rad, error, slopes, usual=usual / white).whiten
+        whiten = hanging_errors(self.direction_rad, self.misfit, values, usual=usual / white).whiten
         return lambda left: np.asarray(whiten @ left)
 
 

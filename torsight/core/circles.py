@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.hanging import hanging_errors
-from torsight.core.minimise import jacobian_of, least_squares
+from torsight.core.minimise import least_squares
 
 Floats = NDArray[np.float64]
 
@@ -84,10 +84,8 @@ class Circles:
 
     def weighed(self, *, usual: float) -> Circles:
         """Return the fit with residuals taken as they hang together; see :mod:`torsight.core.hanging`."""
-        error = self.misfit(self.values)
-        slopes = jacobian_of(lambda values: self.misfit(values).ravel(), self.values).reshape(*error.shape, -1)
         polar = polar_of(self.lines, self.direction, self.point)
-        return replace(self, whiten=hanging_errors(polar[:, 1, 1], error, slopes, usual=usual).whiten)
+        return replace(self, whiten=hanging_errors(polar[:, 1, 1], self.misfit, self.values, usual=usual).whiten)
 
     def fitted(self) -> Circles:
         """Return the best fit."""

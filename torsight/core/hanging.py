@@ -13,11 +13,14 @@ that are about as likely as the best the most careful ones are taken: short arcs
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from torsight.core.minimise import jacobian_of
 
 Floats = NDArray[np.float64]
 
@@ -56,21 +59,25 @@ class HangingErrors:
     length_rad: float
 
 
-def hanging_errors(direction_rad: Floats, error: Floats, slopes: Floats, *, usual: float) -> HangingErrors:
+def hanging_errors(
+    direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float
+) -> HangingErrors:
     """Estimate how a fit's errors hang together.
 
     Parameters
     ----------
     direction_rad : (n,) float64
         Where the stick points.
-    error : (n, q) float64
-        What the fit left, in units of white noise.
-    slopes : (n, q, p) float64
-        Derivatives of the residuals with respect to what was fitted.
+    misfit : callable
+        What values (p,) leave, (n, q), in units of white noise.
+    values : (p,) float64
+        What was fitted.
     usual : float
         Usual size of errors that hang together, in units of white noise.
     """
+    error = misfit(values)
     n, q = error.shape
+    slopes = jacobian_of(lambda near: misfit(near).ravel(), values).reshape(n, q, -1)
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
