@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.axis import axis_in_space
-from torsight.core.camera import Camera, require_size
+from torsight.core.camera import Camera, require_second, require_size
 from torsight.core.circles import axis_basis
-from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.errors import NoResultError
 from torsight.core.geometry import triangulate
 from torsight.core.scale import check_scale
 from torsight.core.threads import one_thread
@@ -47,20 +47,15 @@ def orient_pair(
     NoResultError
         When the markers are never seen in both films, or do not belong together.
     """
-    if camera.right is None:
-        raise ConfigError(
-            "has no [right.intrinsics] and [right.from_left]",
-            where="the camera file",
-            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
-        )
+    second = require_second(camera, where="the camera file")
     require_size(camera.intrinsics, left.size_px, where="the left film")
-    require_size(camera.right.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
+    require_size(second.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
     other = _matching(left, right)
     space = triangulate(
         left.position_px,
         right.position_px[other],
         left=camera.intrinsics,
-        right=camera.right,
+        right=second,
         left_covariance_px2=left.covariance_px2,
         right_covariance_px2=right.covariance_px2[other],
     )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -139,15 +138,12 @@ def track_to_folder(
 def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
     """Return what is to be said of how a camera file goes with one film or two."""
     from torsight.cli.console import say
+    from torsight.core.camera import require_second
 
-    if two and (lens is None or lens.right is None):
-        raise ConfigError(
-            "two films need a camera file with a second camera",
-            where=where,
-            limit="[right.intrinsics] and [right.from_left]",
-            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
-        )
-    if two or lens is None or lens.right is None:
+    if two:
+        require_second(lens, where=where)
+        return []
+    if lens is None or lens.right is None:
         return []
     remark = (
         "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "

@@ -134,6 +134,24 @@ def read_camera(path: Path) -> Camera:
     return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
 
 
+def require_second(camera: Camera | None, *, where: str) -> RightCamera:
+    """Return the second camera of a stereo pair.
+
+    Raises
+    ------
+    ConfigError
+        When there is no camera file, or none of a pair.
+    """
+    if camera is None or camera.right is None:
+        raise ConfigError(
+            "two films need a camera file with a second camera",
+            where=where,
+            limit="[right.intrinsics] and [right.from_left]",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
+    return camera.right
+
+
 def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
     """Refuse a camera file for another picture size.
 

@@ -14,7 +14,7 @@ from torsight.cli.checkup.film import MODEL_ERROR_DEG, check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.experiment import experiment_file, read_experiment
-from torsight.core.camera import read_camera
+from torsight.core.camera import read_camera, require_second
 from torsight.core.errors import ConfigError, TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, missing_file, read_toml
@@ -146,15 +146,12 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
     if angles is not None:
         findings += _look_at_angles(angles)
         findings += _look_at_overlap(float(angles.time_s[-1] - angles.time_s[0]), log, inputs.settings)
-    if len(inputs.films) == 2 and (camera is None or camera.right is None):
-        error = ConfigError(
-            "two films need a camera file with a second camera",
-            where=str(inputs.camera or "experiment"),
-            limit="[right.intrinsics] and [right.from_left]",
-            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
-        )
-        findings.append(refusal("camera", error))
     stereo = len(inputs.films) == 2
+    if stereo:
+        try:
+            require_second(camera, where=str(inputs.camera or "experiment"))
+        except ConfigError as error:
+            findings.append(refusal("camera", error))
     for number, film in enumerate(inputs.films):
         check = check_film(
             film,
