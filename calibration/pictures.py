@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.paths import missing_file
 from torsight.core.provenance import file_hash
-from torsight.core.storage import missing_file
 
 PICTURE_SUFFIXES: Final = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",

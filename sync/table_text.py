@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sync.repairs import Repair
 from torsight.core.errors import InputError
-from torsight.core.storage import missing_file, require_ordinary
+from torsight.core.paths import missing_file, require_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd

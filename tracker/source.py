@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.storage import missing_file
+from torsight.core.paths import missing_file
 
 if TYPE_CHECKING:
     from tracker.film import FilmSource

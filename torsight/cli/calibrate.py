@@ -141,7 +141,8 @@ def calibrate_to_file(
     from calibration.coverage import draw_coverage
     from calibration.stage import camera_of
     from torsight.core.camera import camera_content, read_camera
-    from torsight.core.storage import require_apart, write_text
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_text
 
     _check_usage(images, right or [], pose or [], camera)
     if board is None:
@@ -175,7 +176,8 @@ def add_circles(
 
     from calibration.circles import pose_from_tracks
     from torsight.core.camera import camera_content, read_camera
-    from torsight.core.storage import require_apart, write_text
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_text
 
     if camera is None:
         raise ConfigError("needs a known --camera with --tracks", where="torsight calibrate")

@@ -29,7 +29,8 @@ def characterise(
     from torsight.actuator.figures import characterisation_figures
     from torsight.actuator.spring_tests import read_tests
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import require_apart, write_json, write_text
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json, write_text
 
     made = (out / "actuator.toml", out / "characterisation.json")
     require_apart(made, [tests])

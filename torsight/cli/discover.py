@@ -93,7 +93,8 @@ def discover_to_folder(
     """
     from torsight.actuator import read_actuator
     from torsight.actuator.fitted import write_model
-    from torsight.core.storage import require_apart, write_json, write_table
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json, write_table
     from torsight.core.tables import read_merged
     from torsight.discovery.discover import discover as find
     from torsight.report import write_report

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.storage import check_keys, missing_file, read_toml
+from torsight.core.paths import missing_file
+from torsight.core.storage import check_keys, read_toml
 
 KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "video": ("path", "timestamps", "fps"),

@@ -56,7 +56,8 @@ def fit_to_folder(
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
-    from torsight.core.storage import require_apart, write_json
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json
     from torsight.core.tables import read_merged
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])

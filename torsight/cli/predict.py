@@ -24,7 +24,7 @@ def predict(
     from torsight.actuator.fitted import read_model
     from torsight.actuator.logs import read_log
     from torsight.cli.simulate import write_angles_of
-    from torsight.core.storage import require_apart
+    from torsight.core.paths import require_apart
     from torsight.core.units import DEG
 
     require_apart([out], [model, temperature])

@@ -113,8 +113,9 @@ def run_experiment(
     unfinished track goes on from its last checkpoint.
     """
     from torsight.core.lock import only_writer
+    from torsight.core.paths import require_apart
     from torsight.core.provenance import provenance
-    from torsight.core.storage import require_apart, write_json
+    from torsight.core.storage import write_json
 
     folder = out or experiment.output
     made = [*(_TRACKED if experiment.angle is None else ()), *_MADE]

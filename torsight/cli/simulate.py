@@ -33,7 +33,7 @@ def simulate(
     from torsight.actuator.logs import read_log
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
-    from torsight.core.storage import require_apart
+    from torsight.core.paths import require_apart
     from torsight.core.units import DEG
 
     require_apart([out], [actuator, temperature])

@@ -114,7 +114,8 @@ def sync_to_folder(
     from sync import find_clock, merge, read_temperature_log
     from sync.merge import longest_gap_s, require_overlap
     from sync.report import sync_content
-    from torsight.core.storage import require_apart, write_json
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json
     from torsight.core.tables import read_angles, write_merged
 
     steps = 4.0

@@ -100,7 +100,8 @@ def track_to_folder(
     """
     from torsight.core.camera import read_camera
     from torsight.core.lock import only_writer
-    from torsight.core.storage import require_apart, write_json, write_table
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json, write_table
     from torsight.core.tables import marker_columns, write_angles
     from tracker.account import account
     from tracker.checkpoint import drop

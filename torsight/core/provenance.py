@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import InputError
-from torsight.core.storage import missing_file, require_ordinary
+from torsight.core.paths import missing_file, require_ordinary
 
 _PACKAGES: Final = (
     "torsight",

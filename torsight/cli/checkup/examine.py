@@ -16,8 +16,9 @@ from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.experiment import experiment_file, read_experiment
 from torsight.core.camera import read_camera, require_second
 from torsight.core.errors import ConfigError, TorsightError
+from torsight.core.paths import missing_file
 from torsight.core.progress import Progress, silent
-from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, missing_file, read_toml
+from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.tables import read_angles
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
