@@ -2,14 +2,8 @@
 
 import pytest
 
+from tests.command_line import leave
 from tests.full_disk import full_disk
-from torsight.cli.main import main
-
-
-def leave(*words):
-    with pytest.raises(SystemExit) as end:
-        main([str(word) for word in words])
-    return end.value.code
 
 
 @pytest.mark.parametrize(("limit_bytes", "refused"), [(100, "camera.toml"), (10_000, "camera.coverage.png")])

@@ -12,20 +12,14 @@ import pandas as pd
 import pytest
 
 from tests.cli.bad_inputs import make_world
+from tests.command_line import leave
 from tests.made_up_run import write_made_up_run
 from torsight.cli import campaign, limited
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment import read_experiment
-from torsight.cli.main import main
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.provenance import provenance
 from torsight.core.storage import is_running, write_json
-
-
-def leave(*words: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    return int(end.value.code or 0)
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.bad_inputs import make_world
+from tests.command_line import leave
 from tests.full_disk import full_disk
-from torsight.cli.main import main
 
 STAGES = ("track", "sync", "fit", "discover")
 EXPERIMENT = """
@@ -23,12 +23,6 @@ offset_s = 0.0
 [actuator]
 file = "actuator.toml"
 """
-
-
-def leave(*words: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    return int(end.value.code or 0)
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from torsight.cli.main import COMMANDS, app, main
-
-
-def leave(*words: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    return int(end.value.code or 0)
+from tests.command_line import leave
+from torsight.cli.main import COMMANDS, app
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.command_line import leave
 from tests.recordings import fingerprint
-from torsight.cli.main import main
 from torsight.cli.run import other_versions
 from torsight.core.storage import read_json, read_table
 from torsight.synthetic.render import render_scene
@@ -73,12 +73,6 @@ tilt_deg = 7.0
 offset_s = -4.0
 before_s = 5.0
 """
-
-
-def leave(*words: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    return int(end.value.code or 0)
 
 
 @pytest.fixture(scope="module")
