@@ -21,3 +21,9 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a small function into its callers."""
     return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+
+
+def summing(function: F) -> F:
+    """Compile a function whose sums may be taken in any order, several terms at once."""
+    allowed = {"reassoc", "contract", "nsz"}
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy", fastmath=allowed)(function))

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.compiled import compiled
+from torsight.actuator.compiled import compiled, inlined, summing
 from torsight.actuator.corners import mend_corners
 from torsight.actuator.holds import level_holds
 
@@ -45,8 +45,12 @@ _SELECTION: Final = 1.8
 # And the largest of them follow the temperature only to within the noise: so much larger again, in mean square.
 _FOLLOWED: Final = 2.5
 _WARMED: Final = 0.1
-# Beyond this many time constants what is left of an earlier corner is nothing.
-_GONE: Final = 25.0
+_AS_WELL: Final = 1.0 - 1e-9
+# Beyond 25 time constants what is left of an earlier corner is nothing.
+_MOST: Final = math.exp(25.0)
+# Exponents beyond which a ratio is nothing or too much in any case, and up to which ratios are exact.
+_FARTHEST: Final = 500.0
+_NEAR_ENOUGH: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,69 +204,118 @@ def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: 
     )
 
 
-@compiled
-def _add(m: Array, t: float, y: float, lag: float) -> None:
-    """Add a sample to the normal equations: (4, 4) of 1, t, t² and the decaying rest, and the side's column."""
-    f1, f2 = t, t * t
-    m[0, 0] += 1.0
-    m[0, 1] += f1
-    m[0, 2] += f2
-    m[1, 2] += f1 * f2
-    m[2, 2] += f2 * f2
-    m[0, 4] += y
-    m[1, 4] += f1 * y
-    m[2, 4] += f2 * y
-    if lag > 0.0:
-        rest = np.exp(min(-t / lag, _GONE))
-        m[0, 3] += rest
-        m[1, 3] += rest * f1
-        m[2, 3] += rest * f2
-        m[3, 3] += rest * rest
-        m[3, 4] += rest * y
+@summing
+def _add(m: Array, t: Array, y: Array, t_here: float, y_here: float) -> None:
+    """Add samples to the normal equations of a parabola around one: (4, 4) of 1, t, t², and the side's column."""
+    t1 = t2 = t3 = t4 = y0 = y1 = y2 = 0.0
+    for i in range(t.size):
+        away, above = t[i] - t_here, y[i] - y_here
+        square = away * away
+        t1 += away
+        t2 += square
+        t3 += away * square
+        t4 += square * square
+        y0 += above
+        y1 += away * above
+        y2 += square * above
+    m[0, 0] += t.size
+    m[0, 1] += t1
+    m[0, 2] += t2
+    m[1, 2] += t3
+    m[2, 2] += t4
+    m[0, 4] += y0
+    m[1, 4] += y1
+    m[2, 4] += y2
+
+
+@summing
+def _add_rest(m: Array, t: Array, y: Array, decay: Array, t_here: float, y_here: float, scale: float) -> None:
+    """Add the same samples' products with the rest that decays, ``decay`` times ``scale``."""
+    r0 = r1 = r2 = rr = ry = 0.0
+    for i in range(t.size):
+        away, rest = t[i] - t_here, min(decay[i] * scale, _MOST)
+        r0 += rest
+        r1 += rest * away
+        r2 += rest * away * away
+        rr += rest * rest
+        ry += rest * (y[i] - y_here)
+    m[0, 3] += r0
+    m[1, 3] += r1
+    m[2, 3] += r2
+    m[3, 3] += rr
+    m[3, 4] += ry
 
 
 @compiled
-def _fit(m: Array, work: Array, lag: float) -> tuple[float, float, float, float]:
+def _decays(decay: Array, time: Array, k: int, reach: int, lag: float) -> None:
+    """Set what decays from 1 at sample k, for the samples up to ``reach`` before it and 2 ``reach`` after it.
+
+    One exponential per sample serves the windows of ``reach`` samples: they need its ratios only.
+    """
+    for i in range(max(0, k - reach), min(time.size, k + 2 * reach)):
+        decay[i] = np.exp(min(max((time[k] - time[i]) / lag, -_FARTHEST), _FARTHEST))
+
+
+@compiled
+def _renewed(decay: Array, time: Array, k: int, made_for: int, reach: int, lag: float) -> int:
+    """Make the decays anew where those at hand do not serve sample k; return the sample for which they were made."""
+    if lag > 0.0 and (made_for < 0 or k - made_for >= reach or time[k] - time[made_for] > _NEAR_ENOUGH * lag):
+        _decays(decay, time, k, reach, lag)
+        return k
+    return made_for
+
+
+@inlined
+def _fit(m: Array, lag: float) -> tuple[float, float, float, float]:
     """Return value, slope and their unit variances, of the wire at the origin, from normal equations.
 
     The wire is the parabola c0 + c1 t + c2 t² with lag · (its slope) added: value c0 + lag c1, slope c1 + 2 lag c2.
+    Written out, as it is asked for a few million times: the matrix becomes L D Lᵀ, and the side (y) and the two sums
+    of coefficients that are wanted (v, w) are eliminated along, which gives aᵀ N⁻¹ b without solving back.
     """
-    count = 4 if lag > 0.0 else 3
-    # Columns 4, 5 and 6: the side, and the two sums of coefficients that are wanted.
-    for i in range(count):
-        for j in range(count):
-            low, high = (i, j) if i < j else (j, i)
-            work[i, j] = m[low, high]
-        work[i, 4], work[i, 5], work[i, 6] = m[i, 4], 0.0, 0.0
-    work[1, 1] = m[0, 2]
-    work[0, 5], work[1, 5] = 1.0, lag
-    work[1, 6], work[2, 6] = 1.0, 2.0 * lag
-    for i in range(count):
-        pivot = work[i, i] + 1e-12 * m[0, 0]
-        for k in range(i + 1, count):
-            factor = work[k, i] / pivot
-            for j in range(i, 7):
-                work[k, j] -= factor * work[i, j]
-        work[i, i] = pivot
-    # With the matrix as L D Lᵀ: sums over the eliminated columns give aᵀ N⁻¹ b without solving back.
-    value = slope = variance_value = variance_slope = 0.0
-    for i in range(count):
-        inverse = 1.0 / work[i, i]
-        value += work[i, 5] * work[i, 4] * inverse
-        slope += work[i, 6] * work[i, 4] * inverse
-        variance_value += work[i, 5] * work[i, 5] * inverse
-        variance_slope += work[i, 6] * work[i, 6] * inverse
+    least = 1e-12 * m[0, 0]
+    i0 = 1.0 / (m[0, 0] + least)
+    f1, f2 = m[0, 1] * i0, m[0, 2] * i0
+    m12 = m[1, 2] - f1 * m[0, 2]
+    i1 = 1.0 / (m[0, 2] - f1 * m[0, 1] + least)
+    g2 = m12 * i1
+    i2 = 1.0 / (m[2, 2] - f2 * m[0, 2] - g2 * m12 + least)
+    y0, y1 = m[0, 4], m[1, 4] - f1 * m[0, 4]
+    y2 = m[2, 4] - f2 * y0 - g2 * y1
+    v1 = lag - f1
+    v2 = -f2 - g2 * v1
+    w2 = 2.0 * lag - g2
+    value = y0 * i0 + v1 * y1 * i1 + v2 * y2 * i2
+    slope = y1 * i1 + w2 * y2 * i2
+    variance_value = i0 + v1 * v1 * i1 + v2 * v2 * i2
+    variance_slope = i1 + w2 * w2 * i2
+    if lag > 0.0:
+        f3 = m[0, 3] * i0
+        m13 = m[1, 3] - f1 * m[0, 3]
+        g3 = m13 * i1
+        m23 = m[2, 3] - f2 * m[0, 3] - g2 * m13
+        h3 = m23 * i2
+        i3 = 1.0 / (m[3, 3] - f3 * m[0, 3] - g3 * m13 - h3 * m23 + least)
+        y3 = m[3, 4] - f3 * y0 - g3 * y1 - h3 * y2
+        v3 = -f3 - g3 * v1 - h3 * v2
+        w3 = -g3 - h3 * w2
+        value += v3 * y3 * i3
+        slope += w3 * y3 * i3
+        variance_value += v3 * v3 * i3
+        variance_slope += w3 * w3 * i3
     return value, slope, variance_value, variance_slope
 
 
 @compiled
-def _grow(m: Array, time: Array, temp_c: Array, k: int, first: int, last: int, lag: float) -> None:
+def _grow(m: Array, time: Array, temp_c: Array, decay: Array, k: int, first: int, last: int, lag: float) -> None:
     """Add the samples ``first`` to ``last`` − 1 steps before (row 0) and after (row 1) sample k to the sums."""
-    for i in range(first, last):
-        if k - i >= 0:
-            _add(m[0], time[k - i] - time[k], temp_c[k - i] - temp_c[k], lag)
-        if k + i < temp_c.size:
-            _add(m[1], time[k + i] - time[k], temp_c[k + i] - temp_c[k], lag)
+    for row in range(2):
+        low, high = (max(k - last + 1, 0), k - first + 1) if row == 0 else (k + first, min(k + last, time.size))
+        if low >= high:
+            continue
+        _add(m[row], time[low:high], temp_c[low:high], time[k], temp_c[k])
+        if lag > 0.0:
+            _add_rest(m[row], time[low:high], temp_c[low:high], decay[low:high], time[k], temp_c[k], 1.0 / decay[k])
     # Sample k itself is in both; around it, it counts once.
     m[2] = m[0] + m[1]
     m[2, 0, 0] -= 1.0
@@ -295,13 +348,15 @@ def _local_fits(
     value, slope, left_over = temp_c.copy(), np.zeros(n), np.full(n, sigma)
     sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
-    sums, state, work = np.zeros((3, 4, 5)), np.empty((3, 3)), np.zeros((4, 7))
+    sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
+    decay, made_for = np.ones(n), -1
     for k in range(n):
         sums[:] = 0.0
+        made_for = _renewed(decay, time, k, made_for, sizes[-1], lag)
         state[:, 0], state[:, 1], state[:, 2] = 1.0, -np.inf, np.inf
         best, done = np.inf, 0
         for size in sizes:
-            _grow(sums, time, temp_c, k, done, size, lag)
+            _grow(sums, time, temp_c, decay, k, done, size, lag)
             done = size
             for kind in range(3):
                 # Before k (with it), after k (with it), and around it.
@@ -309,11 +364,12 @@ def _local_fits(
                     state[kind, 0] = 0.0
                 if state[kind, 0] == 0.0:
                     continue
-                y, rate, variance, variance_rate = _fit(sums[kind], work, lag)
+                y, rate, variance, variance_rate = _fit(sums[kind], lag)
                 if not _judge(state[kind], y, threshold * sigma * np.sqrt(variance)):
                     continue
                 sides[kind, 0, k], sides[kind, 1, k], sides[kind, 2, k] = rate, sigma**2 * variance_rate, size
-                if variance < best:
+                # Windows of one length on either side know as much; sums in another order must not choose.
+                if variance < _AS_WELL * best:
                     best, value[k], slope[k] = variance, temp_c[k] + y, rate
             if not state[:, 0].any():
                 break

@@ -8,7 +8,7 @@ report.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -64,6 +64,7 @@ class ActuatorProblem:
     seed: int = 0
     resolution: float = RESOLUTION_DEG
     clock_sigma_s: float | None = None
+    _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -129,8 +130,11 @@ class ActuatorProblem:
 
     def model(self, effects: Sequence[str] = ()) -> ActuatorModel:
         """Return the model with these effects and what is always fitted."""
-        always = tuple(effect.id for effect in load_effects().values() if effect.family == ALWAYS_FAMILY)
-        return ActuatorModel(self.spec, (*effects, *always))
+        chosen = tuple(effects)
+        if chosen not in self._models:
+            always = tuple(effect.id for effect in load_effects().values() if effect.family == ALWAYS_FAMILY)
+            self._models[chosen] = ActuatorModel(self.spec, (*chosen, *always))
+        return self._models[chosen]
 
     def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:
         """Simulate the whole record."""
