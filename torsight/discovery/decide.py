@@ -168,9 +168,9 @@ class _Judge:
         if not without.effects:
             return True
         # What a second effect removes may be the error of the first one's form, unless hardly anything is left then and
-        # the two do not hang together.
+        # the two do not hang together. What a third one removes may be the error of two forms.
         whole = self._over_time(self._field.base.held_out.residual)
-        alone = after <= self._least_size() and not tied(self._field, contender)
+        alone = len(without.effects) == 1 and after <= self._least_size() and not tied(self._field, contender)
         alone = alone and before - after >= _CLEAR * self._least_size()
         least = 0.0 if alone else self._settings.share_of_all * whole
         return before - after >= max(self._settings.share_of_rest * rest, least)

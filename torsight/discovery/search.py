@@ -28,6 +28,7 @@ LEAST_PROMISE: Final = 10.0
 _LEAST_LINEAR: Final = 2.0
 """Extensions that promise less in the linear picture are not fitted; low, as weights from a poor fit see little."""
 _SHARPENINGS: Final = 6
+_LOOKS: Final = 2
 _MUCH_LEFT: Final = 1.3
 """Larger sets are tried while the residual's information is this many times the floor's ..."""
 _SHOWS: Final = 2.0
@@ -60,9 +61,9 @@ class Settings:
         In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
         the fit has not seen: a second name is not given for the error of the first one's form.
     share_of_all : float
-        For the same reason each one must remove this share of the base model's squared error on such blocks, unless
-        less is left with it than is worth a name, it removes clearly more than that, and its values do not hang
-        together with the others'.
+        For the same reason each one must remove this share of the base model's squared error on such blocks, unless it
+        is one of two, less is left with it than is worth a name, it removes clearly more than that, and its values do
+        not hang together with the other's.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
@@ -174,6 +175,8 @@ class Search:
         for size in range(1, self._settings.most_effects + 1):
             self._grow(size)
             self._reweight()
+            if size > 1:
+                self._look_again(size)
             if not self._worth(size):
                 break
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
@@ -187,6 +190,15 @@ class Search:
         self._fits = {(): fit}
 
     def _grow(self, size: int) -> None:
+        work = self._extensions(size)
+        if size > 1:
+            work = self._promising(work)
+        step = f"sets of {size}"
+        found: list[Fit] = in_parallel(list(work.values()), self._extend, step=step, progress=self._progress)
+        self._fits |= {fit.effects: fit for fit in found}
+
+    def _extensions(self, size: int) -> dict[EffectSet, tuple[Fit, str]]:
+        """Return the sets of this size that grow out of the best smaller ones: parent and what is added."""
         # A mechanism without a name stands alone: in company it would take over the error of the others' forms.
         parents = [fit for fit in self._ranked(size - 1) if self._named(fit.effects)][: self._settings.beam]
         work: dict[EffectSet, tuple[Fit, str]] = {}
@@ -197,31 +209,62 @@ class Search:
                 effects = self._fitter.ordered((*parent.effects, name))
                 if len(effects) == size and effects not in work:
                     work[effects] = (parent, name)
-        if size > 1:
-            work = self._promising(work)
-        step = f"sets of {size}"
-        found: list[Fit] = in_parallel(list(work.values()), self._extend, step=step, progress=self._progress)
-        self._fits |= {fit.effects: fit for fit in found}
+        return work
 
     def _promising(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, tuple[Fit, str]]:
-        """Leave out extensions that promise nothing in the linear picture; those that promise the best fits stay in."""
+        """Leave out extensions that promise nothing in the linear picture; those that promise the best fits stay in.
 
-        def gain(item: tuple[Fit, str]) -> float:
+        What counts is where a set would end up: a poor parent promises much and leads nowhere. The few best stay in
+        whatever they promise.
+        """
+        expected = self._expected(work)
+        ranked = sorted(expected, key=lambda effects: (expected[effects], effects))[: self._settings.most_extensions]
+        promised = {effects: work[effects][0].cost - expected[effects] for effects in ranked}
+        kept = [e for i, e in enumerate(ranked) if i < self._settings.beam or promised[e] > _LEAST_LINEAR]
+        return {effects: work[effects] for effects in kept}
+
+    def _expected(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, float]:
+        """Return the cost at which each extension would end up in the linear picture."""
+
+        def cost(item: tuple[Fit, str]) -> float:
             parent, name = item
             fitted = self._fits[(name,)].values
             own = {p.name: fitted[p.name] for p in self._fitter.candidates[name].parameters}
             starts = [own, *self._fitter.candidates[name].starting_points()[:2]]
-            return linear_gain(self._fitter, parent, name, starts)
+            return parent.cost - linear_gain(self._fitter, parent, name, starts)
 
-        gains: list[float] = in_parallel(list(work.values()), gain)
-        # What counts is where a set would end up: a poor parent promises much and leads nowhere.
-        expected = {
-            effects: parent.cost - promised
-            for promised, (effects, (parent, _)) in zip(gains, work.items(), strict=True)
-            if promised > _LEAST_LINEAR
-        }
-        kept = sorted(expected, key=lambda effects: (expected[effects], effects))[: self._settings.most_extensions]
-        return {effects: work[effects] for effects in kept}
+        costs: list[float] = in_parallel(list(work.values()), cost)
+        return dict(zip(work, costs, strict=True))
+
+    def _look_again(self, size: int) -> None:
+        """Fit what promised too little at weights from a poorer fit, and what has ended above a part of itself.
+
+        A sample is worth many times more once most of the residual is explained: then that counts which promises at
+        least half of what the best set of this size gains. And a set holds its parts, with an effect switched off.
+        """
+        for _ in range(_LOOKS):
+            before = self._best()
+            smaller, found = self._ranked(size - 1)[0], self._ranked(size)[:1]
+            gained = max(0.0, smaller.cost - found[0].cost) if found else 0.0
+            work = {e: item for e, item in self._extensions(size).items() if self._astray(e, item[0])}
+            expected = self._expected(work)
+            least = smaller.cost - max(LEAST_PROMISE, 0.5 * gained)
+            near = sorted((e for e in work if expected[e] < least), key=lambda effects: (expected[effects], effects))
+            added = [work[effects] for effects in near[: 2 * self._settings.beam]]
+            fits: list[Fit] = in_parallel(added, self._extend, step=f"sets of {size}", progress=self._progress)
+            self._fits |= {fit.effects: fit for fit in fits if self._astray(fit.effects, fit)}
+            if not self._moved(before):
+                break
+            self._reweight()
+
+    def _astray(self, effects: EffectSet, other: Fit) -> bool:
+        """Return whether a set has not been fitted, or has ended above another fit."""
+        return effects not in self._fits or self._fits[effects].cost > other.cost
+
+    def _moved(self, before: Fit) -> bool:
+        """Return whether another set explains most now, or the same one clearly better."""
+        best = self._best()
+        return best.effects != before.effects or best.cost < before.cost - LEAST_PROMISE
 
     def _extend(self, item: tuple[Fit, str]) -> Fit:
         parent, name = item
@@ -296,7 +339,7 @@ class Search:
             refitted: list[Fit] = in_parallel(kept, self._fitter.refit, step="refits", progress=self._progress)
             self._fits = {fit.effects: fit for fit in [*refitted, best]}
             self._start_again()
-            if self._best().effects == best.effects:
+            if not self._moved(best):
                 break
 
     def _sharpened(self, fit: Fit) -> Fit:
