@@ -195,6 +195,10 @@ def make_record(case: Case) -> Record:
                 break
             wanted_deg = _log_uniform(rng, 2.0 * _SIZE_DEG[0], 0.75 * _SIZE_DEG[1])
             details[name] = _scaled(name, details[name], wanted_deg / max(alone.size_deg, 0.1))
+        else:
+            # The strength that is used in the end has not been measured yet.
+            alone = _record(_run(values, record, later, {name: details[name]}, noise_seed), values, {}, noise_seed)
+            sizes_deg[name] = alone.size_deg
     whole = _record(_run(values, record, later, error | details, noise_seed), values, details, noise_seed)
     return replace(whole, sizes_deg=sizes_deg)
 

@@ -23,8 +23,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from cases import OUTSIDE, Case, Record, make_record, suite
+from shown import shown
 
+from torsight.actuator.model import ActuatorModel
 from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import discover
 from torsight.discovery.prediction import predict_angle
 from torsight.discovery.report import DiscoveryReport
@@ -44,6 +47,7 @@ def run_case(case: Case, record: Record) -> dict[str, Any]:
         "truth": list(case.effects),
         "size_deg": record.size_deg,
         "sizes_deg": dict(record.sizes_deg),
+        "shown_deg": _shown_deg(case, record),
         "details": {name: dict(details) for name, details in record.details.items()},
         "verdict": report.verdict,
         "effects": [effect.id for effect in report.effects],
@@ -63,6 +67,14 @@ def run_case(case: Case, record: Record) -> dict[str, Any]:
         "seconds": seconds,
         "cpu_seconds": cpu_seconds,
     }
+
+
+def _shown_deg(case: Case, record: Record) -> dict[str, float]:
+    """Return by how much each of several hidden effects shows; of one alone the plain fit tells."""
+    if case.kind != "double":
+        return {}
+    problem = ActuatorProblem(ActuatorModel(record.spec).prepare(record.table), record.spec)
+    return shown(problem, case.effects)
 
 
 def _covered(report: DiscoveryReport, record: Record) -> dict[str, bool]:
