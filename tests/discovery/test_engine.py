@@ -41,6 +41,16 @@ def test_two_missing_effects_are_both_named() -> None:
     assert findings.decision.chosen.effects == ("coulomb", "warmth")
 
 
+@pytest.mark.parametrize(("ripple", "named"), [(0.0, ("coulomb", "warmth")), (0.2, ("coulomb",))])
+def test_beside_a_large_effect_a_small_one_must_explain_nearly_all_that_is_left(
+    ripple: float, named: tuple[str, ...]
+) -> None:
+    s = signals()
+    small = 0.1 * (s["warm"] - 20.0) + ripple * np.sin(2.0 * np.pi * s["position"] / 0.3)
+    findings = find_missing(machine(3.0 * np.sign(s["speed"]) + small, seed=5))
+    assert findings.decision.chosen.effects == named
+
+
 def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
     s = signals()
     candidates = usual_candidates()

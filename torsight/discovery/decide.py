@@ -28,6 +28,9 @@ LEAST_BY_PRIORS: Final = 15.0
 
 _CLEAR: Final = 2.25
 """How many times what is worth a name a second effect removes that is small beside the first one."""
+_NEARLY_NOTHING: Final = 0.1
+"""Share of the squared error that may be left where a second effect explains what the first one leaves: an error of a
+form has a shape of its own, which no other effect takes off to such a part."""
 _TIED: Final = 0.9
 """Correlation from which two effects' values hang together."""
 
@@ -167,11 +170,13 @@ class _Judge:
             return False
         if not without.effects:
             return True
-        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then and
-        # the two do not hang together. What a third one removes may be the error of two forms.
+        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then,
+        # or nearly nothing of what was left before, and the two do not hang together. What a third one removes may be
+        # the error of two forms.
         whole = self._over_time(self._field.base.held_out.residual)
-        alone = len(without.effects) == 1 and after <= self._least_size() and not tied(self._field, contender)
-        alone = alone and before - after >= _CLEAR * self._least_size()
+        little = after <= max(self._least_size(), _NEARLY_NOTHING * before)
+        alone = little and len(without.effects) == 1 and before - after >= _CLEAR * self._least_size()
+        alone = alone and not tied(self._field, contender)
         least = 0.0 if alone else self._settings.share_of_all * whole
         return before - after >= max(self._settings.share_of_rest * rest, least)
 

@@ -62,8 +62,8 @@ class Settings:
         the fit has not seen: a second name is not given for the error of the first one's form.
     share_of_all : float
         For the same reason each one must remove this share of the base model's squared error on such blocks, unless it
-        is one of two, less is left with it than is worth a name, it removes clearly more than that, and its values do
-        not hang together with the other's.
+        is one of two, less is left with it than is worth a name or than a tenth of what is left without it, it removes
+        clearly more than is worth a name, and its values do not hang together with the other's.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
         not worth a name.
