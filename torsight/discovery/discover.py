@@ -38,6 +38,7 @@ CONTRADICTED_SIGMAS: Final = 4.0
 _DRAWS: Final = 2000
 
 
+@one_thread()
 def discover(
     table: SyncedTable,
     spec: ActuatorSpec,
@@ -73,9 +74,8 @@ def discover(
     drive = ActuatorModel(spec).prepare(table, where=where)
     require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
-    with one_thread():
-        findings = find_missing(problem, seed=seed, progress=progress)
-        return _report(problem, findings, seed=seed, progress=progress)
+    findings = find_missing(problem, seed=seed, progress=progress)
+    return _report(problem, findings, seed=seed, progress=progress)
 
 
 def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:
