@@ -32,9 +32,11 @@ def discover(
     from torsight.cli.console import progress_bar, say
     from torsight.core.storage import read_json
     from torsight.core.wording import verdict_sentence
+    from torsight.report import write_report
 
     with progress_bar() as progress:
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+        write_report(out, progress=progress)
     content = read_json(out / "discovery.json")
     say(f"Missing           {verdict_sentence(content)}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
@@ -87,7 +89,7 @@ def _errors(report: DiscoveryReport) -> str:
 def discover_to_folder(
     merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> DiscoveryReport:
-    """Discover and write ``discovery.json``, ``model.json``, ``curves.csv`` and ``report.html``; return the report.
+    """Discover and write ``discovery.json``, ``model.json`` and ``curves.csv``; return what was found.
 
     For an ambiguous answer ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
     """
@@ -97,7 +99,6 @@ def discover_to_folder(
     from torsight.core.storage import write_json, write_table
     from torsight.core.tables import read_merged
     from torsight.discovery.discover import discover as find
-    from torsight.report import write_report
 
     made = ("curves.csv", "next_experiment.csv", "model.json", "discovery.json", "report.html")
     require_apart([out / name for name in made], [merged, actuator])
@@ -110,5 +111,4 @@ def discover_to_folder(
         write_table(out / "next_experiment.csv", report.next_experiment.columns)
     write_model(out / "model.json", report.model)
     write_json(out / "discovery.json", report.to_json())
-    write_report(out, progress=progress)
     return report
