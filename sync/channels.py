@@ -55,7 +55,7 @@ def clean_channel(
     if missing:
         clean[~np.isfinite(clean)] = np.nan
         repairs.append(Repair("not_a_number", missing, f"{name}: {missing} fields held no number"))
-    wild = np.isfinite(clean) & ((clean < RANGE_C[0]) | (clean > RANGE_C[1]))
+    wild = np.isfinite(clean) & ~np.isfinite(in_range(clean))
     clean[wild] = np.nan
     spike = _spikes(time_s, clean)
     clean[spike] = np.nan
@@ -78,6 +78,11 @@ def clean_channel(
             Repair("stuck", count, f"{name}: {count} readings stood still, the first at {time_s[first]:g} s; taken out")
         )
     return clean, repairs
+
+
+def in_range(temp_c: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return readings (n,) with those as NaN that no spring can have: infinite ones, and outside :data:`RANGE_C`."""
+    return np.where((temp_c >= RANGE_C[0]) & (temp_c <= RANGE_C[1]), temp_c, np.nan)
 
 
 def noise_c(temp_c: NDArray[np.float64]) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.channels import RANGE_C, clean_channel
+from sync.channels import RANGE_C, clean_channel, in_range
 from sync.joining import join_blocks
 from sync.repairs import LogReading, Repair
 from sync.stamps import OrderedStamps, order_stamps, usual_step_s
@@ -71,7 +71,7 @@ def read_temperature_log(path: Path) -> LogReading:
     _require_order(ordered, len(frame), path=path)
     columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
     stamps, merged = _distinct(ordered, columns, first_line=first_line, repairs=repairs)
-    joined = join_blocks(stamps.time_s, stamps.block, [merged.numbers[name] for name in REQUIRED[1:]])
+    joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in REQUIRED[1:]])
     temperatures: dict[str, NDArray[np.float64]] = {}
     for name in REQUIRED[1:]:
         temperatures[name], told = clean_channel(joined.time_s, merged.numbers[name], name=name)

@@ -219,6 +219,17 @@ def test_restart_on_a_ramp_is_bridged_by_the_rate(tmp_path):
     assert np.all(np.diff(reading.log.time_s) > 0)
 
 
+@pytest.mark.parametrize("wild", [300.0, 1e308])
+def test_readings_that_no_spring_can_have_do_not_tell_how_long_a_restart_was(tmp_path, wild):
+    t = np.arange(0, 120.0, 0.25)
+    temp = 25.0 + 0.4 * t + np.random.default_rng(1).normal(0.0, 0.05, len(t))
+    stamps = np.where(t < 60.0, t, t - 55.0)
+    (clean,) = read_temperature_log(written(tmp_path, stamps, temp, temp)).restarts
+    temp[[230, 239, 241]] = wild
+    (restart,) = read_temperature_log(written(tmp_path, stamps, temp, temp)).restarts
+    assert abs(restart.gap_s - clean.gap_s) < 2.0 * clean.gap_sigma_s
+
+
 def test_restart_at_rest_is_not_known(tmp_path):
     time_s = np.arange(400) * 0.25
     stamps = np.where(time_s < 50.0, time_s, time_s - 50.0)
