@@ -49,13 +49,16 @@ runpy.run_path({encoder!r}, run_name="__main__")
 """
 
 
-@pytest.fixture
-def film(tmp_path: Path) -> Path:
-    folder = tmp_path / "pictures"
+def film_of(folder: Path, size_px: tuple[int, int]) -> Path:
     folder.mkdir()
     for index, level in enumerate(LEVELS):
-        cv2.imwrite(str(folder / f"{index:03d}.png"), np.full((120, 160), level, np.uint8))
+        cv2.imwrite(str(folder / f"{index:03d}.png"), np.full(size_px[::-1], level, np.uint8))
     return folder
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    return film_of(tmp_path / "pictures", (160, 120))
 
 
 def levels_in(path: Path) -> list[float]:
@@ -137,12 +140,27 @@ def test_an_encoder_whose_sender_is_gone_ends_and_one_at_the_terminal_stays(tmp_
     assert encoder.returncode == encoding.GONE
 
 
-def test_who_stops_the_work_leaves_no_encoder(film: Path, tmp_path: Path) -> None:
-    def stop(_what: str, _done: int, _of: int) -> None:
-        raise KeyboardInterrupt
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("pictures", [0, 2])
+def test_who_stops_the_work_leaves_no_encoder(
+    pictures: int, reason: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kill = subprocess.Popen.kill
+
+    def kill_at_once(process: subprocess.Popen[bytes]) -> None:
+        kill(process)
+        process.wait()
+
+    # Small pictures wait in a buffer, which then meets a closed pipe, every time.
+    film = film_of(tmp_path / "small", (64, 48))
+    monkeypatch.setattr(subprocess.Popen, "kill", kill_at_once)
+
+    def stop(_what: str, done: float, _of: float | None) -> None:
+        if done == pictures:
+            raise reason
 
     children = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
     before = children.read_text() if children.exists() else ""
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(reason):
         write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS), progress=stop)
     assert not children.exists() or children.read_text() == before

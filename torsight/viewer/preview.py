@@ -115,12 +115,15 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
                     pictures.write(encoding.PICTURE + _VIDEO_LEVELS[last].tobytes())
                     chosen.append(frame.index)
                 pictures.write(encoding.END)
-            with contextlib.suppress(BrokenPipeError):
                 pictures.close()
             told = said.read()
         except BaseException:
             encoder.kill()
             raise
+        finally:
+            # What still waits to be written to an encoder that has ended must not hide why it ended.
+            with contextlib.suppress(BrokenPipeError):
+                pictures.close()
     if encoder.returncode != 0:
         _tell(told)
         raise _StuckError
