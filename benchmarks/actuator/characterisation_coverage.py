@@ -8,7 +8,6 @@ goes on; the table of everything in the file is printed at the end.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from seeds import lines_of
 
 from torsight.actuator.characterisation import characterise
 from torsight.actuator.spring_tests import read_tests
@@ -49,20 +49,7 @@ def one(seed: int) -> dict[str, Any]:
 
 def main() -> None:
     """Characterise the seeds that are not in the file yet; print coverage and error in sigmas of every value."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
-    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
-    parser.add_argument("seeds", type=int, nargs="?", default=200, help="how many (default: %(default)s)")
-    given = parser.parse_args()
-    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
-    done = {line["seed"] for line in known}
-    wanted = range(given.first, given.first + given.seeds)
-    for seed in wanted:
-        if seed not in done:
-            known.append(one(seed))
-            with given.out.open("a") as file:
-                file.write(json.dumps(known[-1]) + "\n")
-    lines = [line for line in known if line["seed"] in wanted]
+    lines = lines_of(one, about=__doc__)
     table = {
         name: {
             "coverage": float(np.mean([line["values"][name]["inside"] for line in lines])),

@@ -11,13 +11,12 @@ report.
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from seeds import lines_of
 
 from torsight.actuator.fit import fit_model
 from torsight.actuator.model import ActuatorModel
@@ -126,21 +125,7 @@ def table(lines: list[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Fit the seeds that are not in the file yet and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
-    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
-    parser.add_argument("seeds", type=int, nargs="?", default=200, help="how many (default: %(default)s)")
-    given = parser.parse_args()
-    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
-    wanted = range(given.first, given.first + given.seeds)
-    done = {line["seed"] for line in known}
-    for seed in wanted:
-        if seed in done:
-            continue
-        known.append(one(seed))
-        with given.out.open("a") as file:
-            file.write(json.dumps(known[-1]) + "\n")
-    print(json.dumps(table([line for line in known if line["seed"] in wanted]), indent=2))
+    print(json.dumps(table(lines_of(one, about=__doc__)), indent=2))
 
 
 if __name__ == "__main__":
