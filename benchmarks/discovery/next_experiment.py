@@ -40,7 +40,7 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import discover
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
-from torsight.discovery.search import Settings
+from torsight.discovery.settings import Settings
 from torsight.report.svg import Axis, Plot, stacked
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.values import declared_from

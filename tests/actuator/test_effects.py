@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator.effects import chosen_effects, load_effects
+from torsight.actuator.effects import chosen_effects, load_effects, load_nameless
 from torsight.actuator.effects.stiffening import extra_torque
 from torsight.actuator.fit import fit_model
 from torsight.actuator.model import ActuatorModel
@@ -31,6 +31,7 @@ HALVES = [
     {"spring": "a", "peak_c": 84.0, "ramp_s": 220.0, "heat_s": 260.0},
 ]
 RISE_RAD = math.radians(100.0)
+DECLARED = {**load_effects(), **load_nameless()}
 # What the rig has, and the same in the words of the effect file: value and how near it must come (relative, absolute).
 TRUTH = {
     "sensor_lag": ({"lag_s": 5.0}, {"lag_s": (5.0, 0.06, 0.0)}),
@@ -63,6 +64,11 @@ TRUTH = {
         {"time_s": 500.0, "step_deg": 4.0},
         {"slip_deg": (4.0, 0.03, 0.0), "slip_time_s": (500.0, 0.0, 1.0)},
     ),
+    "backlash": ({"gap_deg": 4.0}, {"play_deg": (4.0, 0.03, 0.0)}),
+    "creep": ({"relaxation": 0.03}, {"creep_per_decade": (0.03, 0.1, 0.0)}),
+    "direction_friction": ({"asymmetry": 0.25}, {"friction_asymmetry": (0.25, 0.1, 0.0)}),
+    "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
+    "thermistor_curve": ({"bulge_c": 1.5}, {"curve_bulge_c": (1.5, 0.1, 0.0)}),
 }
 
 
@@ -89,10 +95,10 @@ def fitted(name: str, effects: tuple[str, ...]):
     model = ActuatorModel(spec_of(made), (*effects, "home_torque"))
     drive = model.prepare(made.table)
     starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
-    if effects and load_effects()[effects[0]].propose is not None:
+    if effects and DECLARED[effects[0]].propose is not None:
         plain = ActuatorModel(spec_of(made)).simulate(drive)
         starts = [
-            dict(start) for start in load_effects()[effects[0]].propose(drive.time_s, drive.angle_rad - plain.angle_rad)
+            dict(start) for start in DECLARED[effects[0]].propose(drive.time_s, drive.angle_rad - plain.angle_rad)
         ]
     return fit_model(model, drive, starts=starts)
 
@@ -102,9 +108,9 @@ def test_the_twelve_of_the_contract_are_there():
     assert set(CONTRACT) <= set(TRUTH)
 
 
-@pytest.mark.parametrize("name", sorted(load_effects()))
+@pytest.mark.parametrize("name", sorted(DECLARED))
 def test_declaration(name):
-    effect = load_effects()[name]
+    effect = DECLARED[name]
     assert effect.id == name
     assert effect.title
     for parameter in effect.parameters:
@@ -112,12 +118,13 @@ def test_declaration(name):
         assert all(
             parameter.lower <= start.get(parameter.name, parameter.value) <= parameter.upper for start in effect.starts
         )
+    assert name in load_effects() or effect.drivers
     assert any(parameter.null is not None for parameter in effect.parameters)
-    names = [p.name for other in load_effects().values() for p in other.parameters]
+    names = [p.name for other in DECLARED.values() for p in other.parameters]
     assert len(names) == len(set(names))
 
 
-@pytest.mark.parametrize("name", sorted(load_effects()))
+@pytest.mark.parametrize("name", sorted(DECLARED))
 def test_null_is_the_plain_model(name):
     log, _ = programme([(0, [(75.0, 0.3)]), (1, [(62.0, 0.4)]), (0, [(80.0, 0.6)])])
     warm_a, warm_b = log.temp_a_c + 0.7 * (log.temp_b_c - 23.0), log.temp_b_c + 0.7 * (log.temp_a_c - 23.0)
@@ -125,7 +132,7 @@ def test_null_is_the_plain_model(name):
     plain = ActuatorModel(reference_spec())
     drive = plain.prepare_log(warm, start_angle_rad=2.9)
     model = ActuatorModel(reference_spec(), (name,))
-    nulls = {p.name: p.null for p in load_effects()[name].parameters if p.null is not None}
+    nulls = {p.name: p.null for p in DECLARED[name].parameters if p.null is not None}
     expected = plain.simulate(drive)
     found = model.simulate(drive, nulls)
     assert np.abs(found.angle_rad - expected.angle_rad).max() < 1e-9

@@ -16,7 +16,7 @@ from torsight.core.storage import write_json
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.fitting import Fitter
 from torsight.discovery.noise import Scales, Stretches, information
-from torsight.discovery.search import Settings
+from torsight.discovery.settings import Settings
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.values import declared_from
 

@@ -10,7 +10,7 @@ from torsight.core.errors import InputError
 from torsight.discovery.engine import find_missing
 from torsight.discovery.intervals import covariance
 from torsight.discovery.noise import Stretches, correlation_samples, residual_scales
-from torsight.discovery.search import Settings
+from torsight.discovery.settings import Settings
 from torsight.discovery.validate import held_out_by_refit
 
 

@@ -15,12 +15,12 @@ from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import Fitter
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import Scales, Stretches, information
 from torsight.discovery.programme import HalfCyclePlan, Heat, Leg, Programme
 from torsight.discovery.programme_menu import Habits, menu
-from torsight.discovery.search import Contender, Field
 from torsight.discovery.separation import Explanation, least_gain, linear_gains, refitted_gains
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.values import declared_from

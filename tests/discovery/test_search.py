@@ -12,7 +12,8 @@ from linear_cases import machine, noise, signals, usual_candidates
 from torsight.core.progress import silent
 from torsight.discovery.fitting import EffectSet, Fit
 from torsight.discovery.linear_problem import LinearProblem
-from torsight.discovery.search import Search, Settings
+from torsight.discovery.search import Search
+from torsight.discovery.settings import Settings
 
 PAIR, RIVAL = ("coulomb", "warmth"), ("warmth", "twin")
 
@@ -61,3 +62,43 @@ def test_the_few_best_extensions_are_fitted_though_they_promise_nothing() -> Non
     expected = search._expected(work)
     assert sorted(expected, key=lambda effects: (expected[effects], effects))[:3] == list(kept)[:3]
     assert all(work[effects][0].cost - expected[effects] < 20.0 for effects in kept)
+
+
+def hidden_pair() -> LinearProblem:
+    """Return a machine that lacks two effects, one of which explains less alone than three that are not there."""
+    s = signals()
+    one, two, other = (value / np.std(value) for value in (np.sign(s["speed"]), s["position"], s["warm"] - 20.0))
+    candidates = {
+        "one": {"one_n": one},
+        "two": {"two_n": two},
+        "like_one": {"like_one_n": one + 0.5 * two + 0.2 * other},
+    }
+    candidates |= {f"decoy_{i}": {f"decoy_{i}_n": one + two + noise(20 + i, size=0.5, tau=6.0)} for i in range(2)}
+    return machine(0.5 * one + 0.5 * two, seed=5, candidates=candidates)
+
+
+class _Straight(Search):
+    """Betters nothing."""
+
+    def _improve(self, size: int) -> None:
+        del size
+
+
+def test_effects_that_explain_little_alone_are_found_together() -> None:
+    assert ("one", "two") not in _Straight(hidden_pair(), settings=Settings(), progress=silent).run().contenders
+    found = Search(hidden_pair(), settings=Settings(), progress=silent).run()
+    assert found.of_size(2)[0].effects == ("one", "two")
+
+
+def test_every_part_of_the_best_set_is_fitted() -> None:
+    s = signals()
+    left = s["position"] / np.std(s["position"])
+    candidates = {
+        "up": {"up_n": 6.0 * np.sign(s["speed"]) + left},
+        "down": {"down_n": left**2 - 6.0 * np.sign(s["speed"])},
+    }
+    candidates |= {f"decoy_{i}": {f"decoy_{i}_n": left + left**2 + noise(20 + i, size=3.0, tau=6.0)} for i in range(3)}
+    made = machine(1.5 * (left + left**2), seed=5, candidates=candidates)
+    assert ("up", "down") not in _Straight(made, settings=Settings(), progress=silent).run().contenders
+    found = Search(made, settings=Settings(), progress=silent).run()
+    assert found.of_size(2)[0].effects == ("up", "down")

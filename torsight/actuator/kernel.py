@@ -28,7 +28,9 @@ from numpy.typing import NDArray
 
 from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
+    FIRST_SHARE,
     FIXED_THETA_L,
+    HAS_CHANGE,
     HAS_FRICTION,
     HAS_STRAY,
     HOME_HOLD,
@@ -52,10 +54,13 @@ from torsight.actuator.kernel_laws import (
 from torsight.actuator.kernel_roots import (
     CHANGED,
     CROSS,
+    FACTOR,
     FLOOR,
     HEATING,
     MOVE,
     MOVE_2,
+    OTHER,
+    OWN,
     PER_S,
     REST_S,
     SCALE,
@@ -106,15 +111,20 @@ def _wound_for(x: float, limit: float, p: Array) -> float:
 
 
 @compiled
-def _home(theta_start: float, scale: float, p: Array, tables: Array) -> Array:
-    """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold."""
+def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array) -> Array:
+    """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
+
+    The spring that is driven first may have carried a share of its torque only.
+    """
     wound = np.empty(2)
     for i in range(2):
         own = theta_start if i == 0 else p[THETA_P] - theta_start
         hold = p[HOME_HOLD] * scale * friction_torque(theta_start, i == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        wound[i] = _wound_for(own, loading_torque(p[THETA_P] - own, p) + hold, p)
+        other = loading_torque(p[THETA_P] - own, p)
+        limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
+        wound[i] = _wound_for(own, limit, p)
     return wound
 
 
@@ -126,15 +136,16 @@ def _recoverable(wound: float, scale: float, p: Array) -> float:
 
 
 @compiled
-def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, g: Array, q: Array, w: Array,
-                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, own: float, g: Array, q: Array,
+                      w: Array, wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
-    A record starts at rest: whatever wound its springs, the first carries no more than the other and friction hold.
+    ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
+    the first carries no more than the other and friction hold.
     """
     before = int(g[WHO])
     if before >= 0:
-        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW], p)
+        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
     g[TAU_NOW] = cold_torque(x, wound[who], p)
@@ -142,7 +153,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
         limit = cold_torque(p[THETA_P] - x, wound[1 - who], p) + scale * friction_torque(theta_a, who == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             limit += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
-        g[TAU_NOW] = min(g[TAU_NOW], limit)
+        g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE])
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], theta_l_scale, p)
@@ -150,16 +161,16 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
 
 
 @compiled
-def _turn(heating: bool, theta_l_scale: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Array) -> None:  # fmt: skip
+def _turn(heating: bool, theta_l_scale: float, own: float, g: Array, q: Array, w: Array, saved_q: Array,
+          saved_w: Array, wound: Array, p: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
     """
     if g[CHANGED] > 0.0:
         saved_q[:], saved_w[:] = q, w
-        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW], g[XI_NOW], 0.0
-        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW], p)
+        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
+        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p)
         w[1], w[2] = w[0], 0.0
         if heating:
             # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
@@ -199,8 +210,8 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
                 end = g[XI_NOW]
                 held = made_torque(x, end, c, q, p)
                 if attempt == 0 and sense * (limit - held) < 0.0:
-                    end, held = sticking_end(x, limit, end, reached, q, p), limit
-                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
+                    end, held = sticking_end(x, limit - c[OWN], end, reached, q, p), limit
+                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held - c[OWN], end, sense
                 first = excess(x, sense, c, q, w, p, tables, sections)
             else:
                 first = sense * (limit - made_torque(x, reached, c, q, p))
@@ -239,6 +250,7 @@ def run(
     directions: NDArray[np.int8],
     theta_l_scale: Array,
     friction_scale: Array,
+    load_change: Array,
     p: Array,
     tables: Array,
     sections: Array,
@@ -262,6 +274,9 @@ def run(
         Factor on the recoverable angle in each half-cycle.
     friction_scale : (n,) float64
         Factor on the friction at each sample.
+    load_change : (3, n) float64
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); one
+        column where nothing of it is.
     p : (N_SCALARS,) float64
         Scalars, in SI units.
     tables : (3, m) float64
@@ -278,19 +293,20 @@ def run(
     """
     n = active.size
     out = np.empty((5, n))
-    c, q, saved_q, g = np.zeros(10), np.zeros(6), np.zeros(6), np.zeros(11)
+    c, q, saved_q, g = np.zeros(13), np.zeros(6), np.zeros(6), np.zeros(11)
     w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     theta_a, theta_p = theta_start, p[THETA_P]
-    wound = _home(theta_start, friction_scale[0], p, tables)
+    wound = _home(theta_start, active[0], friction_scale[0], p, tables)
+    c[FACTOR] = 1.0
     plain = p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[TANAKA] == 0.0 and sections.shape[1] == 1
     for k in range(n):
         fresh, starts = True, k == 0 or half[k] != half[k - 1]
         if starts:
             scale = theta_l_scale[half[k]]
-            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, g, q, w, wound, p, tables)
+            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, c[OWN], g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
-            _turn(directions[0, k] > 0, theta_l_scale[half[k]], g, q, w, saved_q, saved_w, wound, p)
+            _turn(directions[0, k] > 0, theta_l_scale[half[k]], c[OWN], g, q, w, saved_q, saved_w, wound, p)
         else:
             fresh = p[SIMPLE] == 0.0
         who = int(g[WHO])
@@ -305,13 +321,15 @@ def run(
         c[TURN_NOW] = directions[1, k]
         if p[PASSIVE_SHARE] > 0.0:
             c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, p)
+        if p[HAS_CHANGE] > 0.0:
+            c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
         total = g[XI_NOW]
         # Only where load and friction are the plain model's, and after a sample that slid.
         easy = plain and not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
         slid = (easy and glide(c, q, g, w, p, sections)) or _settle(g, c, q, w, p, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
-            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW], 0.0
+            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - c[OWN], 0.0
         g[REST_S] = 0.0 if slid or k == 0 else g[REST_S] + 1.0 / per_s[k]
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
@@ -321,5 +339,5 @@ def run(
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = cold_torque(theta_p - g[X_NOW], wound[1 - who], p) + c[CROSS]
+        out[4 - who, k] = cold_torque(theta_p - g[X_NOW], wound[1 - who], p) * c[FACTOR] + c[OTHER] + c[CROSS]
     return out

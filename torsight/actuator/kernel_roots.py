@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
-TEMP_PASSIVE, TURN_NOW = 8, 9
+TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER = 8, 9, 10, 11, 12
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
@@ -89,12 +89,12 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
 def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
-    −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ, mirrored for spring B.
+    −τ^A + f τ^B + M − τ_f = 0 (19), f a factor that changes with time, M a stray torque along φ; mirrored for B.
     """
     theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
     friction += p[VISCOUS] * abs(x - c[X0]) * c[PER_S]
-    torque = cold_torque(p[THETA_P] - x, c[WOUND], p) + c[CROSS] - sense * friction
+    torque = cold_torque(p[THETA_P] - x, c[WOUND], p) * c[FACTOR] + c[OTHER] + c[CROSS] - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
     return torque
@@ -105,12 +105,13 @@ def made_torque(x: float, xi: float, c: Array, q: Array, p: Array) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
 
     That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
+    What it makes beside that stands in ``c``; the reference state is without it.
     """
     stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
     torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
     if c[HEATING] > 0.0:
-        return torque
-    return max(torque, cold_torque(x, q[FLOOR], p))
+        return torque + c[OWN]
+    return max(torque, cold_torque(x, q[FLOOR], p)) + c[OWN]
 
 
 @inlined

@@ -196,6 +196,7 @@ def run_ports(
         directions,
         ports.theta_l_scale,
         ports.friction_scale,
+        ports.load_change(),
         scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
         _tables(ports),
         np.stack([ports.section_weight, ports.section_drop_c, ports.section_drop_share]),
@@ -240,9 +241,10 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.GRID_START], p[laws.GRID_STEP] = grid[0], grid[1] - grid[0]
     p[laws.HAS_FRICTION] = float(ports.friction_down_nm is not None)
     p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
+    p[laws.HAS_CHANGE], p[laws.FIRST_SHARE] = float(ports.load_changes), ports.first_share
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
-    moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or np.any(ports.friction_scale != 1.0)
-    p[laws.SIMPLE] = float(not moving_load)
+    moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or ports.load_changes
+    p[laws.SIMPLE] = float(not (moving_load or np.any(ports.friction_scale != 1.0)))
     p[laws.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
 

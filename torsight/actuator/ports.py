@@ -72,6 +72,12 @@ class Ports:
         Factor on the recoverable angle.
     friction_scale : (n,) float64
         Factor on the friction torque.
+    passive_scale : (n,) float64 or None
+        Factor on the torque of the spring that is not driven.
+    side_a_nm, side_b_nm : (n,) float64 or None
+        Torque of either spring beside that of its phase.
+    first_share : float
+        Share of its torque that the spring that is driven first carried before the record.
     home_hold : float
         Share of the friction that is taken to have stopped the springs before the record.
     viscous_nms : float
@@ -104,6 +110,10 @@ class Ports:
     passive_share: float = 0.0
     theta_l_scale: Array = field(default_factory=lambda: np.ones(1))
     friction_scale: Array = field(default_factory=lambda: np.ones(1))
+    passive_scale: Array | None = None
+    side_a_nm: Array | None = None
+    side_b_nm: Array | None = None
+    first_share: float = 1.0
     home_hold: float = 1.0
     viscous_nms: float = 0.0
     static_excess: float = 0.0
@@ -121,6 +131,39 @@ class Ports:
     def phi_grid_rad(self) -> Array:
         """Return the actuator angles φ of the tables, rad."""
         return self.grid_rad() - 0.5 * self.rig.theta_p_rad
+
+    def at(self, rows: NDArray[np.int64]) -> Ports:
+        """Return the ports at some of the rows."""
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            temp_a_c=self.temp_a_c[rows],
+            temp_b_c=self.temp_b_c[rows],
+            active=self.active[rows],
+            half=self.half[rows],
+            friction_scale=self.friction_scale[rows],
+            passive_scale=None if self.passive_scale is None else self.passive_scale[rows],
+            side_a_nm=None if self.side_a_nm is None else self.side_a_nm[rows],
+            side_b_nm=None if self.side_b_nm is None else self.side_b_nm[rows],
+        )
+
+    @property
+    def load_changes(self) -> bool:
+        """Whether a spring's torque changes by itself, without its phase or its angle."""
+        return any(torque is not None for torque in (self.passive_scale, self.side_a_nm, self.side_b_nm))
+
+    def load_change(self) -> Array:
+        """Return the factor on the passive spring's torque and the driven and passive one's side torques (3, n).
+
+        One column where nothing changes.
+        """
+        if not self.load_changes:
+            return np.array([[1.0], [0.0], [0.0]])
+        n = len(self.time_s)
+        factor = np.ones(n) if self.passive_scale is None else self.passive_scale
+        a, b = (np.zeros(n) if side is None else side for side in (self.side_a_nm, self.side_b_nm))
+        is_a = self.active == 0
+        return np.stack([factor, np.where(is_a, a, b), np.where(is_a, b, a)])
 
     def with_friction(self, factor_down: Array, factor_up: Array, added_nm: Array | float = 0.0) -> Ports:
         """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""

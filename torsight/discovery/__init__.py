@@ -7,7 +7,7 @@ from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
 from torsight.discovery.prediction import predict_angle
 from torsight.discovery.report import DiscoveryReport
-from torsight.discovery.search import Settings
+from torsight.discovery.settings import Settings
 
 __all__ = [
     "ActuatorProblem",

@@ -169,16 +169,7 @@ class ActuatorProblem:
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         ports = self.model(effects).ports(drive, values)
-        thin = replace(
-            ports,
-            time_s=ports.time_s[self.rows],
-            temp_a_c=ports.temp_a_c[self.rows],
-            temp_b_c=ports.temp_b_c[self.rows],
-            active=ports.active[self.rows],
-            half=ports.half[self.rows],
-            friction_scale=ports.friction_scale[self.rows],
-        )
-        return run_ports(thin, start_angle_rad=drive.start_angle_rad).angle_rad / DEG
+        return run_ports(ports.at(self.rows), start_angle_rad=drive.start_angle_rad).angle_rad / DEG
 
     @cached_property
     def _temperature_errors(self) -> tuple[TemperatureErrors, ...]:

@@ -14,11 +14,12 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet
 from torsight.discovery.intervals import curvature_spread
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
-from torsight.discovery.search import Contender, Field, Settings
+from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import LEAST_PULLED, predictable
 
@@ -109,7 +110,7 @@ def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool
     if bool(field.stretches.rest.any()) and left > least:
         return True
     # Several characterised values at odds with the record at once are no accident: they imitate something.
-    return contender.prior - prior_count(problem) >= LEAST_PULLED
+    return field.relaxed_prior(contender) - prior_count(problem) >= LEAST_PULLED
 
 
 class _Judge:
@@ -136,12 +137,23 @@ class _Judge:
         gain = without.cost - contender.cost
         # What takes several values back to where they were measured need not show in the residual they had imitated;
         # and the priors are what they say they are, which cannot be said of a residual's noise.
-        by_priors = without.prior - contender.prior >= LEAST_BY_PRIORS
+        by_priors = self._returns(contender, without) >= LEAST_BY_PRIORS
         if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
             return False
         if not by_priors and self._removed(contender, without) < self._least_size():
             return False
         return not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors)
+
+    def _returns(self, contender: Contender, without: Contender) -> float:
+        """Return by how much less a set's values cost than those of the set without one effect.
+
+        Values that go that far for less than the resolution imitate the error of a form rather than an effect: what
+        counts is where they go when the samples are worth what each set itself leaves, and no less than the resolution.
+        """
+        returned = without.prior - contender.prior
+        if returned < LEAST_BY_PRIORS:
+            return returned
+        return min(returned, self._field.relaxed_prior(without) - self._field.relaxed_prior(contender))
 
     def _removed(self, contender: Contender, without: Contender) -> float:
         """Return the mean square that a set removes.
@@ -215,7 +227,7 @@ class _Judge:
         """Return whether a set explains enough to be called by its name."""
         if not contender.effects:
             return True
-        pulled = contender.prior - prior_count(self._field.fitter.problem) >= self._threshold
+        pulled = self._field.relaxed_prior(contender) - prior_count(self._field.fitter.problem) >= self._threshold
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled

@@ -21,6 +21,7 @@ from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.closure import actuator_closure
+from torsight.discovery.contenders import Contender
 from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.interface import Closure
@@ -28,7 +29,7 @@ from torsight.discovery.intervals import covariance
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
-from torsight.discovery.search import Contender, Settings
+from torsight.discovery.settings import Settings
 from torsight.discovery.validate import HeldOut
 
 Array = NDArray[np.float64]
@@ -204,7 +205,7 @@ def _effects(
     chosen = decision.chosen
     names = [p.name for p in chosen.fit.parameters]
     rng = np.random.default_rng(seed)
-    draws = rng.multivariate_normal(chosen.fit.solution.x, spread, size=_DRAWS, method="eigh")
+    draws = _drawn(chosen.fit.solution.x, spread, rng)
     found = []
     for name in chosen.effects if chosen.named else ():
         effect = load_effects()[name]
@@ -226,6 +227,14 @@ def _effects(
             )
         )
     return tuple(sorted(found, key=lambda item: -item.gain))
+
+
+def _drawn(mean: Array, spread: Array, rng: np.random.Generator) -> Array:
+    """Return draws (k, m) of a normal distribution whose values may differ in size by many orders."""
+    size = np.sqrt(np.diag(spread))
+    share, directions = np.linalg.eigh(spread / np.outer(size, size))
+    unit = rng.standard_normal((_DRAWS, len(mean)))
+    return np.asarray(mean + (unit * np.sqrt(np.maximum(share, 0.0))) @ directions.T * size)
 
 
 def _derived(value: float, drawn: Array, unit: str, period: float | None) -> Estimate:

@@ -15,9 +15,11 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
+from torsight.discovery.contenders import Field
 from torsight.discovery.decide import Decision, decide, much_left
 from torsight.discovery.interface import Closure, Problem
-from torsight.discovery.search import Field, Search, Settings
+from torsight.discovery.search import Search
+from torsight.discovery.settings import Settings
 from torsight.discovery.stand_in import LEAST_GAIN, declared_drivers, learn_closure, likely_driver
 from torsight.discovery.validate import HeldOut, block_labels
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.discovery.interface import Candidate, Problem
-from torsight.discovery.solver import Array, Solution, Space, jacobian, solve
+from torsight.discovery.solver import Array, Solution, Space, costs, jacobian, solve
 
 EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""
@@ -141,15 +141,21 @@ class Fitter:
     @cached_property
     def nominal(self) -> Fit:
         """The base model at the priors' means, not fitted."""
-        values = {p.name: p.value for p in self.problem.parameters}
-        x = np.array(list(values.values()))
-        at_x = self.problem.predict(values, ())
+        return self.at((), {p.name: p.value for p in self.problem.parameters})
 
-        def model(moved: Array) -> Array:
-            return self.problem.predict(dict(zip(values, moved.tolist(), strict=True)), ())
+    def at(self, effects: EffectSet, values: Mapping[str, float]) -> Fit:
+        """Return a set of effects at given values, not fitted, with its derivatives there."""
+        parameters, space = self.parameters(effects), self.space(effects)
 
-        derivative = jacobian(model, x, at_x=at_x, space=self.space(()))
-        return Fit((), self.problem.parameters, Solution(x, at_x, derivative, np.inf, np.inf, converged=False))
+        def model(x: Array) -> Array:
+            return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
+
+        x = np.array([values[p.name] for p in parameters])
+        at_x = model(x)
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        cost, data_cost = costs(observed - at_x, x, weight=self.weight, space=space)
+        derivative = jacobian(model, x, at_x=at_x, space=space)
+        return Fit(effects, parameters, Solution(x, at_x, derivative, cost, data_cost, converged=False))
 
     def base(self) -> Fit:
         """Fit the base model alone, from the priors' means."""
@@ -174,11 +180,11 @@ class Fitter:
         other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1)
         found = min(found, other, key=lambda fit: fit.cost)
         if self.candidates[name].propose is not None:
-            found = self._proposed_again(found, name, weight=weight)
+            found = self.propose_again(found, name, weight=weight)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
         return found if found.cost <= parent.cost else self.fit(effects, [self._switched_off(parent, name)])
 
-    def _proposed_again(self, found: Fit, name: str, *, weight: Array | None) -> Fit:
+    def propose_again(self, found: Fit, name: str, *, weight: Array | None = None) -> Fit:
         """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
         candidate = self.candidates[name]
         without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)

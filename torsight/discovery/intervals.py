@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Problem
-from torsight.discovery.search import Contender, Field
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
 

@@ -22,11 +22,11 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from torsight.core.wording import effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import in_parallel
 from torsight.discovery.noise import Scales, Stretches, information
 from torsight.discovery.programme import Heat, Played, Programme
 from torsight.discovery.programme_menu import Habits, in_words, menu
-from torsight.discovery.search import Contender, Field
 from torsight.discovery.separation import Explanation, least_gain, linear_gains, refitted_gains
 
 Array = NDArray[np.float64]

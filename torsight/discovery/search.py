@@ -7,21 +7,20 @@ sample is worth depends on the error that remains; whatever is compared is refit
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
-from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
+from torsight.discovery.noise import Stretches, first_scales, information, reading_noise, residual_scales
 from torsight.discovery.null import linear_gain
-from torsight.discovery.priors import prior_cost
+from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
-from torsight.discovery.validate import HeldOut, held_out_by_refit
 
 LEAST_PROMISE: Final = 10.0
 """Half of the least gain that is ever believed."""
@@ -33,127 +32,6 @@ _MUCH_LEFT: Final = 1.3
 """Larger sets are tried while the residual's information is this many times the floor's ..."""
 _SHOWS: Final = 2.0
 """... or while its size is this many times the floor, or the resolution."""
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How the engine decides; the defaults are those that the blind suite was run with.
-
-    Attributes
-    ----------
-    most_effects : int
-        Largest set that is tried.
-    beam : int
-        Sets per size that are extended.
-    most_extensions : int
-        Larger sets per size that are fitted, the most promising ones.
-    least_held_out_gain : float
-        Share of the held-out squared error that an effect must remove.
-    rival_gain : float
-        Sets within this cost of the best explain the record as well ...
-    rival_share : float
-        ... and so do those within this share of what the best one leaves beyond the floor.
-    share_explained : float
-        A set is named where it explains this share of what was to explain ...
-    near_floor : float
-        ... or leaves less than this many times the floor.
-    share_of_rest : float
-        In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
-        the fit has not seen: a second name is not given for the error of the first one's form.
-    share_of_all : float
-        For the same reason each one must remove this share of the base model's squared error on such blocks, unless it
-        is one of two, less is left with it than is worth a name or than a tenth of what is left without it, it removes
-        clearly more than is worth a name, and its values do not hang together with the other's.
-    least_size : float
-        An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
-        not worth a name.
-    least_unknown, over_floor_unknown : float
-        Something is missing, named or not, where the residual exceeds so many resolutions and so many times a floor
-        that was measured at rests.
-    """
-
-    most_effects: int = 3
-    beam: int = 3
-    most_extensions: int = 12
-    least_held_out_gain: float = 0.02
-    rival_gain: float = 12.0
-    rival_share: float = 0.5
-    share_explained: float = 0.8
-    near_floor: float = 2.0
-    share_of_rest: float = 0.6
-    share_of_all: float = 0.05
-    least_size: float = 2.0
-    least_unknown: float = 4.5
-    over_floor_unknown: float = 3.0
-
-
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """A fitted set of effects; :attr:`held_out` says how it predicts blocks it has not seen (worked out when asked)."""
-
-    fit: Fit
-    fitter: Fitter
-    progress: Progress = silent
-
-    @cached_property
-    def held_out(self) -> HeldOut:
-        """Prediction of every block from the others."""
-        return held_out_by_refit(self.fitter, self.fit, progress=self.progress)
-
-    @cached_property
-    def prior(self) -> float:
-        """What the distance of its values from their priors costs."""
-        return prior_cost(self.fitter.problem, self.fit)
-
-    @property
-    def effects(self) -> EffectSet:
-        """Ids of the effects."""
-        return self.fit.effects
-
-    @property
-    def named(self) -> bool:
-        """Whether every effect has a name to be told."""
-        return all(self.fitter.candidates[name].named for name in self.effects)
-
-    @property
-    def cost(self) -> float:
-        """The objective at the search's weights, with priors that allow for a wrong value."""
-        return self.fit.solution.data_cost + self.prior
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Field:
-    """All contenders at the same weights.
-
-    Attributes
-    ----------
-    fitter : Fitter
-        With the weights.
-    stretches : Stretches
-        Motion and rests of the record.
-    scales : Scales
-        Sizes of the residual that the weights come from.
-    floor : (n,) float64
-        Standard deviation per sample that no model can undercut.
-    contenders : dict
-        Effects to contender; the base model under the empty set.
-    """
-
-    fitter: Fitter
-    stretches: Stretches
-    scales: Scales
-    floor: Array
-    contenders: dict[EffectSet, Contender]
-
-    @property
-    def base(self) -> Contender:
-        """The base model."""
-        return self.contenders[()]
-
-    def of_size(self, size: int) -> list[Contender]:
-        """Return the contenders with so many effects, best first."""
-        found = [c for effects, c in self.contenders.items() if len(effects) == size]
-        return sorted(found, key=lambda c: (c.cost, c.effects))
 
 
 class Search:
@@ -244,6 +122,7 @@ class Search:
         """
         for _ in range(_LOOKS):
             before = self._best()
+            self._improve(size)
             smaller, found = self._ranked(size - 1)[0], self._ranked(size)[:1]
             gained = max(0.0, smaller.cost - found[0].cost) if found else 0.0
             work = {e: item for e, item in self._extensions(size).items() if self._astray(e, item[0])}
@@ -256,6 +135,54 @@ class Search:
             if not self._moved(before):
                 break
             self._reweight()
+
+    def _improve(self, size: int) -> None:
+        """Try to better the best set of a size: events looked for anew, and each effect exchanged for every other.
+
+        A single that explains little may be one of the two that explain all; its pairs were never proposed then. The
+        set's own parts are fitted, too: what an effect gains is what the set without it lacks.
+        """
+        ranked = self._ranked(size)
+        if not ranked:
+            return
+        best = ranked[0]
+        events = [name for name in best.effects if self._fitter.candidates[name].propose is not None]
+        work: list[Callable[[], Fit]] = [partial(self._fitter.propose_again, best, name) for name in events]
+        work += [partial(self._exchange, *item) for item in self._exchanges(best)]
+        parts = [tuple(other for other in best.effects if other != name) for name in best.effects]
+        work += [partial(self._fitter.fit, part, [best.values]) for part in parts if part not in self._fits]
+        found: list[Fit] = in_parallel(work, lambda job: job(), step=f"sets of {size}", progress=self._progress)
+        for fit in found:
+            if self._astray(fit.effects, fit):
+                self._fits[fit.effects] = fit
+
+    def _exchanges(self, best: Fit) -> list[tuple[Fit, Fit, str]]:
+        """Return what may take the place of one of a set's effects: the set, the set without that one, the new name.
+
+        The linear picture at the set's own values, where that one is switched off, says which may.
+        """
+        work: list[tuple[Fit, str]] = []
+        for name in best.effects:
+            rest = tuple(other for other in best.effects if other != name)
+            without = self._fitter.at(rest, best.values)
+            work += [(without, other) for other in self._fitter.candidates if other not in best.effects]
+        work = [item for item in work if self._fitter.candidates[item[1]].named]
+
+        def expected(item: tuple[Fit, str]) -> float:
+            without, name = item
+            starts = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(without))
+            return without.cost - linear_gain(self._fitter, without, name, starts)
+
+        costs: list[float] = in_parallel(work, expected)
+        ranked = sorted(range(len(work)), key=lambda i: (costs[i], i))[: self._settings.beam]
+        return [(best, *work[i]) for i in ranked]
+
+    def _exchange(self, best: Fit, without: Fit, name: str) -> Fit:
+        effects = self._fitter.ordered((*without.effects, name))
+        points = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(without))
+        return self._fitter.fit(
+            effects, [{**best.values, **point} for point in points], max_iterations=16, near=without
+        )
 
     def _astray(self, effects: EffectSet, other: Fit) -> bool:
         """Return whether a set has not been fitted, or has ended above another fit."""

@@ -17,11 +17,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.features import Basis, bases_of
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Closure
 from torsight.discovery.priors import prior_count
-from torsight.discovery.search import Contender, Field
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
 

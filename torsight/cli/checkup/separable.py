@@ -23,8 +23,8 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from torsight.discovery.null import LEAST_GAIN
-from torsight.discovery.search import Settings
 from torsight.discovery.separation import Explanation, linear_gains
+from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
 

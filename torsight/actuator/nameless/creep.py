@@ -1,0 +1,43 @@
+r"""The wound cold spring gives way with the logarithm of time.
+
+.. math:: τ_p \, (1 − c \log_{10}(1 + t / t_0))
+
+τ_p torque of the spring that is not driven, t time since the other one was switched on (s), c share lost per decade,
+t_0 time from which it shows (s). A spring that is driven has its whole torque again; the first one had been waiting as
+long as the first half-cycle lasts. Predicted residual: the angle creeps on in a hold, slow heatings go further. Source:
+relaxation of stress-induced martensite, e.g. Grabe and Bruhns, Int. J. Solids Struct. 45 (2008) 1876.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Scale the passive spring's torque."""
+    begins_s = ports.time_s[np.searchsorted(ports.half, ports.half)]
+    decades = np.log10(1.0 + (ports.time_s - begins_s) / values["creep_onset_s"])
+    left = 1.0 - values["creep_per_decade"] * decades
+    return replace(ports, passive_scale=left, first_share=float(left[np.searchsorted(ports.half, 1) - 1]))
+
+
+EFFECT: Final = Effect(
+    id="creep",
+    family="unnamed",
+    acts_on="torque",
+    title="a wound spring that gives way with time",
+    parameters=(
+        Parameter(name="creep_per_decade", value=0.01, unit="", lower=0.0, upper=0.3, null=0.0),
+        Parameter(name="creep_onset_s", value=10.0, unit="s", lower=0.5, upper=600.0, sigma=20.0),
+    ),
+    apply=apply,
+    starts=({"creep_per_decade": 0.05},),
+    drivers=("dwell_s", "time_s"),
+)

@@ -1,0 +1,48 @@
+r"""A small early step, there and back at nearly one temperature: the R-phase.
+
+.. math:: τ_R = K_M θ_R \, (1 − \cos π x) / 2, \quad x = (T − T_R) / w \in [0, 1]
+
+θ_R recoverable angle of the step (°), T_R temperature at which it begins, w its width (°C), for each spring at its own
+temperature. Predicted residual: an early start of the stroke that goes back as the spring cools. Source: Otsuka and
+Ren, Prog. Mater. Sci. 50 (2005) 511, section 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG
+
+
+def step_done(temp_c: Array, *, start_c: float, width_c: float) -> Array:
+    """Return how much of the step is done at wire temperatures, 0 to 1."""
+    return 0.5 * (1.0 - np.cos(np.pi * np.clip((temp_c - start_c) / width_c, 0.0, 1.0)))
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Let either spring make the step's torque beside its own."""
+    law = {"start_c": values["r_phase_start_c"], "width_c": values["r_phase_width_c"]}
+    whole_nm = ports.rig.k_martensite * values["r_phase_deg"] * DEG
+    side_a_nm, side_b_nm = (whole_nm * step_done(temp_c, **law) for temp_c in (ports.temp_a_c, ports.temp_b_c))
+    return replace(ports, side_a_nm=side_a_nm, side_b_nm=side_b_nm)
+
+
+EFFECT: Final = Effect(
+    id="r_phase",
+    family="unnamed",
+    acts_on="torque",
+    title="a small early step of either spring",
+    parameters=(
+        Parameter(name="r_phase_deg", value=10.0, unit="°", lower=0.0, upper=360.0, null=0.0),
+        Parameter(name="r_phase_start_c", value=26.0, unit="°C", lower=0.0, upper=60.0, sigma=5.0),
+        Parameter(name="r_phase_width_c", value=12.0, unit="°C", lower=1.0, upper=40.0, sigma=5.0),
+    ),
+    apply=apply,
+    drivers=("temp_active_c", "temp_passive_c"),
+)
