@@ -196,7 +196,7 @@ class Search:
     def _extend(self, item: tuple[Fit, str]) -> Fit:
         parent, name = item
         single = self._fits.get((name,))
-        if single is None:
+        if single is None or not parent.effects:
             return self._fitter.extend(parent, name)
         own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
         base = {p.name: single.values[p.name] for p in self._problem.parameters}
@@ -282,18 +282,29 @@ class Search:
     def _start_again(self) -> None:
         """Fit once more, at weights that see more: sets from where larger sets have led, best singles from the start.
 
-        A larger set may get out of a valley in which a smaller one sits; what it gains by that is not its effect's.
+        A larger set may get out of a valley in which a smaller one sits; what it gains by that is not its effect's. A
+        set that stands above a part of itself sits in a valley that the part has left.
         """
         found: list[Fit] = in_parallel(self._leading(), self._from_larger)
         self._fits |= {fit.effects: fit for fit in found}
-        if max(len(effects) for effects in self._fits) > 1:
-            return
-        base = self._fits[()]
-        names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
-        again: list[Fit] = in_parallel(names, lambda name: self._fitter.extend(base, name))
-        for fit in again:
-            if fit.cost < self._fits[fit.effects].cost:
-                self._fits[fit.effects] = fit
+        again = self._above_a_part()
+        if max(len(effects) for effects in self._fits) == 1:
+            again |= {
+                fit.effects: (self._fits[()], fit.effects[0]) for fit in self._ranked(1)[: self._settings.beam + 1]
+            }
+        fits: list[Fit] = in_parallel(list(again.values()), self._extend)
+        self._fits |= {fit.effects: fit for fit in fits if self._astray(fit.effects, fit)}
+
+    def _above_a_part(self) -> dict[EffectSet, tuple[Fit, str]]:
+        """Return the sets that cost more than the best of their parts: that part, and what is added."""
+        found: dict[EffectSet, tuple[Fit, str]] = {}
+        for effects, fit in self._fits.items():
+            for name in effects:
+                part = self._fits.get(tuple(other for other in effects if other != name))
+                least = found[effects][0].cost if effects in found else fit.cost
+                if part is not None and part.cost < least:
+                    found[effects] = (part, name)
+        return found
 
     def _leading(self) -> list[EffectSet]:
         """Return the sets on which a decision may turn: the best of every size, and all parts of the best of all."""
