@@ -26,6 +26,7 @@ LEAST_PROMISE: Final = 10.0
 """Half of the least gain that is ever believed."""
 _LEAST_LINEAR: Final = 2.0
 """Extensions that promise less in the linear picture are not fitted; low, as weights from a poor fit see little."""
+_SAME_COST: Final = 2e-3
 _SHARPENINGS: Final = 6
 _LOOKS: Final = 2
 _MUCH_LEFT: Final = 1.3
@@ -287,24 +288,36 @@ class Search:
         """
         found: list[Fit] = in_parallel(self._leading(), self._from_larger)
         self._fits |= {fit.effects: fit for fit in found}
-        again = self._above_a_part()
+        work: list[Callable[[], Fit]] = [partial(self._from_part, *item) for item in self._above_a_part()]
         if max(len(effects) for effects in self._fits) == 1:
-            again |= {
-                fit.effects: (self._fits[()], fit.effects[0]) for fit in self._ranked(1)[: self._settings.beam + 1]
-            }
-        fits: list[Fit] = in_parallel(list(again.values()), self._extend)
-        self._fits |= {fit.effects: fit for fit in fits if self._astray(fit.effects, fit)}
+            names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
+            work += [partial(self._fitter.extend, self._fits[()], name) for name in names]
+        again: list[Fit] = in_parallel(work, lambda job: job())
+        for fit in again:
+            if self._astray(fit.effects, fit):
+                self._fits[fit.effects] = fit
 
-    def _above_a_part(self) -> dict[EffectSet, tuple[Fit, str]]:
-        """Return the sets that cost more than the best of their parts: that part, and what is added."""
-        found: dict[EffectSet, tuple[Fit, str]] = {}
+    def _above_a_part(self) -> list[tuple[Fit, Fit, str]]:
+        """Return the sets that cost more than the best of their parts: set, part, and what the part lacks."""
+        found = []
         for effects, fit in self._fits.items():
-            for name in effects:
-                part = self._fits.get(tuple(other for other in effects if other != name))
-                least = found[effects][0].cost if effects in found else fit.cost
-                if part is not None and part.cost < least:
-                    found[effects] = (part, name)
+            parts = [(self._fits.get(tuple(o for o in effects if o != name)), name) for name in effects]
+            fitted = [(part, name) for part, name in parts if part is not None]
+            if not fitted:
+                continue
+            part, name = min(fitted, key=lambda item: (item[0].cost, item[1]))
+            # What switches its effect off ends at the part's cost, to within the last steps.
+            if part.cost < fit.cost - max(1.0, _SAME_COST * fit.cost):
+                found.append((fit, part, name))
         return found
+
+    def _from_part(self, fit: Fit, part: Fit, name: str) -> Fit:
+        """Fit a set once more from where a part of it is: with the effect as it was, and as it may begin."""
+        candidate = self._fitter.candidates[name]
+        points = candidate.starting_points(self._problem.time_s, self._fitter.residual(part))[:2]
+        own = {p.name: fit.values[p.name] for p in candidate.parameters}
+        starts = [{**part.values, **point} for point in (own, *points)]
+        return self._fitter.fit(fit.effects, starts, keep=1, near=part)
 
     def _leading(self) -> list[EffectSet]:
         """Return the sets on which a decision may turn: the best of every size, and all parts of the best of all."""
