@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-
-import numpy as np
 
 from torsight.core.progress import Progress, silent
 from torsight.discovery.fitting import EffectSet, Fit, Fitter
-from torsight.discovery.noise import Scales, Stretches, information, residual_scales
+from torsight.discovery.noise import Scales, Stretches
 from torsight.discovery.priors import prior_cost
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import HeldOut, held_out_by_refit
@@ -72,7 +70,6 @@ class Field:
     scales: Scales
     floor: Array
     contenders: dict[EffectSet, Contender]
-    _relaxed: dict[Contender, float] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def base(self) -> Contender:
@@ -83,17 +80,3 @@ class Field:
         """Return the contenders with so many effects, best first."""
         found = [c for effects, c in self.contenders.items() if len(effects) == size]
         return sorted(found, key=lambda c: (c.cost, c.effects))
-
-    def relaxed_prior(self, contender: Contender) -> float:
-        """Return what values cost, by their priors, where samples are worth what the set itself leaves.
-
-        That is no less than the resolution: values that go far to gain less imitate the error of a form.
-        """
-        if contender not in self._relaxed:
-            problem, fit = self.fitter.problem, contender.fit
-            residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
-            scales = residual_scales(residual, self.stretches, self.floor)
-            motion, rest = max(scales.motion, problem.resolution), max(scales.rest, problem.resolution)
-            weight = information(self.stretches, replace(scales, motion=motion, rest=rest), self.floor)
-            self._relaxed[contender] = prior_cost(problem, self.fitter.refit(fit, weight=weight))
-        return self._relaxed[contender]

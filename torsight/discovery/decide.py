@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
+from torsight.discovery.common import relaxed_prior
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet
 from torsight.discovery.intervals import curvature_spread
@@ -110,7 +111,7 @@ def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool
     if bool(field.stretches.rest.any()) and left > least:
         return True
     # Several characterised values at odds with the record at once are no accident: they imitate something.
-    return field.relaxed_prior(contender) - prior_count(problem) >= LEAST_PULLED
+    return relaxed_prior(field, contender) - prior_count(problem) >= LEAST_PULLED
 
 
 class _Judge:
@@ -147,13 +148,12 @@ class _Judge:
     def _returns(self, contender: Contender, without: Contender) -> float:
         """Return by how much less a set's values cost than those of the set without one effect.
 
-        Values that go that far for less than the resolution imitate the error of a form rather than an effect: what
-        counts is where they go when the samples are worth what each set itself leaves, and no less than the resolution.
+        What they do for an error that all blocks may share does not count.
         """
         returned = without.prior - contender.prior
         if returned < LEAST_BY_PRIORS:
             return returned
-        return min(returned, self._field.relaxed_prior(without) - self._field.relaxed_prior(contender))
+        return min(returned, relaxed_prior(self._field, without) - relaxed_prior(self._field, contender))
 
     def _removed(self, contender: Contender, without: Contender) -> float:
         """Return the mean square that a set removes.
@@ -227,7 +227,7 @@ class _Judge:
         """Return whether a set explains enough to be called by its name."""
         if not contender.effects:
             return True
-        pulled = self._field.relaxed_prior(contender) - prior_count(self._field.fitter.problem) >= self._threshold
+        pulled = relaxed_prior(self._field, contender) - prior_count(self._field.fitter.problem) >= self._threshold
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled

@@ -8,20 +8,13 @@ be a smooth error of the size of the problem's resolution, one for each directio
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
+from torsight.discovery.common import common_errors
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
-from torsight.discovery.interface import Problem
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
-
-_COMMON_SHARE: Final = 3.0
-"""Size of the error that all blocks share, in resolutions of the problem."""
-_COMMON_PLACES: Final = 6
-"""Places over the measured range at which that error has values of its own."""
 
 
 def covariance(field: Field, contender: Contender) -> Array:
@@ -49,23 +42,6 @@ def curvature_spread(field: Field, contender: Contender, *, inflation: float = 1
     information = derivative.T @ (derivative * field.fitter.weight[:, None]) / inflation
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
     return np.asarray(np.linalg.inv(information))
-
-
-def common_errors(problem: Problem) -> Array:
-    """Return errors of a model that all blocks share (n, k), one standard deviation each.
-
-    Hat functions of the measured value, apart for blocks that end above where they began and for those that end below.
-    """
-    observed = np.nan_to_num(problem.observed)
-    low, high = np.min(observed[problem.valid]), np.max(observed[problem.valid])
-    place = (observed - low) / max(high - low, 1e-12) * (_COMMON_PLACES - 1)
-    hats = np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(_COMMON_PLACES)))
-    rises = np.zeros(len(observed), bool)
-    for label in block_labels(problem):
-        own = np.flatnonzero((problem.block == label) & problem.valid)
-        rises[own] = observed[own[-1]] > observed[own[0]]
-    apart = np.hstack([hats * rises[:, None], hats * ~rises[:, None]])
-    return np.asarray(_COMMON_SHARE * problem.resolution * apart)
 
 
 def _between_blocks(field: Field, contender: Contender) -> Array:

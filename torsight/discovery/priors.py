@@ -36,7 +36,12 @@ def outlier_cost(sigmas: Array) -> Array:
 
 def prior_cost(problem: Problem, fit: Fit) -> float:
     """Return the cost of a fit's distance from all priors; only base values can be simply wrong."""
-    sigmas = space_of(fit.parameters).prior_residual(fit.solution.x)
+    return prior_cost_at(problem, fit, fit.solution.x)
+
+
+def prior_cost_at(problem: Problem, fit: Fit, x: Array) -> float:
+    """Return the same for other values (m,) of a fit's parameters."""
+    sigmas = space_of(fit.parameters).prior_residual(x)
     base = len(problem.parameters)
     return float(np.sum(outlier_cost(sigmas[:base])) + np.sum(sigmas[base:] ** 2))
 

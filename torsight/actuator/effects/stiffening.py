@@ -53,5 +53,6 @@ EFFECT: Final = Effect(
     starts=(
         {"stiffening_mnm_per_rad3": 0.3, "stiffening_onset_deg": 680.0},
         {"stiffening_mnm_per_rad3": 0.01, "stiffening_onset_deg": 500.0},
+        {"stiffening_mnm_per_rad3": 0.03, "stiffening_onset_deg": 640.0, "stiffening_exponent": 1.0},
     ),
 )

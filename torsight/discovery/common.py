@@ -1,0 +1,55 @@
+"""An error of the model that all blocks share: it shows in no held-out block, and values may go far for it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.discovery.contenders import Contender, Field
+from torsight.discovery.fitting import space_of
+from torsight.discovery.interface import Problem
+from torsight.discovery.priors import prior_cost_at
+from torsight.discovery.solver import Array
+from torsight.discovery.validate import block_labels
+
+_COMMON_SHARE: Final = 3.0
+"""Size of the error that all blocks share, in resolutions of the problem."""
+_COMMON_PLACES: Final = 6
+"""Places over the measured range at which that error has values of its own."""
+
+
+def common_errors(problem: Problem) -> Array:
+    """Return errors of a model that all blocks share (n, k), one standard deviation each.
+
+    Hat functions of the measured value, apart for blocks that end above where they began and for those that end below.
+    """
+    observed = np.nan_to_num(problem.observed)
+    low, high = np.min(observed[problem.valid]), np.max(observed[problem.valid])
+    place = (observed - low) / max(high - low, 1e-12) * (_COMMON_PLACES - 1)
+    hats = np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(_COMMON_PLACES)))
+    rises = np.zeros(len(observed), bool)
+    for label in block_labels(problem):
+        own = np.flatnonzero((problem.block == label) & problem.valid)
+        rises[own] = observed[own[-1]] > observed[own[0]]
+    apart = np.hstack([hats * rises[:, None], hats * ~rises[:, None]])
+    return np.asarray(_COMMON_SHARE * problem.resolution * apart)
+
+
+def relaxed_prior(field: Field, contender: Contender) -> float:
+    """Return what a set's values cost, by their priors, where the model may err as all blocks share it.
+
+    Values that are pulled far for less than such an error imitate the error of a form and no effect. Linear in the
+    values, from where they are.
+    """
+    problem, fit, weight = field.fitter.problem, contender.fit, field.fitter.weight
+    space, x = space_of(fit.parameters), fit.solution.x
+    residual = np.where(weight > 0.0, problem.observed - fit.solution.prediction, 0.0)
+    columns = np.hstack([fit.solution.jacobian, common_errors(problem)])
+    extra = columns.shape[1] - len(x)
+    weighted = columns * weight[:, None]
+    held = np.concatenate([space.prior_information + 1e-9 / space.scale**2, np.ones(extra)])
+    side = weighted.T @ residual
+    side[: len(x)] -= space.prior_information * np.where(np.isfinite(space.prior_sigma), x - space.prior_mean, 0.0)
+    moved = np.linalg.solve(columns.T @ weighted + np.diag(held), side)
+    return prior_cost_at(problem, fit, space.clip(x + moved[: len(x)]))
