@@ -15,7 +15,7 @@ Everything is in the coordinates of the active spring: x falls while it recovers
 sign s (φ = s (x − θ_P/2)).
 
 Arrays that go from function to function:
-``p`` scalars of the rig; ``tables`` (3, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
+``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
 reference state; ``w`` (3, m) per section: ξ, ξ0, and the furthest place in the law's window; ``g`` what goes on from
 sample to sample.
@@ -32,6 +32,7 @@ from torsight.actuator.kernel_laws import (
     FIXED_THETA_L,
     HAS_CHANGE,
     HAS_FRICTION,
+    HAS_SIDE,
     HAS_STRAY,
     HOME_HOLD,
     K_M,
@@ -49,6 +50,7 @@ from torsight.actuator.kernel_laws import (
     friction_torque,
     from_table,
     loading_torque,
+    side_torque,
     window_place,
 )
 from torsight.actuator.kernel_roots import (
@@ -84,6 +86,7 @@ from torsight.actuator.kernel_roots import (
     XI_P,
     XI_REF,
     advance,
+    beside,
     crosstalk,
     excess,
     glide,
@@ -122,9 +125,9 @@ def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array)
         hold = p[HOME_HOLD] * scale * friction_torque(theta_start, i == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        other = loading_torque(p[THETA_P] - own, p)
+        other = loading_torque(p[THETA_P] - own, p) + side_torque(p[THETA_P] - own, p, tables)
         limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
-        wound[i] = _wound_for(own, limit, p)
+        wound[i] = _wound_for(own, limit - side_torque(own, p, tables), p)
     return wound
 
 
@@ -153,7 +156,8 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
         limit = cold_torque(p[THETA_P] - x, wound[1 - who], p) + scale * friction_torque(theta_a, who == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             limit += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
-        g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE])
+        limit += side_torque(p[THETA_P] - x, p, tables)
+        g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE] - side_torque(x, p, tables))
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], theta_l_scale, p)
@@ -204,17 +208,18 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = load_torque(x, sense, hold, c, p, tables)
         reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
-        if sense * (limit - made_torque(x, reached, c, q, p)) > SLIP_TOLERANCE:
+        if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
             if q[SLIDING] != sense:
                 # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
                 end = g[XI_NOW]
-                held = made_torque(x, end, c, q, p)
+                held = made_torque(x, end, c, q, p, tables)
                 if attempt == 0 and sense * (limit - held) < 0.0:
-                    end, held = sticking_end(x, limit - c[OWN], end, reached, q, p), limit
-                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held - c[OWN], end, sense
+                    end, held = sticking_end(x, limit - beside(x, c, p, tables), end, reached, q, p), limit
+                held -= beside(x, c, p, tables)
+                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
                 first = excess(x, sense, c, q, w, p, tables, sections)
             else:
-                first = sense * (limit - made_torque(x, reached, c, q, p))
+                first = sense * (limit - made_torque(x, reached, c, q, p, tables))
             if first > 0.0:
                 # As far as in the sample before, and the change between the two before.
                 g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, c, q, w, p, tables, sections)
@@ -223,8 +228,8 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
             g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
             return True
         if attempt == 0:
-            g[XI_NOW] = stick(x, g[XI_NOW], c, q, w, p, sections)
-            g[TAU_NOW] = made_torque(x, g[XI_NOW], c, q, p)
+            g[XI_NOW] = stick(x, g[XI_NOW], c, q, w, p, tables, sections)
+            g[TAU_NOW] = made_torque(x, g[XI_NOW], c, q, p, tables)
             advance(g[TAU_NOW], c, p, sections, w)
     return False
 
@@ -279,8 +284,8 @@ def run(
         column where nothing of it is.
     p : (N_SCALARS,) float64
         Scalars, in SI units.
-    tables : (3, m) float64
-        Torques over θ^A = φ + θ_P/2: friction down and up, stray torque.
+    tables : (4, m) float64
+        Torques over θ^A = φ + θ_P/2: friction down and up, stray torque; and a spring's side torque over its own angle.
     sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
     theta_start : float
@@ -299,14 +304,17 @@ def run(
     theta_a, theta_p = theta_start, p[THETA_P]
     wound = _home(theta_start, active[0], friction_scale[0], p, tables)
     c[FACTOR] = 1.0
-    plain = p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[TANAKA] == 0.0 and sections.shape[1] == 1
+    plain = (
+        p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[TANAKA] == 0.0 and sections.shape[1] == 1
+    )
     for k in range(n):
         fresh, starts = True, k == 0 or half[k] != half[k - 1]
+        own = beside(g[X_NOW], c, p, tables)
         if starts:
             scale = theta_l_scale[half[k]]
-            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, c[OWN], g, q, w, wound, p, tables)
+            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
-            _turn(directions[0, k] > 0, theta_l_scale[half[k]], c[OWN], g, q, w, saved_q, saved_w, wound, p)
+            _turn(directions[0, k] > 0, theta_l_scale[half[k]], own, g, q, w, saved_q, saved_w, wound, p)
         else:
             fresh = p[SIMPLE] == 0.0
         who = int(g[WHO])
@@ -329,7 +337,7 @@ def run(
         slid = (easy and glide(c, q, g, w, p, sections)) or _settle(g, c, q, w, p, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
-            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - c[OWN], 0.0
+            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
         g[REST_S] = 0.0 if slid or k == 0 else g[REST_S] + 1.0 / per_s[k]
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
@@ -339,5 +347,8 @@ def run(
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = cold_torque(theta_p - g[X_NOW], wound[1 - who], p) * c[FACTOR] + c[OTHER] + c[CROSS]
+        passive = cold_torque(theta_p - g[X_NOW], wound[1 - who], p) * c[FACTOR] + side_torque(
+            theta_p - g[X_NOW], p, tables
+        )
+        out[4 - who, k] = passive + c[OTHER] + c[CROSS]
     return out

@@ -4,7 +4,8 @@
 # Compiled functions call each other by position, flags too.
 """What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
 
-``p`` holds the rig's scalars at the places named here, ``tables`` (3, m) torques over θ^A.
+``p`` holds the rig's scalars at the places named here, ``tables`` (4, m) torques over θ^A; the last over a spring's own
+angle.
 """
 
 from __future__ import annotations
@@ -46,12 +47,14 @@ SIMPLE: Final = 23
 HOME_HOLD: Final = 24
 HAS_CHANGE: Final = 25
 FIRST_SHARE: Final = 26
-N_SCALARS: Final = 27
+HAS_SIDE: Final = 27
+N_SCALARS: Final = 28
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0
 FRICTION_UP: Final = 1
 STRAY: Final = 2
+SIDE: Final = 3
 
 _LN100: Final = 4.605170185988092
 
@@ -85,6 +88,14 @@ def from_table(x: float, row: int, p: Array, tables: Array) -> float:
         return tables[row, last]
     i = int(place)
     return tables[row, i] + (place - i) * (tables[row, i + 1] - tables[row, i])
+
+
+@inlined
+def side_torque(x: float, p: Array, tables: Array) -> float:
+    """Return what a spring makes beside its phase's torque, at its own angle."""
+    if p[HAS_SIDE] > 0.0:
+        return from_table(x, SIDE, p, tables)
+    return 0.0
 
 
 @inlined

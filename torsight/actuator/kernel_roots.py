@@ -38,6 +38,7 @@ from torsight.actuator.kernel_laws import (
     friction_torque,
     from_table,
     share_done,
+    side_torque,
     window_place,
 )
 
@@ -97,28 +98,34 @@ def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables
     torque = cold_torque(p[THETA_P] - x, c[WOUND], p) * c[FACTOR] + c[OTHER] + c[CROSS] - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
-    return torque
+    return torque + side_torque(p[THETA_P] - x, p, tables)
 
 
 @inlined
-def made_torque(x: float, xi: float, c: Array, q: Array, p: Array) -> float:
+def beside(x: float, c: Array, p: Array, tables: Array) -> float:
+    """Return what the active spring makes beside its phase's torque: by the sample, and by its angle."""
+    return c[OWN] + side_torque(x, p, tables)
+
+
+@inlined
+def made_torque(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
 
     That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
-    What it makes beside that stands in ``c``; the reference state is without it.
+    What it makes beside that (:func:`beside`) is not in the reference state.
     """
     stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
     torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
     if c[HEATING] > 0.0:
-        return torque + c[OWN]
-    return max(torque, cold_torque(x, q[FLOOR], p)) + c[OWN]
+        return torque + beside(x, c, p, tables)
+    return max(torque, cold_torque(x, q[FLOOR], p)) + beside(x, c, p, tables)
 
 
 @inlined
 def excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
     load = load_torque(x, sense, c[SCALE], c, p, tables)
-    return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p))
+    return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p, tables))
 
 
 @compiled
@@ -205,12 +212,12 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, sections: Array) -> 
 
 
 @compiled
-def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, sections: Array) -> float:
+def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
     xi = total
     for trial in range(80):
-        law = wire_fraction(made_torque(x, xi, c, q, p), c, p, sections, w)
+        law = wire_fraction(made_torque(x, xi, c, q, p, tables), c, p, sections, w)
         fx = xi - law
         if trial == 0:
             if fx == 0.0:

@@ -241,6 +241,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.GRID_START], p[laws.GRID_STEP] = grid[0], grid[1] - grid[0]
     p[laws.HAS_FRICTION] = float(ports.friction_down_nm is not None)
     p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
+    p[laws.HAS_SIDE] = float(ports.side_nm is not None)
     p[laws.HAS_CHANGE], p[laws.FIRST_SHARE] = float(ports.load_changes), ports.first_share
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or ports.load_changes
@@ -251,7 +252,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
 
 def _tables(ports: Ports) -> Array:
     """Return the kernel's tables; those that are not there are zero and never looked at."""
-    given = (ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm)
+    given = (ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm, ports.side_nm)
     size = max([2, *(len(table) for table in given if table is not None)])
     return np.stack([np.zeros(size) if table is None else table for table in given])
 

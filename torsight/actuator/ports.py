@@ -88,6 +88,8 @@ class Ports:
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
         Further torque along φ over θ^A.
+    side_nm : (g,) float64 or None
+        Torque that either spring makes beside its phase's, over its own angle (the same grid).
     reading : tuple of functions
         What turns φ at given times into the angle that is read, rad, applied in this order.
     """
@@ -121,6 +123,7 @@ class Ports:
     friction_down_nm: Array | None = None
     friction_up_nm: Array | None = None
     stray_nm: Array | None = None
+    side_nm: Array | None = None
     reading: tuple[Reading, ...] = ()
 
     def grid_rad(self) -> Array:
@@ -175,6 +178,10 @@ class Ports:
     def with_stray(self, torque_nm: Array) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""
         return replace(self, stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
+
+    def with_side(self, torque_nm: Array) -> Ports:
+        """Return ports whose springs make a further torque over their own angle (on :meth:`grid_rad`)."""
+        return replace(self, side_nm=torque_nm if self.side_nm is None else self.side_nm + torque_nm)
 
     def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
         """Return ports whose wires' temperatures and slopes are changed by one rule."""

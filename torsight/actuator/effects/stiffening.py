@@ -30,13 +30,10 @@ def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponen
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Let both springs stiffen: B's torque drives φ up, A's down."""
+    """Let both springs stiffen."""
     cubic_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
-    theta_a_rad = ports.grid_rad()
     law = {"cubic_nm": cubic_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
-    torque_a = extra_torque(theta_a_rad, **law)
-    torque_b = extra_torque(ports.rig.theta_p_rad - theta_a_rad, **law)
-    return ports.with_stray(torque_b - torque_a)
+    return ports.with_side(extra_torque(ports.grid_rad(), **law))
 
 
 EFFECT: Final = Effect(
