@@ -87,6 +87,8 @@ def decide(
                 break
     chosen = best if judge.adequate(best) else field.base
     chosen = judge.nameless(chosen) or chosen
+    if chosen.effects and not judge.worth_telling(chosen):
+        chosen = field.base
     rivals = tuple(judge.rivals(chosen)) if chosen.effects and chosen.named else ()
     return Decision(
         chosen=chosen,
@@ -233,17 +235,28 @@ class _Judge:
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
         return near or self.share(contender) >= self._settings.share_explained
 
-    def nameless(self, chosen: Contender) -> Contender | None:
+    def nameless(self, chosen: Contender, *, rivals_too: bool = False) -> Contender | None:
         """Return a mechanism without a name that explains the record clearly better, one for one, than what is chosen.
 
         Each effect of a set costs what a rival may be worse by, so that two names are not given where one mechanism
-        does it; and a name is preferred as long as it is a rival.
+        does it; and a name is preferred as long as it is a rival, unless rivals are asked for.
         """
-        limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - 2)
+        limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - (0 if rivals_too else 2))
         for contender in self._field.of_size(1):
             if not contender.named and contender.cost < limit and self.earned(contender) and self.adequate(contender):
                 return contender
         return None
+
+    def worth_telling(self, contender: Contender) -> bool:
+        """Return whether what is chosen removes so much that something must be missing, or is the only one that does.
+
+        A form that errs a little looks like what depends on temperature or angle, too: then mechanisms without a name
+        explain it as well as those with one.
+        """
+        least = (self._settings.least_unknown * self._field.fitter.problem.resolution) ** 2
+        if self._removed(contender, self._field.base) >= least:
+            return True
+        return contender.named and self.nameless(contender, rivals_too=True) is None
 
     def rivals(self, chosen: Contender) -> list[Contender]:
         """Return the other sets of the same size that explain the record as well.

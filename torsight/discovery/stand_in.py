@@ -27,7 +27,7 @@ from torsight.discovery.validate import block_labels
 
 LEAST_GAIN: Final = 0.25
 """Share of the residual on unseen blocks that a closure must remove."""
-LEAST_SIZE: Final = 3.0
+LEAST_SIZE: Final = 4.5
 """Resolutions (root mean square) by which it must move the model."""
 LEAST_PULLED: Final = 20.0
 """Excess of the priors' cost from which the values are taken to imitate something."""
