@@ -81,9 +81,12 @@ def decide(
     judge = _Judge(field, settings, threshold, seed=seed, can_hold_out=can_hold_out)
     best = field.base
     for size in range(1, settings.most_effects + 1):
-        for contender in field.of_size(size):
+        contenders = field.of_size(size)
+        for contender in contenders:
             if contender.named and contender.cost < best.cost and judge.earned(contender):
-                best = contender
+                # What does not show is believed only of a set that also explains the record best.
+                if judge.shows(contender) or contender.cost <= contenders[0].cost + settings.rival_gain:
+                    best = contender
                 break
     chosen = best if judge.adequate(best) else field.base
     chosen = judge.nameless(chosen) or chosen
@@ -135,6 +138,12 @@ class _Judge:
             if without is None or not self._better(contender, without):
                 return False
         return True
+
+    def shows(self, contender: Contender) -> bool:
+        """Return whether the residual shrinks by what is worth a name with each effect of a set."""
+        parts = [tuple(e for e in contender.effects if e != name) for name in contender.effects]
+        least = self._least_size()
+        return all(self._removed(contender, self._field.contenders[part]) >= least for part in parts)
 
     def _better(self, contender: Contender, without: Contender) -> bool:
         gain = without.cost - contender.cost
