@@ -90,7 +90,7 @@ def decide(
                 break
     chosen = best if judge.adequate(best) else field.base
     chosen = judge.nameless(chosen) or chosen
-    if chosen.effects and not judge.worth_telling(chosen):
+    if chosen.effects and not (judge.worth_telling(chosen) or much_left(field, field.base, settings=settings)):
         chosen = field.base
     rivals = tuple(judge.rivals(chosen)) if chosen.effects and chosen.named else ()
     return Decision(
