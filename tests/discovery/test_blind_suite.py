@@ -42,6 +42,22 @@ def test_an_unbalanced_disk_gets_no_wrong_name_and_the_later_record_is_predicted
     assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 1.0 * DEG
 
 
+def test_both_of_two_are_named_though_alone_others_explain_more(cases: ModuleType) -> None:
+    record = cases.make_record(cases.Case("double", 2206, ("sensor_lag", "viscous_friction")))
+    report = discover(record.table, record.spec, seed=0)
+    named = {effect.id for effect in report.effects}
+    assert {"sensor_lag", "viscous_friction"} in [named, *(set(names) for names in report.alternatives)]
+    assert report.after.rmse_held_out_deg < 0.3 * report.before.rmse_held_out_deg
+
+
+def test_a_second_name_is_not_given_for_a_form_that_is_known(cases: ModuleType) -> None:
+    record = cases.make_record(cases.Case("single", 1508, ("stiffening",)))
+    report = discover(record.table, record.spec, seed=0)
+    assert [effect.id for effect in report.effects] == ["stiffening"]
+    onset = report.effects[0].parameters["stiffening_onset_deg"].value
+    assert abs(onset - float(record.details["stiffening"]["onset_deg"])) < 10.0
+
+
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
     work, report = cases.suite("work"), cases.suite("report")
     assert len({case.seed for case in [*work, *report]}) == len(work) + len(report)
