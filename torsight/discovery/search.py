@@ -27,6 +27,7 @@ LEAST_PROMISE: Final = 10.0
 _LEAST_LINEAR: Final = 2.0
 """Extensions that promise less in the linear picture are not fitted; low, as weights from a poor fit see little."""
 _SAME_COST: Final = 2e-3
+"""Share of its cost by which a set may stand above a part of itself: its effect is switched off, no valley is near."""
 _SHARPENINGS: Final = 6
 _LOOKS: Final = 2
 _MUCH_LEFT: Final = 1.3
@@ -197,7 +198,7 @@ class Search:
     def _extend(self, item: tuple[Fit, str]) -> Fit:
         parent, name = item
         single = self._fits.get((name,))
-        if single is None or not parent.effects:
+        if single is None:
             return self._fitter.extend(parent, name)
         own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
         base = {p.name: single.values[p.name] for p in self._problem.parameters}
