@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -36,8 +37,16 @@ def common_errors(problem: Problem) -> Array:
     return np.asarray(_COMMON_SHARE * problem.resolution * apart)
 
 
-def relaxed_prior(field: Field, contender: Contender) -> float:
-    """Return what a set's values cost, by their priors, where the model may err as all blocks share it.
+@dataclass(frozen=True, slots=True)
+class Relaxed:
+    """What a set costs where the model may err as all blocks share it: by its values' priors, and in all."""
+
+    prior: float
+    cost: float
+
+
+def relaxed(field: Field, contender: Contender) -> Relaxed:
+    """Return what a set costs where the model may err as all blocks share it.
 
     Values that are pulled far for less than such an error imitate the error of a form and no effect. Linear in the
     values, from where they are.
@@ -46,10 +55,12 @@ def relaxed_prior(field: Field, contender: Contender) -> float:
     space, x = space_of(fit.parameters), fit.solution.x
     residual = np.where(weight > 0.0, problem.observed - fit.solution.prediction, 0.0)
     columns = np.hstack([fit.solution.jacobian, common_errors(problem)])
-    extra = columns.shape[1] - len(x)
     weighted = columns * weight[:, None]
-    held = np.concatenate([space.prior_information + 1e-9 / space.scale**2, np.ones(extra)])
+    held = np.ones(columns.shape[1])
+    held[: len(x)] = space.prior_information + 1e-9 / space.scale**2
     side = weighted.T @ residual
     side[: len(x)] -= space.prior_information * np.where(np.isfinite(space.prior_sigma), x - space.prior_mean, 0.0)
     moved = np.linalg.solve(columns.T @ weighted + np.diag(held), side)
-    return prior_cost_at(problem, fit, space.clip(x + moved[: len(x)]))
+    prior = prior_cost_at(problem, fit, space.clip(x + moved[: len(x)]))
+    left = residual - columns @ moved
+    return Relaxed(prior, float(weight @ left**2) + prior + float(np.sum(moved[len(x) :] ** 2)))

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.common import relaxed_prior
+from torsight.discovery.common import Relaxed, relaxed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet
 from torsight.discovery.intervals import curvature_spread
@@ -85,7 +85,7 @@ def decide(
         for contender in contenders:
             if contender.named and contender.cost < best.cost and judge.earned(contender):
                 # What does not show is believed only of a set that also explains the record best.
-                if judge.shows(contender) or contender.cost <= contenders[0].cost + settings.rival_gain:
+                if judge.shows(contender) or judge.is_best(contender, contenders):
                     best = contender
                 break
     chosen = best if judge.adequate(best) else field.base
@@ -116,13 +116,14 @@ def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool
     if bool(field.stretches.rest.any()) and left > least:
         return True
     # Several characterised values at odds with the record at once are no accident: they imitate something.
-    return relaxed_prior(field, contender) - prior_count(problem) >= LEAST_PULLED
+    return relaxed(field, contender).prior - prior_count(problem) >= LEAST_PULLED
 
 
 class _Judge:
     def __init__(self, field: Field, settings: Settings, threshold: float, *, seed: int, can_hold_out: bool) -> None:
         self._seed = seed
         self._shares: dict[Contender, float] = {}
+        self._relaxed_costs: dict[Contender, Relaxed] = {}
         self._field = field
         self._settings = settings
         self._threshold = threshold
@@ -145,11 +146,18 @@ class _Judge:
         least = self._least_size()
         return all(self._removed(contender, self._field.contenders[part]) >= least for part in parts)
 
+    def is_best(self, contender: Contender, others: list[Contender]) -> bool:
+        """Return whether a set costs least, or hardly more, where the model may err as all blocks share it."""
+        least = min(self._relaxed(other).cost for other in others)
+        return self._relaxed(contender).cost <= least + self._settings.rival_gain
+
     def _better(self, contender: Contender, without: Contender) -> bool:
         gain = without.cost - contender.cost
         # What takes several values back to where they were measured need not show in the residual they had imitated;
         # and the priors are what they say they are, which cannot be said of a residual's noise.
         by_priors = self._returns(contender, without) >= LEAST_BY_PRIORS
+        if by_priors:
+            gain = self._relaxed(without).cost - self._relaxed(contender).cost
         if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
             return False
         if not by_priors and self._removed(contender, without) < self._least_size():
@@ -164,7 +172,12 @@ class _Judge:
         returned = without.prior - contender.prior
         if returned < LEAST_BY_PRIORS:
             return returned
-        return min(returned, relaxed_prior(self._field, without) - relaxed_prior(self._field, contender))
+        return min(returned, self._relaxed(without).prior - self._relaxed(contender).prior)
+
+    def _relaxed(self, contender: Contender) -> Relaxed:
+        if contender not in self._relaxed_costs:
+            self._relaxed_costs[contender] = relaxed(self._field, contender)
+        return self._relaxed_costs[contender]
 
     def _removed(self, contender: Contender, without: Contender) -> float:
         """Return the mean square that a set removes.
@@ -179,15 +192,17 @@ class _Judge:
 
     def _predicts_better(self, contender: Contender, without: Contender, *, by_priors: bool) -> bool:
         keep = 1.0 - self._settings.least_held_out_gain
-        score, score_without = contender.held_out.score, without.held_out.score
-        if score >= keep * score_without:
-            return False
-        returned = without.held_out.prior - contender.held_out.prior
-        moved = without.held_out.prior - prior_count(self._field.fitter.problem)
-        if by_priors and returned >= self._settings.share_of_rest * moved:
-            return True
+        problem = self._field.fitter.problem
         before = self._over_time(without.held_out.residual)
         after = self._over_time(contender.held_out.residual)
+        returned = without.held_out.prior - contender.held_out.prior
+        moved = without.held_out.prior - prior_count(problem)
+        # Where values had imitated the effect without a trace, it need not predict better, but as well.
+        as_well = after <= before + problem.resolution**2
+        if by_priors and as_well and returned >= self._settings.share_of_rest * moved:
+            return True
+        if contender.held_out.score >= keep * without.held_out.score:
+            return False
         rest = before - self._over_time(self._field.floor)
         if after >= before * keep:
             return False
@@ -238,7 +253,7 @@ class _Judge:
         """Return whether a set explains enough to be called by its name."""
         if not contender.effects:
             return True
-        pulled = relaxed_prior(self._field, contender) - prior_count(self._field.fitter.problem) >= self._threshold
+        pulled = self._relaxed(contender).prior - prior_count(self._field.fitter.problem) >= self._threshold
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
