@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,17 @@ def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pyte
         limited.run_limited(tmp_path / "experiment.toml", out=tmp_path, limit_s=3.0)
     if (tmp_path / "child").exists():  # a machine that is slow has not come so far
         process = int((tmp_path / "child").read_text())
-        assert not is_running(process) or Path(f"/proc/{process}/stat").read_text().split()[2] == "Z"
+        until = time.monotonic() + 30.0
+        while _lives(process) and time.monotonic() < until:
+            time.sleep(0.05)  # a killed process is gone as soon as the system comes to it
+        assert not _lives(process)
+
+
+def _lives(process: int) -> bool:
+    try:
+        return is_running(process) and Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 @pytest.mark.parametrize("limit", ["0", "-3", "nan", "inf"])
