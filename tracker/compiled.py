@@ -144,15 +144,6 @@ def fill_model(model: Floats, extra: Floats, columns: int, pixels: Pixels, shape
     extra[2 * columns], extra[2 * columns + 1], extra[2 * columns + 2] = inverse[2, 2], inverse[2, 3], inverse[3, 3]
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz", "contract"})
-def weigh(row: Floats, values: Floats) -> float:
-    """Return the sum of products; its order is the compiler's, so that it can take several at once."""
-    total = 0.0
-    for i in range(row.shape[0]):
-        total += row[i] * values[i]
-    return total
-
-
 @njit(cache=True, nogil=True)
 def take_away(values: Floats, row: Floats, weight: float) -> None:
     """Take a weighted row away from values."""
@@ -178,19 +169,19 @@ def solve_model(
     n = values.shape[0]
     found = np.empty(columns)
     for k in range(columns):
-        found[k] = weigh(model[k], values)
+        found[k] = np.dot(model[k], values)
     scale = max(found[0], 1.0)
     sx, sy = slope_x * scale, slope_y * scale
     for k in range(columns):
         found[k] -= extra[2 * k] * sx + extra[2 * k + 1] * sy
     last = 2 * columns
-    seen_x, seen_y = weigh(model[last + 2], values), weigh(model[last + 3], values)
+    seen_x, seen_y = np.dot(model[last + 2], values), np.dot(model[last + 3], values)
     left = values.copy()
     take_away(left, model[last], sx)
     take_away(left, model[last + 1], sy)
     for k in range(columns):
         take_away(left, model[columns + k], found[k])
-    square = weigh(left, left)
+    square = np.dot(left, left)
     sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
     for i in range(n):
         sums[pixels[2, i]] += left[i]

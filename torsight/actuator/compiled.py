@@ -1,4 +1,8 @@
-"""The decorators of compiled functions, with types kept."""
+"""The decorators of compiled functions, with types kept.
+
+None may add in an order of the compiler's choice: a function that was just compiled and the same one from the disk had
+been put together in two ways, and their sums ended in other digits.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +25,3 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a small function into its callers."""
     return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
-
-
-def summing(function: F) -> F:
-    """Compile a function whose sums may be taken in any order, several terms at once."""
-    allowed = {"reassoc", "contract", "nsz"}
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy", fastmath=allowed)(function))

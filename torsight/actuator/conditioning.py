@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.compiled import compiled, inlined, summing
+from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.corners import mend_corners
 from torsight.actuator.holds import level_holds
 
@@ -204,7 +204,7 @@ def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: 
     )
 
 
-@summing
+@compiled
 def _add(m: Array, t: Array, y: Array, t_here: float, y_here: float) -> None:
     """Add samples to the normal equations of a parabola around one: (4, 4) of 1, t, t², and the side's column."""
     t1 = t2 = t3 = t4 = y0 = y1 = y2 = 0.0
@@ -228,7 +228,7 @@ def _add(m: Array, t: Array, y: Array, t_here: float, y_here: float) -> None:
     m[2, 4] += y2
 
 
-@summing
+@compiled
 def _add_rest(m: Array, t: Array, y: Array, decay: Array, t_here: float, y_here: float, scale: float) -> None:
     """Add the same samples' products with the rest that decays, ``decay`` times ``scale``."""
     r0 = r1 = r2 = rr = ry = 0.0
