@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator.effects import chosen_effects, load_effects, load_nameless
+from torsight.actuator.effects import chosen_effects, load_effects, load_mechanisms
 from torsight.actuator.effects.stiffening import extra_torque
 from torsight.actuator.fit import fit_model
 from torsight.actuator.model import ActuatorModel
@@ -31,7 +31,7 @@ HALVES = [
     {"spring": "a", "peak_c": 84.0, "ramp_s": 220.0, "heat_s": 260.0},
 ]
 RISE_RAD = math.radians(100.0)
-DECLARED = {**load_effects(), **load_nameless()}
+DECLARED = load_mechanisms()
 # What the rig has, and the same in the words of the effect file: value and how near it must come (relative, absolute).
 TRUTH = {
     "sensor_lag": ({"lag_s": 5.0}, {"lag_s": (5.0, 0.06, 0.0)}),

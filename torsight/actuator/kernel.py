@@ -30,7 +30,6 @@ from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
     FIRST_SHARE,
     FIXED_THETA_L,
-    HAS_CHANGE,
     HAS_FRICTION,
     HAS_SIDE,
     HAS_STRAY,
@@ -92,6 +91,7 @@ from torsight.actuator.kernel_roots import (
     glide,
     load_torque,
     made_torque,
+    passive_torque,
     slide,
     stick,
     sticking_end,
@@ -280,7 +280,7 @@ def run(
     friction_scale : (n,) float64
         Factor on the friction at each sample.
     load_change : (3, n) float64
-        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); one
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
         column where nothing of it is.
     p : (N_SCALARS,) float64
         Scalars, in SI units.
@@ -309,12 +309,12 @@ def run(
     )
     for k in range(n):
         fresh, starts = True, k == 0 or half[k] != half[k - 1]
-        own = beside(g[X_NOW], c, p, tables)
         if starts:
-            scale = theta_l_scale[half[k]]
+            own, scale = beside(g[X_NOW], c, p, tables), theta_l_scale[half[k]]
             _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
         elif directions[0, k] != directions[0, k - 1]:
-            _turn(directions[0, k] > 0, theta_l_scale[half[k]], own, g, q, w, saved_q, saved_w, wound, p)
+            own, scale = beside(g[X_NOW], c, p, tables), theta_l_scale[half[k]]
+            _turn(directions[0, k] > 0, scale, own, g, q, w, saved_q, saved_w, wound, p)
         else:
             fresh = p[SIMPLE] == 0.0
         who = int(g[WHO])
@@ -329,7 +329,7 @@ def run(
         c[TURN_NOW] = directions[1, k]
         if p[PASSIVE_SHARE] > 0.0:
             c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, p)
-        if p[HAS_CHANGE] > 0.0:
+        if load_change.shape[1] > 0:
             c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
         total = g[XI_NOW]
         # Only where load and friction are the plain model's, and after a sample that slid.
@@ -347,8 +347,5 @@ def run(
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
-        passive = cold_torque(theta_p - g[X_NOW], wound[1 - who], p) * c[FACTOR] + side_torque(
-            theta_p - g[X_NOW], p, tables
-        )
-        out[4 - who, k] = passive + c[OTHER] + c[CROSS]
+        out[4 - who, k] = passive_torque(g[X_NOW], c, p, tables)
     return out

@@ -45,10 +45,9 @@ HAS_FRICTION: Final = 21
 HAS_STRAY: Final = 22
 SIMPLE: Final = 23
 HOME_HOLD: Final = 24
-HAS_CHANGE: Final = 25
-FIRST_SHARE: Final = 26
-HAS_SIDE: Final = 27
-N_SCALARS: Final = 28
+FIRST_SHARE: Final = 25
+HAS_SIDE: Final = 26
+N_SCALARS: Final = 27
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0

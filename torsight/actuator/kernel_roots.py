@@ -87,18 +87,25 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
 
 
 @inlined
+def passive_torque(x: float, c: Array, p: Array, tables: Array) -> float:
+    """Return the passive spring's torque where the active one's angle is ``x``."""
+    other = p[THETA_P] - x
+    return cold_torque(other, c[WOUND], p) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, p, tables)
+
+
+@inlined
 def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
-    −τ^A + f τ^B + M − τ_f = 0 (19), f a factor that changes with time, M a stray torque along φ; mirrored for B.
+    −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
     """
     theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
     friction += p[VISCOUS] * abs(x - c[X0]) * c[PER_S]
-    torque = cold_torque(p[THETA_P] - x, c[WOUND], p) * c[FACTOR] + c[OTHER] + c[CROSS] - sense * friction
+    torque = passive_torque(x, c, p, tables) - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
-    return torque + side_torque(p[THETA_P] - x, p, tables)
+    return torque
 
 
 @inlined

@@ -242,7 +242,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.HAS_FRICTION] = float(ports.friction_down_nm is not None)
     p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
     p[laws.HAS_SIDE] = float(ports.side_nm is not None)
-    p[laws.HAS_CHANGE], p[laws.FIRST_SHARE] = float(ports.load_changes), ports.first_share
+    p[laws.FIRST_SHARE] = ports.first_share
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or ports.load_changes
     p[laws.SIMPLE] = float(not (moving_load or np.any(ports.friction_scale != 1.0)))

@@ -158,10 +158,10 @@ class Ports:
     def load_change(self) -> Array:
         """Return the factor on the passive spring's torque and the driven and passive one's side torques (3, n).
 
-        One column where nothing changes.
+        No column where nothing changes.
         """
         if not self.load_changes:
-            return np.array([[1.0], [0.0], [0.0]])
+            return np.zeros((3, 0))
         n = len(self.time_s)
         factor = np.ones(n) if self.passive_scale is None else self.passive_scale
         a, b = (np.zeros(n) if side is None else side for side in (self.side_a_nm, self.side_b_nm))

@@ -11,7 +11,7 @@ from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Problem
 from torsight.discovery.priors import prior_cost_at
-from torsight.discovery.solver import Array
+from torsight.discovery.solver import Array, linear_change
 from torsight.discovery.validate import block_labels
 
 _COMMON_SHARE: Final = 3.0
@@ -55,12 +55,10 @@ def relaxed(field: Field, contender: Contender) -> Relaxed:
     space, x = space_of(fit.parameters), fit.solution.x
     residual = np.where(weight > 0.0, problem.observed - fit.solution.prediction, 0.0)
     columns = np.hstack([fit.solution.jacobian, common_errors(problem)])
-    weighted = columns * weight[:, None]
-    held = np.ones(columns.shape[1])
-    held[: len(x)] = space.prior_information + 1e-9 / space.scale**2
-    side = weighted.T @ residual
-    side[: len(x)] -= space.prior_information * np.where(np.isfinite(space.prior_sigma), x - space.prior_mean, 0.0)
-    moved = np.linalg.solve(columns.T @ weighted + np.diag(held), side)
+    information, centre = np.ones(columns.shape[1]), np.zeros(columns.shape[1])
+    information[: len(x)] = space.prior_information + 1e-9 / space.scale**2
+    centre[: len(x)] = np.where(np.isfinite(space.prior_sigma), space.prior_mean - x, 0.0)
+    moved = linear_change(columns, residual, weight=weight, information=information, centre=centre)
     prior = prior_cost_at(problem, fit, space.clip(x + moved[: len(x)]))
     left = residual - columns @ moved
     return Relaxed(prior, float(weight @ left**2) + prior + float(np.sum(moved[len(x) :] ** 2)))

@@ -16,7 +16,7 @@ import numpy as np
 from torsight.core.progress import Progress, silent
 from torsight.discovery.common import Relaxed, relaxed
 from torsight.discovery.contenders import Contender, Field
-from torsight.discovery.fitting import EffectSet
+from torsight.discovery.fitting import EffectSet, less
 from torsight.discovery.intervals import curvature_spread
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
@@ -135,16 +135,15 @@ class _Judge:
     def earned(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
         for name in contender.effects:
-            without = self._field.contenders.get(tuple(e for e in contender.effects if e != name))
+            without = self._field.contenders.get(less(contender.effects, name))
             if without is None or not self._better(contender, without):
                 return False
         return True
 
     def shows(self, contender: Contender) -> bool:
         """Return whether the residual shrinks by what is worth a name with each effect of a set."""
-        parts = [tuple(e for e in contender.effects if e != name) for name in contender.effects]
-        least = self._least_size()
-        return all(self._removed(contender, self._field.contenders[part]) >= least for part in parts)
+        parts = [self._field.contenders[less(contender.effects, name)] for name in contender.effects]
+        return all(self._removed(contender, part) >= self._least_size() for part in parts)
 
     def is_best(self, contender: Contender, others: list[Contender]) -> bool:
         """Return whether a set costs least, or hardly more, where the model may err as all blocks share it."""
@@ -152,17 +151,15 @@ class _Judge:
         return self._relaxed(contender).cost <= least + self._settings.rival_gain
 
     def _better(self, contender: Contender, without: Contender) -> bool:
-        gain = without.cost - contender.cost
         # What takes several values back to where they were measured need not show in the residual they had imitated;
         # and the priors are what they say they are, which cannot be said of a residual's noise.
         by_priors = self._returns(contender, without) >= LEAST_BY_PRIORS
         if by_priors:
-            gain = self._relaxed(without).cost - self._relaxed(contender).cost
-        if gain < (LEAST_BY_PRIORS if by_priors else self._threshold):
-            return False
-        if not by_priors and self._removed(contender, without) < self._least_size():
-            return False
-        return not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors)
+            gains = self._relaxed(without).cost - self._relaxed(contender).cost >= LEAST_BY_PRIORS
+        else:
+            gains = without.cost - contender.cost >= self._threshold
+            gains = gains and self._removed(contender, without) >= self._least_size()
+        return gains and (not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors))
 
     def _returns(self, contender: Contender, without: Contender) -> float:
         """Return by how much less a set's values cost than those of the set without one effect.

@@ -24,6 +24,7 @@ from torsight.discovery.closure import actuator_closure
 from torsight.discovery.contenders import Contender
 from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.fitting import less
 from torsight.discovery.interface import Closure
 from torsight.discovery.intervals import covariance
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
@@ -215,7 +216,7 @@ def _effects(
             value = item.value(chosen.fit.values)
             drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])
             own[item.name] = _derived(value, drawn, item.unit, item.period)
-        without = field.contenders.get(tuple(e for e in chosen.effects if e != name))
+        without = field.contenders.get(less(chosen.effects, name))
         found.append(
             FoundEffect(
                 id=name,

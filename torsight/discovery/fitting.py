@@ -24,9 +24,15 @@ EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""
 
 WORKERS: Final = 2
+_Model = Callable[[Array], Array]
 _SCOUT_ITERATIONS: Final = 2
 _T = TypeVar("_T")
 _R = TypeVar("_R")
+
+
+def less(effects: EffectSet, name: str) -> EffectSet:
+    """Return a set without one of its effects."""
+    return tuple(other for other in effects if other != name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +95,11 @@ class Fitter:
         scales = {name: scale for effect in effects for name, scale in self.candidates[effect].scales.items()}
         return space_of(self.parameters(effects), scales=scales)
 
+    def _model(self, effects: EffectSet) -> _Model:
+        """Return the model's values as a function of the free parameters (m,)."""
+        names = [p.name for p in self.parameters(effects)]
+        return lambda x: self.problem.predict(dict(zip(names, x.tolist(), strict=True)), effects)
+
     def fit(
         self,
         effects: EffectSet,
@@ -103,12 +114,8 @@ class Fitter:
 
         Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail.
         """
-        parameters = self.parameters(effects)
-        space = self.space(effects)
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         used = self.weight if weight is None else weight
-
-        def model(x: Array) -> Array:
-            return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
 
         def run(start: Array, iterations: int, guess: Array | None = None, known: Solution | None = None) -> Solution:
             return solve(
@@ -145,11 +152,7 @@ class Fitter:
 
     def at(self, effects: EffectSet, values: Mapping[str, float]) -> Fit:
         """Return a set of effects at given values, not fitted, with its derivatives there."""
-        parameters, space = self.parameters(effects), self.space(effects)
-
-        def model(x: Array) -> Array:
-            return self.problem.predict({p.name: float(v) for p, v in zip(parameters, x, strict=True)}, effects)
-
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         x = np.array([values[p.name] for p in parameters])
         at_x = model(x)
         observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
@@ -199,13 +202,8 @@ class Fitter:
 
     def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out."""
-
-        def model(x: Array) -> Array:
-            values = {p.name: float(v) for p, v in zip(fit.parameters, x, strict=True)}
-            return self.problem.predict(values, fit.effects)
-
         solution = solve(
-            model,
+            self._model(fit.effects),
             fit.solution.x,
             observed=self.problem.observed,
             weight=self.weight if weight is None else weight,

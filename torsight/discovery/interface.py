@@ -71,6 +71,10 @@ class Candidate:
             points = list(self.propose(time_s, residual)) or points
         return tuple({**own, **point} for point in points)
 
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the effect's own parameters out of a set's values."""
+        return {p.name: values[p.name] for p in self.parameters}
+
     def null_point(self) -> dict[str, float]:
         """Return the parameters with the effect switched off."""
         return {p.name: p.value if p.null is None else p.null for p in self.parameters}

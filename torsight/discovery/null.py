@@ -38,63 +38,64 @@ def gain_threshold(
 
     ``progress`` is told after every candidate.
     """
-    root = np.sqrt(fitter.weight)
-    known = _known(fit, root)
-    bases = [basis for basis in _directions(fitter, fit, root, known, progress=progress) if basis.shape[1]]
+    picture = LinearPicture(fitter, fit)
+    bases = [basis for basis in picture.directions(progress) if basis.shape[1]]
     if not bases:
         return LEAST_GAIN
+    root = picture.root
     rng = np.random.default_rng(seed)
     best = np.zeros(_DRAWS)
     for first in range(0, _DRAWS, 50):
         count = min(50, _DRAWS - first)
         noise = np.stack([_draw(rng, stretches, scales, len(root)) for _ in range(count)], axis=1) * root[:, None]
-        noise = np.vstack([noise, rng.standard_normal((len(known) - len(root), count))])
+        noise = np.vstack([noise, rng.standard_normal((len(fit.parameters), count))])
         gains = np.array([np.sum((basis.T @ noise) ** 2, axis=0) for basis in bases])
         best[first : first + count] = gains.max(axis=0)
     return max(LEAST_GAIN, float(np.quantile(best, level)))
 
 
-def _known(fit: Fit, root: Array) -> Array:
-    """Return orthonormal directions (n + m, k) that the fit's own parameters can make.
+class LinearPicture:
+    """What adding an effect to a fitted set promises, linear in everything but the effect's own size at its start.
 
-    Below the weighted samples stand the priors, one row each: to move a value explains samples and costs its prior.
+    One that is missing promises nothing only if the fit can imitate it. Below the weighted samples stand the priors,
+    one row each: to move a value explains samples and costs its prior.
     """
-    space = space_of(fit.parameters)
-    rows = np.vstack([fit.solution.jacobian * root[:, None], np.diag(1.0 / space.prior_sigma)])
-    return _orthonormal(rows, rank_from=1e-9)
 
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        self._fitter = fitter
+        self._fit = fit
+        self.root = np.sqrt(fitter.weight)
+        space = space_of(fit.parameters)
+        rows = np.vstack([fit.solution.jacobian * self.root[:, None], np.diag(1.0 / space.prior_sigma)])
+        # Orthonormal directions (n + m, k) that the fit's own parameters can make.
+        self._known = _orthonormal(rows, rank_from=1e-9)
+        off = -space.prior_residual(fit.solution.x)
+        residual = np.concatenate([np.nan_to_num(fitter.residual(fit)) * self.root, off])
+        self._residual = residual - self._known @ (self._known.T @ residual)
 
-def linear_gain(fitter: Fitter, fit: Fit, name: str, starts: Sequence[Mapping[str, float]]) -> float:
-    """Return the gain that adding an effect to a fitted set promises, the best over its starting points.
+    def gain(self, name: str, starts: Sequence[Mapping[str, float]]) -> float:
+        """Return the gain that an effect promises, the best over its starting points."""
+        bases = [self._basis(name, start) for start in starts]
+        return max((float(np.sum((basis.T @ self._residual) ** 2)) for basis in bases), default=0.0)
 
-    Linear in everything but the effect's own size at the start: one that is missing promises nothing only if the fit
-    can imitate it.
-    """
-    root = np.sqrt(fitter.weight)
-    known = _known(fit, root)
-    off = -space_of(fit.parameters).prior_residual(fit.solution.x)
-    residual = np.concatenate([np.nan_to_num(fitter.residual(fit)) * root, off])
-    residual -= known @ (known.T @ residual)
-    bases = [_effect_basis(fitter, fit, name, start, root, known) for start in starts]
-    return max((float(np.sum((basis.T @ residual) ** 2)) for basis in bases), default=0.0)
+    def directions(self, progress: Progress) -> list[Array]:
+        """Return, for every further candidate and start, the directions in which it can move the prediction."""
+        fitter = self._fitter
+        candidates = [candidate for candidate in fitter.problem.candidates if candidate.id not in self._fit.effects]
+        found = []
+        for count, candidate in enumerate(candidates):
+            progress("what chance gains", count, len(candidates))
+            starts = candidate.starting_points(fitter.problem.time_s, fitter.residual(self._fit))
+            found += [self._basis(candidate.id, start) for start in starts]
+        return found
 
-
-def _directions(fitter: Fitter, fit: Fit, root: Array, known: Array, *, progress: Progress) -> list[Array]:
-    candidates = [candidate for candidate in fitter.problem.candidates if candidate.id not in fit.effects]
-    found = []
-    for count, candidate in enumerate(candidates):
-        progress("what chance gains", count, len(candidates))
-        starts = candidate.starting_points(fitter.problem.time_s, fitter.residual(fit))
-        found += [_effect_basis(fitter, fit, candidate.id, start, root, known) for start in starts]
-    return found
-
-
-def _effect_basis(fitter: Fitter, fit: Fit, name: str, start: Mapping[str, float], root: Array, known: Array) -> Array:
-    """Return orthonormal directions in which an effect can move the prediction and the fit cannot."""
-    columns = _effect_columns(fitter, fit, fitter.ordered((*fit.effects, name)), start) * root[:, None]
-    columns = np.vstack([columns, np.zeros((len(known) - len(root), columns.shape[1]))])
-    columns -= known @ (known.T @ columns)
-    return _orthonormal(columns, rank_from=1e-3)
+    def _basis(self, name: str, start: Mapping[str, float]) -> Array:
+        """Return orthonormal directions in which an effect can move the prediction and the fit cannot."""
+        effects = self._fitter.ordered((*self._fit.effects, name))
+        columns = _effect_columns(self._fitter, self._fit, effects, start) * self.root[:, None]
+        columns = np.vstack([columns, np.zeros((len(self._fit.parameters), columns.shape[1]))])
+        columns -= self._known @ (self._known.T @ columns)
+        return _orthonormal(columns, rank_from=1e-3)
 
 
 def _effect_columns(fitter: Fitter, fit: Fit, effects: tuple[str, ...], start: Mapping[str, float]) -> Array:

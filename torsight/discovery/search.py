@@ -7,7 +7,7 @@ sample is worth depends on the error that remains; whatever is compared is refit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Final
 
@@ -15,12 +15,15 @@ import numpy as np
 
 from torsight.core.progress import Progress
 from torsight.discovery.contenders import Contender, Field
-from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
+from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.interface import Problem
 from torsight.discovery.noise import Stretches, first_scales, information, reading_noise, residual_scales
-from torsight.discovery.null import linear_gain
+from torsight.discovery.null import LinearPicture
 from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
+
+_Exchange = tuple[Fit, LinearPicture, str, tuple[dict[str, float], ...]]
+"""A set without one of its effects, its linear picture, what may come in its place, and from where."""
 
 LEAST_PROMISE: Final = 10.0
 """Half of the least gain that is ever believed."""
@@ -75,7 +78,7 @@ class Search:
             work = self._promising(work)
         step = f"sets of {size}"
         found: list[Fit] = in_parallel(list(work.values()), self._extend, step=step, progress=self._progress)
-        self._fits |= {fit.effects: fit for fit in found}
+        self._keep(found)
 
     def _extensions(self, size: int) -> dict[EffectSet, tuple[Fit, str]]:
         """Return the sets of this size that grow out of the best smaller ones: parent and what is added."""
@@ -105,13 +108,14 @@ class Search:
 
     def _expected(self, work: Mapping[EffectSet, tuple[Fit, str]]) -> dict[EffectSet, float]:
         """Return the cost at which each extension would end up in the linear picture."""
+        parents = {parent.effects: parent for parent, _ in work.values()}
+        pictures = {effects: LinearPicture(self._fitter, parent) for effects, parent in parents.items()}
 
         def cost(item: tuple[Fit, str]) -> float:
             parent, name = item
-            fitted = self._fits[(name,)].values
-            own = {p.name: fitted[p.name] for p in self._fitter.candidates[name].parameters}
-            starts = [own, *self._fitter.candidates[name].starting_points()[:2]]
-            return parent.cost - linear_gain(self._fitter, parent, name, starts)
+            candidate = self._fitter.candidates[name]
+            starts = [candidate.own(self._fits[(name,)].values), *candidate.starting_points()[:2]]
+            return parent.cost - pictures[parent.effects].gain(name, starts)
 
         costs: list[float] = in_parallel(list(work.values()), cost)
         return dict(zip(work, costs, strict=True))
@@ -133,7 +137,7 @@ class Search:
             near = sorted((e for e in work if expected[e] < least), key=lambda effects: (expected[effects], effects))
             added = [work[effects] for effects in near[: 2 * self._settings.beam]]
             fits: list[Fit] = in_parallel(added, self._extend, step=f"sets of {size}", progress=self._progress)
-            self._fits |= {fit.effects: fit for fit in fits if self._astray(fit.effects, fit)}
+            self._keep(fits)
             if not self._moved(before):
                 break
             self._reweight()
@@ -150,41 +154,41 @@ class Search:
         best = ranked[0]
         events = [name for name in best.effects if self._fitter.candidates[name].propose is not None]
         work: list[Callable[[], Fit]] = [partial(self._fitter.propose_again, best, name) for name in events]
-        work += [partial(self._exchange, *item) for item in self._exchanges(best)]
-        parts = [tuple(other for other in best.effects if other != name) for name in best.effects]
+        work += self._exchanges(best)
+        parts = [less(best.effects, name) for name in best.effects]
         work += [partial(self._fitter.fit, part, [best.values]) for part in parts if part not in self._fits]
         found: list[Fit] = in_parallel(work, lambda job: job(), step=f"sets of {size}", progress=self._progress)
-        for fit in found:
-            if self._astray(fit.effects, fit):
-                self._fits[fit.effects] = fit
+        self._keep(found)
 
-    def _exchanges(self, best: Fit) -> list[tuple[Fit, Fit, str]]:
-        """Return what may take the place of one of a set's effects: the set, the set without that one, the new name.
+    def _exchanges(self, best: Fit) -> list[Callable[[], Fit]]:
+        """Return the fits of what may best take the place of one of a set's effects.
 
         The linear picture at the set's own values, where that one is switched off, says which may.
         """
-        work: list[tuple[Fit, str]] = []
+        others = [c for c in self._fitter.candidates.values() if c.named and c.id not in best.effects]
+        work: list[_Exchange] = []
         for name in best.effects:
-            rest = tuple(other for other in best.effects if other != name)
-            without = self._fitter.at(rest, best.values)
-            work += [(without, other) for other in self._fitter.candidates if other not in best.effects]
-        work = [item for item in work if self._fitter.candidates[item[1]].named]
+            rest = self._fitter.at(less(best.effects, name), best.values)
+            picture, residual = LinearPicture(self._fitter, rest), self._fitter.residual(rest)
+            work += [(rest, picture, c.id, c.starting_points(self._problem.time_s, residual)) for c in others]
 
-        def expected(item: tuple[Fit, str]) -> float:
-            without, name = item
-            starts = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(without))
-            return without.cost - linear_gain(self._fitter, without, name, starts)
+        def expected(item: _Exchange) -> float:
+            rest, picture, name, points = item
+            return rest.cost - picture.gain(name, points)
+
+        def exchanged(rest: Fit, name: str, points: Iterable[Mapping[str, float]]) -> Fit:
+            effects, starts = self._fitter.ordered((*rest.effects, name)), [{**best.values, **p} for p in points]
+            return self._fitter.fit(effects, starts, max_iterations=16, near=rest)
 
         costs: list[float] = in_parallel(work, expected)
         ranked = sorted(range(len(work)), key=lambda i: (costs[i], i))[: self._settings.beam]
-        return [(best, *work[i]) for i in ranked]
+        return [partial(exchanged, rest, name, points) for rest, _, name, points in (work[i] for i in ranked)]
 
-    def _exchange(self, best: Fit, without: Fit, name: str) -> Fit:
-        effects = self._fitter.ordered((*without.effects, name))
-        points = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(without))
-        return self._fitter.fit(
-            effects, [{**best.values, **point} for point in points], max_iterations=16, near=without
-        )
+    def _keep(self, fits: Iterable[Fit]) -> None:
+        """Keep the fits of new sets, and those that are better than the set's own."""
+        for fit in fits:
+            if self._astray(fit.effects, fit):
+                self._fits[fit.effects] = fit
 
     def _astray(self, effects: EffectSet, other: Fit) -> bool:
         """Return whether a set has not been fitted, or has ended above another fit."""
@@ -200,9 +204,10 @@ class Search:
         single = self._fits.get((name,))
         if single is None:
             return self._fitter.extend(parent, name)
-        own = {p.name: single.values[p.name] for p in self._fitter.candidates[name].parameters}
+        candidate = self._fitter.candidates[name]
+        own = candidate.own(single.values)
         base = {p.name: single.values[p.name] for p in self._problem.parameters}
-        points = self._fitter.candidates[name].starting_points(self._problem.time_s, self._fitter.residual(parent))
+        points = candidate.starting_points(self._problem.time_s, self._fitter.residual(parent))
         starts = [{**parent.values, **own}, {**parent.values, **base, **own}]
         starts += [{**parent.values, **point} for point in points[:4]]
         effects = self._fitter.ordered((*parent.effects, name))
@@ -287,22 +292,20 @@ class Search:
         A larger set may get out of a valley in which a smaller one sits; what it gains by that is not its effect's. A
         set that stands above a part of itself sits in a valley that the part has left.
         """
-        found: list[Fit] = in_parallel(self._leading(), self._from_larger)
-        self._fits |= {fit.effects: fit for fit in found}
+        led: list[Fit] = in_parallel(self._leading(), self._from_larger)
+        self._keep(led)
         work: list[Callable[[], Fit]] = [partial(self._from_part, *item) for item in self._above_a_part()]
         if max(len(effects) for effects in self._fits) == 1:
             names = [fit.effects[0] for fit in self._ranked(1)[: self._settings.beam + 1]]
             work += [partial(self._fitter.extend, self._fits[()], name) for name in names]
         again: list[Fit] = in_parallel(work, lambda job: job())
-        for fit in again:
-            if self._astray(fit.effects, fit):
-                self._fits[fit.effects] = fit
+        self._keep(again)
 
     def _above_a_part(self) -> list[tuple[Fit, Fit, str]]:
         """Return the sets that cost more than the best of their parts: set, part, and what the part lacks."""
         found = []
         for effects, fit in self._fits.items():
-            parts = [(self._fits.get(tuple(o for o in effects if o != name)), name) for name in effects]
+            parts = [(self._fits.get(less(effects, name)), name) for name in effects]
             fitted = [(part, name) for part, name in parts if part is not None]
             if not fitted:
                 continue
@@ -316,8 +319,7 @@ class Search:
         """Fit a set once more from where a part of it is: with the effect as it was, and as it may begin."""
         candidate = self._fitter.candidates[name]
         points = candidate.starting_points(self._problem.time_s, self._fitter.residual(part))[:2]
-        own = {p.name: fit.values[p.name] for p in candidate.parameters}
-        starts = [{**part.values, **point} for point in (own, *points)]
+        starts = [{**part.values, **point} for point in (candidate.own(fit.values), *points)]
         return self._fitter.fit(fit.effects, starts, keep=1, near=part)
 
     def _leading(self) -> list[EffectSet]:

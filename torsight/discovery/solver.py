@@ -219,6 +219,16 @@ class _Slopes:
         return True
 
 
+def linear_change(columns: Array, residual: Array, *, weight: Array, information: Array, centre: Array) -> Array:
+    """Return the coefficients (k,) of columns (n, k) that explain a residual best.
+
+    ``information`` (k,) is one over the variance of each coefficient's prior, ``centre`` (k,) its mean.
+    """
+    weighted = columns * weight[:, None]
+    side = weighted.T @ residual + information * centre
+    return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(information), side))
+
+
 def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[Array, Array]:
     weighted = derivative * weight[:, None]
     normal = derivative.T @ weighted

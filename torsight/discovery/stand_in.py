@@ -22,7 +22,7 @@ from torsight.discovery.features import Basis, bases_of
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Closure
 from torsight.discovery.priors import prior_count
-from torsight.discovery.solver import Array
+from torsight.discovery.solver import Array, linear_change
 from torsight.discovery.validate import block_labels
 
 LEAST_GAIN: Final = 0.25
@@ -194,9 +194,8 @@ class _Design:
     def coefficients(self, groups: Mapping[str, Array]) -> Array:
         """Return the features' coefficients from the whole record, the parameters' shares first."""
         columns, prior = self._stacked(groups)
-        weighted = columns * self.weight[:, None]
-        side = weighted.T @ self.residual + prior * self._centre(len(prior))
-        return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(prior), side))
+        centre = self._centre(len(prior))
+        return linear_change(columns, self.residual, weight=self.weight, information=prior, centre=centre)
 
     def held_out_residual(self, groups: Mapping[str, Array]) -> Array:
         """Return the residual of each block, predicted from the others."""

@@ -106,6 +106,12 @@ def load_nameless() -> Mapping[str, Effect]:
     return _effects_in("torsight.actuator.nameless")
 
 
+@functools.cache
+def load_mechanisms() -> Mapping[str, Effect]:
+    """Return both, named and nameless, by id."""
+    return {**load_effects(), **load_nameless()}
+
+
 def _effects_in(package: str) -> Mapping[str, Effect]:
     found = {}
     folder = importlib.import_module(package).__path__
@@ -126,7 +132,7 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     ConfigError
         For an id that no file declares.
     """
-    known = {**load_effects(), **load_nameless()}
+    known = load_mechanisms()
     for name in ids:
         if name not in known:
             raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(load_effects()))
