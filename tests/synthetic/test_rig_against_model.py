@@ -16,11 +16,27 @@ PARTIAL = [
     {"spring": "b", "peak_c": 70.0, "ramp_s": 560.0},
     {"spring": "a", "points": [[0.0, 24.0], [200.0, 62.0], [300.0, 62.0], [450.0, 82.0]]},
 ]
+# Led down while it is switched on: to the cold, and twice in the middle of its way up.
+LED = [
+    {"spring": "a", "points": [[400.0, 74.0], [420.0, 74.0], [900.0, 36.0]], "heat_s": 910.0},
+    {
+        "spring": "b",
+        "points": [[300.0, 61.0], [500.0, 50.0], [700.0, 60.0], [900.0, 45.0], [1300.0, 78.0]],
+        "heat_s": 1310.0,
+    },
+    *FULL,
+]
 
 
 @pytest.mark.parametrize(
     ("half_cycles", "true"),
-    [(FULL, {}), ([*FULL, *PARTIAL], {}), (FULL, {"tau_c_mnm": 2.2}), (FULL, {"E_A_gpa": 50.0, "M_s_c": 44.0})],
+    [
+        (FULL, {}),
+        ([*FULL, *PARTIAL], {}),
+        (LED, {}),
+        (FULL, {"tau_c_mnm": 2.2}),
+        (FULL, {"E_A_gpa": 50.0, "M_s_c": 44.0}),
+    ],
 )
 def test_rig_and_model_agree(half_cycles: list, true: dict) -> None:
     record = make_record(

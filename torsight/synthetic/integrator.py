@@ -15,10 +15,12 @@ from torsight.synthetic.mechanics import BRISTLE, PHI, REST, SPEED, Floats, Spri
 from torsight.synthetic.springs import (
     COLD,
     FACTOR,
+    HEATING,
     MODE,
     XI,
     commit_spring,
     follow_passive,
+    restart_heating,
     retake_reference,
     set_cold,
     start_cooling,
@@ -62,9 +64,32 @@ def switch(c: Constants, springs: Springs, phi: float, temps_c: Floats, active: 
         s[active, FACTOR] = 1.0
         theta = winding(c, active, phi)
         start_heating(c, s[active], xi0[active], xi[active], theta, temps_c[active], cycle)
-    elif active >= 0 and s[active, MODE] != COLD:
+    elif active >= 0 and s[active, MODE] == HEATING:
         start_cooling(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
     return active
+
+
+@njit(cache=True)
+def lead(
+    c: Constants, springs: Springs, phi: float, wire_c: float, active: int, reference_c: float, furthest: Floats
+) -> None:
+    """Turn the driven spring's transformation where its reference turns and the wire has followed.
+
+    ``furthest`` holds the furthest reference and wire temperature on the present way up or down.
+    """
+    s, xi0, xi, _, _ = springs
+    up = s[active, MODE] == HEATING
+    sign = 1.0 if up else -1.0
+    furthest[0] = sign * max(sign * furthest[0], sign * reference_c)
+    furthest[1] = sign * max(sign * furthest[1], sign * wire_c)
+    if sign * (furthest[0] - reference_c) <= _SLACK_C or sign * (furthest[1] - wire_c) <= _SLACK_C:
+        return
+    theta = winding(c, active, phi)
+    if up:
+        start_cooling(c, s[active], xi0[active], xi[active], theta, wire_c)
+    else:
+        restart_heating(c, s[active], xi0[active], xi[active], theta, wire_c)
+    furthest[0], furthest[1] = reference_c, wire_c
 
 
 @njit(cache=True)
@@ -141,7 +166,7 @@ def integrate(
     motion = np.array([start[0], 0.0, 0.0, 0.0])
     temps_c = start[1:].copy()
     lagged_c = np.column_stack((temps_c[:2], temps_c[:2]))
-    current, reading, work = np.zeros(2), np.zeros(2), np.zeros((3, 3))
+    current, reading, work, furthest = np.zeros(2), np.zeros(2), np.zeros((3, 3)), np.zeros(2)
     integral, since_s, active, sliding, before = 0.0, 0.0, -1, 0, 0
     for k in range(command.size):
         for i in range(2):
@@ -151,8 +176,10 @@ def integrate(
             active = switch(c, springs, motion[PHI], temps_c, active, before, cycle[k])
             if before > 0:
                 integral, since_s = 0.0, 0.0
+                furthest[0], furthest[1] = reference_c[k], temps_c[active]
         current[:] = 0.0
         if before > 0:
+            lead(c, springs, motion[PHI], temps_c[active], active, reference_c[k], furthest)
             current[active], integral = control(c, reference_c[k] - reading[active], integral, sample_s)
         out[k, :2] = motion[PHI], motion[SPEED]
         out[k, 2:5] = temps_c

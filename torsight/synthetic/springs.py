@@ -294,6 +294,18 @@ def start_heating(
 
 
 @njit(cache=True)
+def restart_heating(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Heat a spring again before it is cold: it recovers what it had recovered, and no more than its winding left."""
+    wound = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
+    s[THETA_L] = min(s[THETA_L], recoverable(c, wound) / max(s[XI], 1e-9))
+    turn(s, xi0, xi, 1)
+    retake_reference(c, s, theta, temp_c)
+    s[MODE] = HEATING
+
+
+@njit(cache=True)
 def start_cooling(
     c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
 ) -> None:
