@@ -23,6 +23,8 @@ sample to sample.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,6 +103,10 @@ from torsight.actuator.kernel_roots import (
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]
 Counts = NDArray[np.int64]
+
+
+_LONG_S: Final = 1e6
+"""Time at rest before a record: nobody knows how long it was, but long."""
 
 
 @compiled
@@ -202,14 +208,15 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
     """
     x, scale = g[X_NOW], c[SCALE]
     hold = scale
-    if p[STATIC_EXCESS] > 0.0 and q[SLIDING] == 0.0:
+    if p[STATIC_EXCESS] > 0.0:
         hold *= 1.0 + p[STATIC_EXCESS] * (1.0 - np.exp(-g[REST_S] / p[STATIC_TIME]))
     for attempt in range(2):
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = load_torque(x, sense, hold, c, p, tables)
         reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
         if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
-            if q[SLIDING] != sense:
+            begins = q[SLIDING] != sense
+            if begins:
                 # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
                 end = g[XI_NOW]
                 held = made_torque(x, end, c, q, p, tables)
@@ -217,6 +224,7 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
                     end, held = sticking_end(x, limit - beside(x, c, p, tables), end, reached, q, p), limit
                 held -= beside(x, c, p, tables)
                 q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
+            if begins or hold > scale:
                 first = excess(x, sense, c, q, w, p, tables, sections)
             else:
                 first = sense * (limit - made_torque(x, reached, c, q, p, tables))
@@ -226,6 +234,9 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
             g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
+            if begins and hold > scale:
+                # It was let go and has stopped: from there it begins to slide anew.
+                q[SLIDING] = 0.0
             return True
         if attempt == 0:
             g[XI_NOW] = stick(x, g[XI_NOW], c, q, w, p, tables, sections)
@@ -338,7 +349,7 @@ def run(
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
-        g[REST_S] = 0.0 if slid or k == 0 else g[REST_S] + 1.0 / per_s[k]
+        g[REST_S] = 0.0 if slid else g[REST_S] + (_LONG_S if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
         wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
