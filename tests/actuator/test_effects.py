@@ -68,6 +68,7 @@ TRUTH = {
     "creep": ({"relaxation": 0.03}, {}),
     "direction_friction": ({"asymmetry": 0.25}, {"friction_asymmetry": (0.25, 0.1, 0.0)}),
     "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
+    "static_friction": ({"excess": 0.6, "ageing_s": 60.0}, {"static_excess": (0.6, 0.1, 0.0)}),
     "thermistor_curve": ({"bulge_c": 1.5}, {"curve_bulge_c": (1.5, 0.1, 0.0)}),
 }
 
@@ -136,7 +137,10 @@ def test_null_is_the_plain_model(name):
     expected = plain.simulate(drive)
     found = model.simulate(drive, nulls)
     assert np.abs(found.angle_rad - expected.angle_rad).max() < 1e-9
-    assert np.abs(model.simulate(drive).angle_rad - expected.angle_rad).max() > 1e-6 or name == "home_torque"
+    assert np.abs(model.simulate(drive).angle_rad - expected.angle_rad).max() > 1e-6 or name in {
+        "home_torque",
+        "phase_shape",
+    }
 
 
 # A fit of the whole record weighs the jump at every switch, which no half-cycle holds at its right instant.
@@ -159,6 +163,24 @@ def test_own_parameters_come_back_from_another_integrator(name):
         assert torque == pytest.approx(0.4 * (past_rad / RISE_RAD) ** 3, rel=0.25)
     tau = record(name).played.scene.values.public["tau_c_mnm"]
     assert found.values["tau_c_mnm"] == pytest.approx(tau, rel=0.05)
+
+
+def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
+    scene = {
+        "seed": 12,
+        "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
+        "rig": {"as_declared": True},
+        "sensor": {"sample_s": 0.05, "noise_c": 0.02},
+        "effects": {"kinetics_shape": {"bend": 0.03}},
+    }
+    made = make_record(scene)
+    plain, bent = (ActuatorModel(spec_of(made), (*more, "home_torque")) for more in ((), ("phase_shape",)))
+    drive = plain.prepare(made.table)
+    without, found = fit_model(plain, drive), fit_model(bent, drive)
+    assert found.rmse_deg < 0.6 * without.rmse_deg
+    # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
+    for name in ("heating_bend", "cooling_bend"):
+        assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
 
 
 def test_creep_with_the_rigs_own_values_takes_most_of_the_residual():

@@ -47,7 +47,9 @@ SIMPLE: Final = 23
 HOME_HOLD: Final = 24
 FIRST_SHARE: Final = 25
 HAS_SIDE: Final = 26
-N_SCALARS: Final = 27
+HEATING_BEND: Final = 27
+COOLING_BEND: Final = 28
+N_SCALARS: Final = 29
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0
@@ -67,13 +69,21 @@ def window_place(heating: bool, temperature: float, torque: float, p: Array) -> 
 
 
 @inlined
-def share_done(place: float, p: Array) -> float:
+def bend(heating: bool, p: Array) -> float:
+    """Return by how much the transformation runs ahead of the law in the middle of its window."""
+    return p[HEATING_BEND] if heating else p[COOLING_BEND]
+
+
+@inlined
+def share_done(heating: bool, place: float, p: Array) -> float:
     """Return the share of the transformation that is done at a place in the window."""
     if place <= 0.0:
         return 0.0
     if p[TANAKA] > 0.5:
         return 1.0 - np.exp(-_LN100 * place)
-    return 1.0 if place >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * place)
+    if place >= 1.0:
+        return 1.0
+    return 0.5 - 0.5 * np.cos(np.pi * (place + bend(heating, p) * place * (1.0 - place)))
 
 
 @inlined

@@ -34,6 +34,7 @@ from torsight.actuator.kernel_laws import (
     THETA_CR,
     THETA_P,
     VISCOUS,
+    bend,
     cold_torque,
     friction_torque,
     from_table,
@@ -64,7 +65,7 @@ def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) 
         place = window_place(heating, own, torque, p)
         xi = w[0, j]
         if place > w[2, j]:
-            done = share_done(place, p)
+            done = share_done(heating, place, p)
             xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
         total += sections[0, j] * xi
     return total
@@ -79,7 +80,7 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
         own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
         place = window_place(heating, own, torque, p)
         if place > w[2, j]:
-            done = share_done(place, p)
+            done = share_done(heating, place, p)
             w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
             w[2, j] = place
         total += sections[0, j] * w[0, j]
@@ -196,10 +197,12 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, sections: Array) -> 
             return False
         xi, xi_slope = (0.0 if heating else 1.0), 0.0
         if place < 1.0:
-            cosine = np.cos(np.pi * place)
+            ahead = bend(heating, p)
+            cosine = np.cos(np.pi * (place + ahead * place * (1.0 - place)))
             half = 0.5 * (w[1, 0] if heating else w[1, 0] - 1.0)
             xi = half * (1.0 + cosine) if heating else 1.0 + half * (1.0 + cosine)
-            xi_slope = -np.pi * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
+            steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place))
+            xi_slope = -steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
         stiffness, stretch = p[K_A] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
         made = q[TAU_REF] + stiffness * stretch
         slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * per_torque * load_slope
@@ -276,7 +279,7 @@ def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
     for _ in range(46):
         trial = 0.5 * (low + high)
         torque = base + (p[K_A] + trial * (p[K_M] - p[K_A])) * angle * (1.0 - trial)
-        done = share_done(window_place(heating, c[TEMP_PASSIVE], torque, p), p)
+        done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, p), p)
         own = g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done
         target = min(xi, own) if heating else max(xi, own)
         if target > trial:

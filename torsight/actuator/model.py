@@ -243,6 +243,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
     p[laws.HAS_SIDE] = float(ports.side_nm is not None)
     p[laws.FIRST_SHARE] = ports.first_share
+    p[laws.HEATING_BEND], p[laws.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or ports.load_changes
     p[laws.SIMPLE] = float(not (moving_load or np.any(ports.friction_scale != 1.0)))

@@ -80,6 +80,8 @@ class Ports:
         Share of its torque that the spring that is driven first carried before the record.
     home_hold : float
         Share of the friction that is taken to have stopped the springs before the record.
+    heating_bend, cooling_bend : float
+        By how much the transformation runs ahead of the phase law in the middle of its window.
     viscous_nms : float
         Friction torque per rad/s.
     static_excess, static_time_s : float
@@ -117,6 +119,8 @@ class Ports:
     side_b_nm: Array | None = None
     first_share: float = 1.0
     home_hold: float = 1.0
+    heating_bend: float = 0.0
+    cooling_bend: float = 0.0
     viscous_nms: float = 0.0
     static_excess: float = 0.0
     static_time_s: float = 1.0

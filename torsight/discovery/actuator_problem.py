@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
-ALWAYS_FAMILY: Final = "start"
-"""Effects of this family say what came before the record: they are always fitted and never named."""
+ALWAYS: Final = ("start", "form")
+"""Effects of these families say what came before the record, and how far the laws' own form may be off: they are always
+fitted and never named."""
 _NOISE_DRAWS: Final = 6
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
@@ -79,7 +80,7 @@ class ActuatorProblem:
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect file as a candidate, but for what is always fitted; then the mechanisms without a name."""
-        effects = [effect for effect in load_effects().values() if effect.family != ALWAYS_FAMILY]
+        effects = [effect for effect in load_effects().values() if effect.family not in ALWAYS]
         if self.clock_sigma_s is not None:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
         named = [_candidate(effect) for effect in effects]
@@ -132,7 +133,7 @@ class ActuatorProblem:
         """Return the model with these effects and what is always fitted."""
         chosen = tuple(effects)
         if chosen not in self._models:
-            always = tuple(effect.id for effect in load_effects().values() if effect.family == ALWAYS_FAMILY)
+            always = tuple(effect.id for effect in load_effects().values() if effect.family in ALWAYS)
             self._models[chosen] = ActuatorModel(self.spec, (*chosen, *always))
         return self._models[chosen]
 

@@ -33,6 +33,10 @@ _CLEAR: Final = 2.25
 _NEARLY_NOTHING: Final = 0.1
 """Share of the squared error that may be left where a second effect explains what the first one leaves: an error of a
 form has a shape of its own, which no other effect takes off to such a part."""
+_NEAR: Final = 0.01
+"""Share of what the chosen set gains by which a rival may cost more that predicts unseen blocks as well."""
+_FAR_BETTER: Final = 0.5
+"""Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
 _TIED: Final = 0.9
 """Correlation from which two effects' values hang together."""
 
@@ -92,11 +96,13 @@ def decide(
     chosen = judge.nameless(chosen) or chosen
     if chosen.effects and not (judge.worth_telling(chosen) or much_left(field, field.base, settings=settings)):
         chosen = field.base
-    rivals = tuple(judge.rivals(chosen)) if chosen.effects and chosen.named else ()
+    rivals = judge.rivals(chosen) if chosen.effects and chosen.named else []
+    first = judge.first_of(chosen, rivals)
+    rivals, chosen = [c for c in (chosen, *rivals) if c is not first], first
     return Decision(
         chosen=chosen,
         best=best,
-        rivals=rivals,
+        rivals=tuple(rivals),
         probability=_weights([chosen, *rivals]),
         threshold=threshold,
         share_explained=judge.share(best),
@@ -284,14 +290,16 @@ class _Judge:
 
         What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
         worse by no more than a share of that is not refuted: its own form may be the one that errs less. Nor is one
-        whose residual is larger by less than the resolution: no model is known to be right that closely.
+        whose residual is larger by less than the resolution: no model is known to be right that closely. Nor one that
+        predicts unseen blocks at least as well, if the record itself hardly tells them apart.
         """
         beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
         limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
         return [
             c
             for c in self._field.of_size(len(chosen.effects))
-            if c is not chosen and c.named and (c.cost <= limit or self._as_close(c, chosen))
+            if c is not chosen and c.named
+            if c.cost <= limit or self._as_close(c, chosen) or self._predicts_as_well(c, chosen)
             if self.earned(c) and self.adequate(c)
         ]
 
@@ -301,6 +309,18 @@ class _Judge:
         least = self._over_time(self._residual(chosen)) + resolution**2
         dear = contender.prior - chosen.prior > self._settings.rival_gain
         return not dear and self._over_time(self._residual(contender)) <= least
+
+    def first_of(self, chosen: Contender, rivals: list[Contender]) -> Contender:
+        """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better."""
+        if not self._can_hold_out or not rivals:
+            return chosen
+        best = min(rivals, key=lambda c: c.held_out.score)
+        return best if best.held_out.score < _FAR_BETTER * chosen.held_out.score else chosen
+
+    def _predicts_as_well(self, contender: Contender, chosen: Contender) -> bool:
+        """Return whether a set predicts unseen blocks at least as well as the chosen one, and costs hardly more."""
+        near = contender.cost <= chosen.cost + _NEAR * (self._field.base.cost - chosen.cost)
+        return near and self._can_hold_out and contender.held_out.score <= chosen.held_out.score
 
 
 def tied(field: Field, contender: Contender) -> bool:

@@ -111,7 +111,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
         pulls=pulls,
         plain_pulls=plain_pulls,
         next_experiment=_next(problem, findings, progress=progress),
-        notes=_notes(findings, pulls, plain_pulls),
+        notes=_notes(findings, *(_characterised(problem, listed) for listed in (pulls, plain_pulls))),
         evidence=_evidence(findings),
         curves=curve_columns(problem, base.fit, model, blocks),
         model=model,
@@ -197,6 +197,11 @@ def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int])
 def _pulls(problem: ActuatorProblem, contender: Contender) -> tuple[Pull, ...]:
     values = contender.fit.values
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
+
+
+def _characterised(problem: ActuatorProblem, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
+    """Return the pulls of values that stand in the actuator file."""
+    return tuple(pull for pull in pulls if pull.name in problem.spec.values)
 
 
 def _effects(

@@ -31,5 +31,7 @@ EFFECT: Final = Effect(
         Parameter(name="static_time_s", value=60.0, unit="s", lower=1.0, upper=600.0, sigma=60.0),
     ),
     apply=apply,
+    # Motion begins with a jump: from far off the residual hardly says which way the excess should go.
+    starts=({"static_excess": 0.6}, {"static_excess": 1.0}),
     drivers=("dwell_s", "angle_rate_deg_s"),
 )

@@ -1,0 +1,37 @@
+r"""The phase law's form is an approximation.
+
+.. math:: u → u + b \, u (1 − u)
+
+u place in the law's window, 0 at its start and 1 at its end; b by how much the transformation runs ahead of the law in
+its middle (below 0: behind), apart for heating and cooling. No effect of the rig: every wire has a form
+of its own, and where only the cosine is allowed, other values and effects have to make up for it. So the discovery
+always fits b beside the characterised values, within a few percent, and never names it. Source: Liang and Rogers,
+J. Intell. Mater. Syst. Struct. 1 (1990) 207, who choose the cosine for its shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Set the bends."""
+    return replace(ports, heating_bend=values["heating_bend"], cooling_bend=values["cooling_bend"])
+
+
+EFFECT: Final = Effect(
+    id="phase_shape",
+    family="form",
+    acts_on="phase",
+    title="the form of the phase law",
+    parameters=(
+        Parameter(name="heating_bend", value=0.0, unit="", lower=-0.3, upper=0.3, sigma=0.02, null=0.0),
+        Parameter(name="cooling_bend", value=0.0, unit="", lower=-0.3, upper=0.3, sigma=0.02, null=0.0),
+    ),
+    apply=apply,
+)
