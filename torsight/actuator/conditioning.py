@@ -37,7 +37,9 @@ _THRESHOLD: Final = 1.6
 _THRESHOLD_LAGGED: Final = 2.2
 _SHORTEST: Final = 16
 _MAX_STRIDE_S: Final = 2.0
+# What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
+_BLOCK_LAGGED_S: Final = 0.2
 _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
@@ -96,7 +98,8 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     noise, alike = measure_noise(time_s, temp_c)
     # Rounding to a last digit is noise to a slope even where it is none to the value.
     least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
-    value, rate, sigma = _smooth(*_blocks(time_s, temp_c), least, time_s, lag_s)
+    blocks = _blocks(time_s, temp_c, _BLOCK_S if lag_s == 0.0 else _BLOCK_LAGGED_S)
+    value, rate, sigma = _smooth(*blocks, least, time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
         return Conditioned(temp_c, rate, np.full(n, noise), noise)
     if lag_s != 0.0:
@@ -122,9 +125,9 @@ def _understated(temp_c: Array, value: Array, sigma_c: Array, *, alike: int) -> 
     return math.sqrt(max(1.0, _FOLLOWED + float(np.mean(products)) / stated))
 
 
-def _blocks(time_s: Array, temp_c: Array) -> tuple[Array, Array]:
-    """Return means over about a tenth of a second of a log that is faster than that."""
-    every = int(_BLOCK_S / float(np.median(np.diff(time_s))))
+def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:
+    """Return means over about so many seconds of a log that is faster than that."""
+    every = int(block_s / float(np.median(np.diff(time_s))))
     if every < 2:
         return time_s, temp_c
     starts = np.arange(0, len(time_s), every)
