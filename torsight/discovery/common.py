@@ -45,12 +45,30 @@ class Relaxed:
     cost: float
 
 
-def relaxed(field: Field, contender: Contender) -> Relaxed:
-    """Return what a set costs where the model may err as all blocks share it.
+@dataclass(frozen=True, slots=True, eq=False)
+class Freed:
+    """A fitted set in whose linear picture the model may err as all blocks share it.
 
-    Values that are pulled far for less than such an error imitate the error of a form and no effect. Linear in the
-    values, from where they are.
+    Attributes
+    ----------
+    columns : (n, m + k) float64
+        The set's derivatives, then the common errors.
+    information : (m + k,) float64
+        One over the variances of their coefficients' priors.
+    moved : (m + k,) float64
+        How far the values move, within their bounds, and the common errors' coefficients.
+    left : (n,) float64
+        What is left of the residual.
     """
+
+    columns: Array
+    information: Array
+    moved: Array
+    left: Array
+
+
+def freed(field: Field, contender: Contender) -> Freed:
+    """Return the linear picture of a set, from where its values are, in which the model may err."""
     problem, fit, weight = field.fitter.problem, contender.fit, field.fitter.weight
     space, x = space_of(fit.parameters), fit.solution.x
     residual = np.where(weight > 0.0, problem.observed - fit.solution.prediction, 0.0)
@@ -59,6 +77,18 @@ def relaxed(field: Field, contender: Contender) -> Relaxed:
     information[: len(x)] = space.prior_information + 1e-9 / space.scale**2
     centre[: len(x)] = np.where(np.isfinite(space.prior_sigma), space.prior_mean - x, 0.0)
     moved = linear_change(columns, residual, weight=weight, information=information, centre=centre)
-    prior = prior_cost_at(problem, fit, space.clip(x + moved[: len(x)]))
     left = residual - columns @ moved
-    return Relaxed(prior, float(weight @ left**2) + prior + float(np.sum(moved[len(x) :] ** 2)))
+    moved[: len(x)] = space.clip(x + moved[: len(x)]) - x
+    return Freed(columns, information, moved, left)
+
+
+def relaxed(field: Field, contender: Contender) -> Relaxed:
+    """Return what a set costs where the model may err as all blocks share it.
+
+    Values that are pulled far for less than such an error imitate the error of a form and no effect.
+    """
+    picture, fit = freed(field, contender), contender.fit
+    own = len(fit.solution.x)
+    prior = prior_cost_at(field.fitter.problem, fit, fit.solution.x + picture.moved[:own])
+    errors = float(np.sum(picture.moved[own:] ** 2))
+    return Relaxed(prior, float(field.fitter.weight @ picture.left**2) + prior + errors)

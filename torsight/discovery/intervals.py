@@ -3,14 +3,14 @@
 Three things make a value uncertain: what the residual is worth (:mod:`.noise`), a model that is a little wrong in
 every block in another way, and one that is a little wrong in all of them in the same way. The first is the curvature of
 the objective, the second shows when whole blocks are left out (the jackknife), the third shows nowhere: it is taken to
-be a smooth error of the size of the problem's resolution, one for each direction of motion.
+be a smooth error of some resolutions of the problem, one for each direction of motion, that is fitted along.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from torsight.discovery.common import common_errors
+from torsight.discovery.common import freed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
 from torsight.discovery.solver import Array
@@ -23,23 +23,23 @@ def covariance(field: Field, contender: Contender) -> Array:
     The weights already count pieces of information and not samples; what is added is the set's own residual where it
     is larger than the one that the weights come from. A model that is a little wrong moves its values from block to
     block by more than noise would: what leaving out whole blocks does to a value (the jackknife) is added to its
-    variance, and so is what an error that all blocks share would do to it.
+    variance. An error that all blocks share is fitted along, and by how far a value moves then is added, too.
     """
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
     inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
-    derivative = fit.solution.jacobian
-    found = curvature_spread(field, contender, inflation=inflation)
+    picture, own = freed(field, contender), len(fit.parameters)
+    information = picture.columns.T @ (picture.columns * weight[:, None]) / inflation + np.diag(picture.information)
+    found = np.linalg.inv(information)[:own, :own]
     plain = np.diag(found)
-    shared = found @ (derivative.T @ (common_errors(field.fitter.problem) * weight[:, None])) / inflation
-    widened = np.sqrt((plain + _between_blocks(field, contender)) / plain)
-    return np.asarray(found * np.outer(widened, widened) + shared @ shared.T)
+    widened = np.sqrt((plain + _between_blocks(field, contender) + picture.moved[:own] ** 2) / plain)
+    return np.asarray(found * np.outer(widened, widened))
 
 
-def curvature_spread(field: Field, contender: Contender, *, inflation: float = 1.0) -> Array:
-    """Return the covariance (m, m) by the objective's curvature alone, the data's share of it divided by a number."""
+def curvature_spread(field: Field, contender: Contender) -> Array:
+    """Return the covariance (m, m) by the objective's curvature alone."""
     space, derivative = space_of(contender.fit.parameters), contender.fit.solution.jacobian
-    information = derivative.T @ (derivative * field.fitter.weight[:, None]) / inflation
+    information = derivative.T @ (derivative * field.fitter.weight[:, None])
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
     return np.asarray(np.linalg.inv(information))
 
