@@ -27,7 +27,7 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
     scene = {
         "motion": {"kind": "rig"},
         "protocol": {"half_cycle": half_cycles},
-        "effects": {"sensor_lag": {"lag_s": 8.0}},
+        "effects": {"sensor_lag": {"lag_s": 3.0}},
     }
     drive = ActuatorModel(spec).prepare(make_record(scene, seed=5, sigma_deg=0.15).table)
     cost, offset_s = {}, {}
