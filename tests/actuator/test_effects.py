@@ -76,13 +76,17 @@ TRUTH = {
 @cache
 def record(name: str):
     """Record a rig with one hidden effect, its own values as declared."""
+    return made_with({name: TRUTH[name][0]}, seed=11)
+
+
+def made_with(effects: dict, *, seed: int):
     return make_record(
         {
-            "seed": 11,
+            "seed": seed,
             "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
             "rig": {"as_declared": True},
             "sensor": {"sample_s": 0.05, "noise_c": 0.02},
-            "effects": {name: TRUTH[name][0]},
+            "effects": effects,
         }
     )
 
@@ -166,14 +170,7 @@ def test_own_parameters_come_back_from_another_integrator(name):
 
 
 def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
-    scene = {
-        "seed": 12,
-        "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
-        "rig": {"as_declared": True},
-        "sensor": {"sample_s": 0.05, "noise_c": 0.02},
-        "effects": {"kinetics_shape": {"bend": 0.03}},
-    }
-    made = make_record(scene)
+    made = made_with({"kinetics_shape": {"bend": 0.03}}, seed=12)
     plain, bent = (ActuatorModel(spec_of(made), (*more, "home_torque")) for more in ((), ("phase_shape",)))
     drive = plain.prepare(made.table)
     without, found = fit_model(plain, drive), fit_model(bent, drive)

@@ -319,15 +319,15 @@ def run(
         p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[TANAKA] == 0.0 and sections.shape[1] == 1
     )
     for k in range(n):
-        fresh, starts = True, k == 0 or half[k] != half[k - 1]
-        if starts:
+        starts = k == 0 or half[k] != half[k - 1]
+        turns = not starts and directions[0, k] != directions[0, k - 1]
+        if starts or turns:
             own, scale = beside(g[X_NOW], c, p, tables), theta_l_scale[half[k]]
-            _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
-        elif directions[0, k] != directions[0, k - 1]:
-            own, scale = beside(g[X_NOW], c, p, tables), theta_l_scale[half[k]]
-            _turn(directions[0, k] > 0, scale, own, g, q, w, saved_q, saved_w, wound, p)
-        else:
-            fresh = p[SIMPLE] == 0.0
+            if starts:
+                _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
+            else:
+                _turn(directions[0, k] > 0, scale, own, g, q, w, saved_q, saved_w, wound, p)
+        fresh = starts or turns or p[SIMPLE] == 0.0
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
         if not fresh and _nothing_to_do(c, g, w, p, sections):

@@ -75,6 +75,12 @@ def bend(heating: bool, p: Array) -> float:
 
 
 @inlined
+def bent(place: float, ahead: float) -> float:
+    """Return a place within the window as the bent law takes it."""
+    return place + ahead * place * (1.0 - place)
+
+
+@inlined
 def share_done(heating: bool, place: float, p: Array) -> float:
     """Return the share of the transformation that is done at a place in the window."""
     if place <= 0.0:
@@ -83,7 +89,7 @@ def share_done(heating: bool, place: float, p: Array) -> float:
         return 1.0 - np.exp(-_LN100 * place)
     if place >= 1.0:
         return 1.0
-    return 0.5 - 0.5 * np.cos(np.pi * (place + bend(heating, p) * place * (1.0 - place)))
+    return 0.5 - 0.5 * np.cos(np.pi * bent(place, bend(heating, p)))
 
 
 @inlined

@@ -35,6 +35,7 @@ from torsight.actuator.kernel_laws import (
     THETA_P,
     VISCOUS,
     bend,
+    bent,
     cold_torque,
     friction_torque,
     from_table,
@@ -198,7 +199,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, sections: Array) -> 
         xi, xi_slope = (0.0 if heating else 1.0), 0.0
         if place < 1.0:
             ahead = bend(heating, p)
-            cosine = np.cos(np.pi * (place + ahead * place * (1.0 - place)))
+            cosine = np.cos(np.pi * bent(place, ahead))
             half = 0.5 * (w[1, 0] if heating else w[1, 0] - 1.0)
             xi = half * (1.0 + cosine) if heating else 1.0 + half * (1.0 + cosine)
             steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place))

@@ -82,10 +82,10 @@ class LinearPicture:
         """Return, for every further candidate and start, the directions in which it can move the prediction."""
         fitter = self._fitter
         candidates = [candidate for candidate in fitter.problem.candidates if candidate.id not in self._fit.effects]
-        found = []
+        found, residual = [], fitter.residual(self._fit)
         for count, candidate in enumerate(candidates):
             progress("what chance gains", count, len(candidates))
-            starts = candidate.starting_points(fitter.problem.time_s, fitter.residual(self._fit))
+            starts = candidate.starting_points(fitter.problem.time_s, residual)
             found += [self._basis(candidate.id, start) for start in starts]
         return found
 
