@@ -8,7 +8,7 @@ from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log, prepare_table, start_angle
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.segments import half_cycles
+from torsight.actuator.segments import begun_with_a_jump, half_cycles
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -54,6 +54,34 @@ def test_the_same_spring_twice():
     log, _ = programme([(0, [(75.0, 0.2)]), (0, [(65.0, 0.2)]), (1, [(70.0, 0.2)])])
     assert half_cycles(log.temp_a_c, log.temp_b_c).springs == (0, 0, 1)
     assert half_cycles(log.temp_a_c, log.temp_b_c, heat_a=log.heat_a, heat_b=log.heat_b).springs == (0, 0, 1)
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.06])
+def test_a_half_cycle_begins_where_the_angle_jumps_before_heat_is_seen(noise_deg):
+    log, _ = programme(HALVES)
+    found = half_cycles(log.temp_a_c, log.temp_b_c)
+    starts = np.flatnonzero(np.diff(found.half)) + 1
+    # The spring that was switched off gives way with the logarithm of time, 8, 20 and 3 s before that.
+    switch_s = log.time_s[starts] - np.array([8.0, 20.0, 3.0])
+    since_s = np.maximum(0.0, log.time_s[:, None] - switch_s)
+    angle_deg = (6.0 * np.log10(1.0 + since_s / 1.0)).sum(axis=1)
+    angle_deg += noise_deg * np.random.default_rng(2).standard_normal(len(log))
+    begun = begun_with_a_jump(found, log.time_s, angle_deg * DEG)
+    rows = np.flatnonzero(np.diff(begun.half)) + 1
+    assert log.time_s[rows] == pytest.approx(switch_s, abs=0.6)
+    assert begun.active[rows].tolist() == [1, 0, 1]
+    assert begun.springs == found.springs
+
+
+def test_a_start_stays_where_the_angle_drifts_or_the_log_tells_the_switch():
+    log, _ = programme(HALVES)
+    drift = 0.1 * log.time_s * DEG + 1e-3 * np.random.default_rng(3).standard_normal(len(log))
+    found = half_cycles(log.temp_a_c, log.temp_b_c)
+    assert (begun_with_a_jump(found, log.time_s, drift).half == found.half).all()
+    told = half_cycles(log.temp_a_c, log.temp_b_c, heat_a=log.heat_a, heat_b=log.heat_b)
+    start = int(np.flatnonzero(np.diff(told.half))[0])
+    jumps = np.where(np.arange(len(log)) < start - 20, 0.0, 0.1)
+    assert (begun_with_a_jump(told, log.time_s, jumps).half == told.half).all()
 
 
 def test_no_heating_is_refused_with_what_is_missing():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -102,3 +102,24 @@ def test_every_part_of_the_best_set_is_fitted() -> None:
     assert ("up", "down") not in _Straight(made, settings=Settings(), progress=silent).run().contenders
     found = Search(made, settings=Settings(), progress=silent).run()
     assert found.of_size(2)[0].effects == ("up", "down")
+
+
+class _Kinked(LinearProblem):
+    """A machine whose offset follows a value with a kink: from 0 upwards it ends at 0.6, below −1 it goes on to 1."""
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        given = values["offset"]
+        offset = 0.3 * given if given > -1.0 else -1.6 - 1.3 * given
+        return super().predict({**values, "offset": offset}, effects)
+
+
+@pytest.mark.parametrize("elsewhere", [(), ({"offset": 1.5}, {"offset": -1.9})])
+def test_a_fit_leaves_the_wrong_side_of_a_kink_where_the_problem_says_where_to_look(elsewhere) -> None:
+    plain = machine(0.3 * np.sign(signals()["speed"]), seed=5)
+    bounded = tuple(replace(p, lower=-2.0, upper=2.0) if p.name == "offset" else p for p in plain.parameters)
+    own = {field.name: getattr(plain, field.name) for field in fields(plain)}
+    kinked = _Kinked(**{**own, "parameters": bounded, "elsewhere": elsewhere})
+    found = Search(kinked, settings=Settings(), progress=silent).run()
+    # All that are compared: the base model, and the right effect.
+    for contender in (found.base, found.contenders["coulomb",]):
+        assert contender.fit.values["offset"] == pytest.approx(-2.0 if elsewhere else 2.0, abs=0.05)

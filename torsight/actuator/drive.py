@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.conditioning import condition
-from torsight.actuator.segments import HalfCycles, half_cycles
+from torsight.actuator.segments import HalfCycles, begun_with_a_jump, half_cycles
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 
@@ -167,7 +167,8 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     start, _ = start_angle(table.angle_rad, table.angle_sigma_rad)
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
-    return replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad), turns=turns)
+    drive = replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad), turns=turns)
+    return replace(drive, cycles=begun_with_a_jump(drive.cycles, drive.time_s, drive.angle_rad))
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
@@ -264,7 +265,7 @@ def _driven(
     cycles = half_cycles(smooth[0].temp_c, smooth[1].temp_c, heat_a=heat_a, heat_b=heat_b, noise_c=noise, where=where)
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in smooth)
     rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
-    thinned = HalfCycles(cycles.active[rows], cycles.half[rows], cycles.springs)
+    thinned = replace(cycles, active=cycles.active[rows], half=cycles.half[rows])
     sigma = np.where(cycles.active == 0, smooth[0].sigma_c, smooth[1].sigma_c)
     coldest = [float(np.quantile(item.temp_c, 0.02)) for item in smooth]
     return _Base(

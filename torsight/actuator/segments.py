@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.turns import turning_points
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,17 @@ TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
 _COOLED: Final = 0.8
 _LIFT_C: Final = 0.25
+_BEFORE_S: Final = 40.0
+"""A heating that is not seen in the temperature after so long would not be one."""
+_JUMP_S: Final = 2.0
+_JUMP_RAD: Final = 0.4 * DEG
+_JUMP_SIGMAS: Final = 8.0
+"""What the angle moves by within two seconds is a jump from so much, or so many sigmas of its noise."""
+_STILL_SHARE: Final = 0.25
+"""Share of the jump by which a rest may move before it."""
+_REST_ROWS: Final = 4
+_DIFFERENCES: Final = 0.95
+"""Median size of the difference of two readings, in standard deviations of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +61,14 @@ class HalfCycles:
         Number of the half-cycle, from 0.
     springs : tuple of int
         The driven spring of each half-cycle.
+    switched : bool
+        Whether the log's heating switches told the starts.
     """
 
     active: NDArray[np.int8]
     half: NDArray[np.int64]
     springs: tuple[int, ...]
+    switched: bool = False
 
     def counts(self) -> NDArray[np.int64]:
         """Return, for each half-cycle, how often its spring had been heated before."""
@@ -94,7 +109,43 @@ def half_cycles(
     chained = _merged(heatings, temps)
     if not switched:
         chained = _placed(chained, temps, margin_c=max(_LIFT_C, 6.0 * noise_c))
-    return _chain(chained, len(temp_a_c))
+    return _chain(chained, len(temp_a_c), switched=switched)
+
+
+def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array) -> HalfCycles:
+    """Begin half-cycles where the angle jumps out of a rest shortly before the temperature shows that heat is on.
+
+    A sensor shows heat some seconds after the switch. The plain rig stands still until the wire is hot; where torques
+    shift as soon as one spring is switched for the other, the angle tells the switch better.
+    """
+    if cycles.switched:
+        return cycles
+    half, last = cycles.half.copy(), 0
+    for start in (np.flatnonzero(np.diff(cycles.half)) + 1).tolist():
+        first = max(last + 1, int(np.searchsorted(time_s, time_s[start] - _BEFORE_S)))
+        rows = first + np.flatnonzero(np.isfinite(angle_rad[first : start + 1]))
+        jump = _jump(time_s[rows], angle_rad[rows])
+        last = start if jump is None else int(rows[jump])
+        half[last:start] = cycles.half[start]
+    return HalfCycles(np.array(cycles.springs, np.int8)[half], half, cycles.springs)
+
+
+def _jump(time_s: Array, angle_rad: Array) -> int | None:
+    """Return the row at which an angle jumps out of a rest; None where it does not."""
+    if len(time_s) < 2 * _REST_ROWS:
+        return None
+    noise = float(np.median(np.abs(np.diff(angle_rad)))) / _DIFFERENCES
+    least = max(_JUMP_RAD, _JUMP_SIGMAS * noise)
+    later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
+    way = np.abs(angle_rad[later] - angle_rad)
+    quick = np.flatnonzero(way >= least)
+    if len(quick) == 0 or quick[0] < _REST_ROWS:
+        return None
+    rest, rows = angle_rad[: quick[0]], np.arange(quick[0], len(time_s))
+    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + _JUMP_SIGMAS * noise:
+        return None
+    left = np.abs(angle_rad[rows] - np.median(rest)) > 0.5 * least
+    return int(rows[np.argmax(left)])
 
 
 def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError | NoResultError:
@@ -182,7 +233,7 @@ def _placed(heatings: list[Heating], temps: tuple[Array, Array], *, margin_c: fl
     return placed
 
 
-def _chain(heatings: list[Heating], n: int) -> HalfCycles:
+def _chain(heatings: list[Heating], n: int, *, switched: bool) -> HalfCycles:
     active, half = np.empty(n, np.int8), np.empty(n, np.int64)
     starts = [0]
     for before, item in pairwise(heatings):
@@ -192,4 +243,4 @@ def _chain(heatings: list[Heating], n: int) -> HalfCycles:
     for number, item in enumerate(heatings):
         active[bounds[number] : bounds[number + 1]] = item.spring
         half[bounds[number] : bounds[number + 1]] = number
-    return HalfCycles(active, half, tuple(item.spring for item in heatings))
+    return HalfCycles(active, half, tuple(item.spring for item in heatings), switched)

@@ -87,6 +87,11 @@ class ActuatorProblem:
         return (*named, *(_candidate(effect, named=False) for effect in load_nameless().values()))
 
     @cached_property
+    def elsewhere(self) -> tuple[Mapping[str, float], ...]:
+        """Starts of what is always fitted."""
+        return tuple(start for effect in _always() for start in effect.starts)
+
+    @cached_property
     def time_s(self) -> Array:
         """Film time."""
         return self.drive.time_s[self.rows]
@@ -133,7 +138,7 @@ class ActuatorProblem:
         """Return the model with these effects and what is always fitted."""
         chosen = tuple(effects)
         if chosen not in self._models:
-            always = tuple(effect.id for effect in load_effects().values() if effect.family in ALWAYS)
+            always = (effect.id for effect in _always())
             self._models[chosen] = ActuatorModel(self.spec, (*chosen, *always))
         return self._models[chosen]
 
@@ -230,6 +235,10 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
     mean = (total[high] - total[low]) / number
     usable = good[rows] | (count[high] - count[low] > half)
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
+
+
+def _always() -> tuple[Effect, ...]:
+    return tuple(effect for effect in load_effects().values() if effect.family in ALWAYS)
 
 
 def _clock_known(effect: Effect, sigma_s: float) -> Effect:

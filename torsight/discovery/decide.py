@@ -266,13 +266,17 @@ class _Judge:
         """Return a mechanism without a name that explains the record clearly better, one for one, than what is chosen.
 
         Each effect of a set costs what a rival may be worse by, so that two names are not given where one mechanism
-        does it; and a name is preferred as long as it is a rival, unless rivals are asked for.
+        does it; and a name is preferred as long as it is a rival, unless rivals are asked for. Of mechanisms that
+        explain the record as well the one with the fewest values goes first.
         """
         limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - (0 if rivals_too else 2))
-        for contender in self._field.of_size(1):
-            if not contender.named and contender.cost < limit and self.earned(contender) and self.adequate(contender):
-                return contender
-        return None
+        nameless = [c for c in self._field.of_size(1) if not c.named and c.cost < limit]
+        best = next((c for c in nameless if self.earned(c) and self.adequate(c)), None)
+        if best is None:
+            return None
+        as_good = [c for c in nameless if best.cost <= c.cost <= best.cost + self._settings.rival_gain]
+        simplest_first = sorted(as_good, key=lambda c: len(c.fit.parameters))
+        return next(c for c in simplest_first if c is best or (self.earned(c) and self.adequate(c)))
 
     def worth_telling(self, contender: Contender) -> bool:
         """Return whether what is chosen removes so much that something must be missing, or is the only one that does.

@@ -200,6 +200,24 @@ class Fitter:
     def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:
         return {**parent.values, **self.candidates[name].null_point()}
 
+    def from_elsewhere(self, fit: Fit) -> Fit:
+        """Return a fit, or a better one from where some base values are elsewhere (``elsewhere`` of the problem).
+
+        Only a place that is better already, everything else left as it is, is followed.
+        """
+        model, space = self._model(fit.effects), self.space(fit.effects)
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+
+        def cost(values: Mapping[str, float]) -> float:
+            x = np.array([values[p.name] for p in fit.parameters])
+            return costs(observed - model(x), x, weight=self.weight, space=space)[0]
+
+        places = [{**fit.values, **place} for place in getattr(self.problem, "elsewhere", ())]
+        found = sorted(((cost(place), i) for i, place in enumerate(places)))
+        if not found or found[0][0] >= fit.cost:
+            return fit
+        return min(fit, self.fit(fit.effects, [places[found[0][1]]], max_iterations=20), key=lambda item: item.cost)
+
     def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out."""
         solution = solve(

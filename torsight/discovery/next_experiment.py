@@ -2,8 +2,9 @@
 
 Every programme is played on the record's own wires, each rival predicts the angle it would give, and the worst case of
 all pairs after a refit (:mod:`.separation`) is the programme's worth. The search takes every kind of half-cycle alone,
-then mixes the best with every other; the last few are weighed by true refits. Beyond what is surely enough more
-separation counts little, and so does being shorter.
+then mixes the best with every other; the last few are weighed by true refits. Where even the best promises little more
+than is needed, the last few are tried twice over: a promise holds for the rig as it was fitted. Beyond what is surely
+enough more separation counts little, and so does being shorter.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ from torsight.discovery.separation import Explanation, least_gain, linear_gains,
 Array = NDArray[np.float64]
 
 _ENOUGH: Final = 25.0
-"""A programme this many times over the gain at which rivals cease to be rivals is surely enough."""
+"""A programme this many times over the gain at which rivals cease to be rivals is surely enough ..."""
+_LITTLE: Final = 4.0
+"""... and one below this many times is too little to rely on."""
 _SURE: Final = 30.0
 """Standard deviations beyond which the noise is not what could go wrong."""
 _LEAST_DURATION_S: Final = 3600.0
@@ -108,10 +111,10 @@ def next_experiment(
     progress : Progress
         Told how far the search is.
     """
-    planner = _Planner(problem, field, contenders, enough=_ENOUGH * needed_gain, progress=progress)
+    planner = _Planner(problem, field, contenders, needed_gain=needed_gain, progress=progress)
     repeat = planner.weigh(problem.drive, refitted=True)
     best = planner.best()
-    return planner.answer(best, repeat_gain=least_gain(repeat), needed_gain=needed_gain)
+    return planner.answer(best, repeat_gain=least_gain(repeat))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,12 +136,13 @@ class _Planner:
         field: Field,
         contenders: Sequence[Contender],
         *,
-        enough: float,
+        needed_gain: float,
         progress: Progress,
     ) -> None:
         self._problem = problem
         self._field = field
-        self._enough = enough
+        self._needed_gain = needed_gain
+        self._enough = _ENOUGH * needed_gain
         self._progress = progress
         self._explanations = [_explanation(problem, contender) for contender in contenders]
         chosen = contenders[0].fit
@@ -165,8 +169,18 @@ class _Planner:
         weighed = alone | self._weigh_all([key for key in dict.fromkeys(mixed) if key not in alone])
         whole = {key: item for key, item in weighed.items() if item.programme.completes(self._full_c)}
         finalists = [item for _, item in self._ranked(whole or weighed)[:_FINALISTS]]
-        refitted = [replace(item, gains=self.weigh(self._drive(item.programme), refitted=True)) for item in finalists]
-        return max(refitted, key=lambda item: item.worth(self._enough))
+        best = self._best_refitted([item.programme for item in finalists])
+        if least_gain(best.gains) >= _LITTLE * self._needed_gain:
+            return best
+        again = self._best_refitted([Programme(item.programme.half_cycles * 2) for item in finalists])
+        return max(best, again, key=lambda item: item.worth(self._enough))
+
+    def _best_refitted(self, programmes: Sequence[Programme]) -> _Weighed:
+        found = []
+        for programme in programmes:
+            drive = self._drive(programme)
+            found.append(_Weighed(programme, float(drive.time_s[-1]), self.weigh(drive, refitted=True)))
+        return max(found, key=lambda item: item.worth(self._enough))
 
     def weigh(self, drive: Drive, *, refitted: bool) -> Array:
         """Return the gains (k, k) that a record under these temperatures would give."""
@@ -174,11 +188,12 @@ class _Planner:
         gains = refitted_gains if refitted else linear_gains
         return gains(planned.predict, self._explanations, weight)
 
-    def answer(self, best: _Weighed, *, repeat_gain: float, needed_gain: float) -> NextExperiment:
+    def answer(self, best: _Weighed, *, repeat_gain: float) -> NextExperiment:
         """Return the answer with its words and columns."""
         played = best.programme.play(self._heat)
         gain = least_gain(best.gains)
         names = [" with ".join(effect_name(name) for name in one.name) for one in self._explanations]
+        needed_gain = self._needed_gain
         text = _sentence(in_words(best.programme), names, gain=gain, repeat_gain=repeat_gain, needed_gain=needed_gain)
         return NextExperiment(
             text=text,
@@ -278,6 +293,8 @@ def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: flo
     repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
     needed = f"{math.sqrt(needed_gain):.1f} are needed"
     first = f"{words[0].upper()}{words[1:]}: {rivals} ({repeat}; {needed})."
-    if gain >= needed_gain:
+    if gain >= _LITTLE * needed_gain:
         return first
+    if gain >= needed_gain:
+        return f"{first} That is little more than is needed: the new record may leave it open, too."
     return f"{first} No programme that was tried tells them apart; measure what separates them directly."

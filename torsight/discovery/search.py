@@ -69,7 +69,7 @@ class Search:
         fit = self._fitter.base()
         for _ in range(2):
             self._follow(fit)
-            fit = self._fitter.refit(fit)
+            fit = self._refit(fit)
         self._fits = {(): fit}
 
     def _grow(self, size: int) -> None:
@@ -270,18 +270,21 @@ class Search:
             kept = [*self._ranked(0), *self._ranked(1)]
             for size in range(2, self._settings.most_effects + 1):
                 kept += self._ranked(size)[: 3 * self._settings.beam]
-            refitted: list[Fit] = in_parallel(kept, self._fitter.refit, step="refits", progress=self._progress)
+            refitted: list[Fit] = in_parallel(kept, self._refit, step="refits", progress=self._progress)
             self._fits = {fit.effects: fit for fit in [*refitted, best]}
             self._start_again()
             if not self._moved(best):
                 break
+
+    def _refit(self, fit: Fit) -> Fit:
+        return self._fitter.from_elsewhere(self._fitter.refit(fit))
 
     def _sharpened(self, fit: Fit) -> Fit:
         """Follow one fit and its own residual in turn until the residual stops shrinking."""
         for _ in range(_SHARPENINGS):
             before = self._scales
             self._follow(fit)
-            fit = self._fitter.refit(fit, max_iterations=12)
+            fit = self._fitter.from_elsewhere(self._fitter.refit(fit, max_iterations=12))
             if self._scales.motion > 0.9 * before.motion and self._scales.rest > 0.9 * before.rest:
                 break
         return fit

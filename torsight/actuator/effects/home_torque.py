@@ -32,4 +32,6 @@ EFFECT: Final = Effect(
     title="how far a spring was wound before the record",
     parameters=(Parameter(name="home_hold", value=1.0, unit="", lower=-1.0, upper=3.0, sigma=0.25, null=1.0),),
     apply=apply,
+    # Where the first spring turns out to have been wound less or more, a fit from 1 sees only the nearer slope.
+    starts=({"home_hold": 0.25}, {"home_hold": 0.7}, {"home_hold": 1.35}, {"home_hold": 1.7}),
 )
