@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from tests.scripts import script
+from torsight.actuator.spec import actuator_from
 from torsight.core.units import DEG
 from torsight.discovery.discover import discover
 from torsight.discovery.prediction import predict_angle
+from torsight.synthetic.experiment import make_record
+from torsight.synthetic.values import declared_from
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +69,20 @@ def test_a_second_name_is_not_given_for_a_form_that_is_known(cases: ModuleType) 
     assert [effect.id for effect in report.effects] == ["stiffening"]
     onset = report.effects[0].parameters["stiffening_onset_deg"].value
     assert abs(onset - float(record.details["stiffening"]["onset_deg"])) < 10.0
+
+
+def test_a_marker_that_slips_in_the_last_half_cycle_is_named() -> None:
+    """No other half-cycle shows it, so none can foretell it; the slip must not be taken for what bends the whole."""
+    heated = [{"spring": s, "peak_c": 74.0, "ramp_s": 337.3, "heat_s": 357.3, "cool_s": 280.0} for s in "ab"]
+    slip = {"time_s": 900.0, "step_deg": 3.0}
+    made = make_record({"protocol": {"half_cycle": heated}, "effects": {"marker_slip": slip}}, seed=2, sigma_deg=0.6)
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    report = discover(made.table, spec, seed=0)
+    assert report.verdict == "identified"
+    (found,) = report.effects
+    assert found.id == "marker_slip"
+    assert found.parameters["slip_deg"].value == pytest.approx(3.0, abs=0.3)
+    assert found.parameters["slip_time_s"].value == pytest.approx(900.0, abs=2.0)
 
 
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:

@@ -26,6 +26,8 @@ EffectSet = tuple[str, ...]
 WORKERS: Final = 2
 _Model = Callable[[Array], Array]
 _SCOUT_ITERATIONS: Final = 2
+_STAYS: Final = 1e-3
+"""Standard deviation, in parameter scales, of a value that is to stay where it is."""
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 
@@ -218,14 +220,21 @@ class Fitter:
             return fit
         return min(fit, self.fit(fit.effects, [places[found[0][1]]], max_iterations=20), key=lambda item: item.cost)
 
-    def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6) -> Fit:
-        """Fit the same set again from its optimum, after the weights have changed or samples were left out."""
+    def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6, kept: Sequence[str] = ()) -> Fit:
+        """Fit the same set again from its optimum, after the weights have changed or samples were left out.
+
+        Parameters that are kept stay at their values.
+        """
+        space = self.space(fit.effects)
+        places = [i for i, p in enumerate(fit.parameters) if p.name in kept]
+        space.prior_mean[places] = fit.solution.x[places]
+        space.prior_sigma[places] = _STAYS * space.scale[places]
         solution = solve(
             self._model(fit.effects),
             fit.solution.x,
             observed=self.problem.observed,
             weight=self.weight if weight is None else weight,
-            space=self.space(fit.effects),
+            space=space,
             max_iterations=max_iterations,
             known=fit.solution,
         )

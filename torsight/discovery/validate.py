@@ -2,11 +2,15 @@
 
 A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
 history of what follows, but its samples do not count in the fit, and only they count in the score.
+
+What happens once in a record (a bump) cannot be foretold from blocks that do not show it: there its values stay as the
+whole record gave them, and what is asked is whether all else, fitted without the block, agrees with it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +20,9 @@ from torsight.discovery.fitting import Fit, Fitter, in_parallel
 from torsight.discovery.interface import Problem
 from torsight.discovery.priors import prior_cost
 from torsight.discovery.solver import Array
+
+_NOTHING: Final = 0.01
+"""Share of a record's information about an event's value below which the other blocks say nothing about it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +67,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) 
 
     def without(label: int) -> Fit:
         weight = np.where(problem.block == label, 0.0, fitter.weight)
-        return fitter.refit(fit, weight=weight)
+        return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight))
 
     fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
     left = np.zeros(len(problem.observed))
@@ -70,6 +77,16 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) 
     folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
     prior = float(np.mean([prior_cost(problem, fold) for fold in fits]))
     return replace(_score(problem, fitter.weight, left), prior=prior, folds=folds)
+
+
+def _unforetold(fitter: Fitter, fit: Fit, weight: Array) -> list[str]:
+    """Return the values of events about which the samples that are left say nothing."""
+    events = (fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None)
+    places = {p.name: i for i, p in enumerate(fit.parameters)}
+    squares = fit.solution.jacobian**2
+    left, whole = weight @ squares, fitter.weight @ squares
+    own = [p.name for event in events for p in event.parameters]
+    return [name for name in own if left[places[name]] <= _NOTHING * whole[places[name]]]
 
 
 def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:
