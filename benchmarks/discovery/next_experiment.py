@@ -63,11 +63,13 @@ class Pair:
 
 _COIL = {"rise_mnm": 0.08, "onset_deg": 690.0}
 _STIFF = {"rise_mnm": 0.12, "onset_deg": 690.0}
+_COOL_ENDS = {"cooler_c": 5.0, "share": 0.03}
 PAIRS = (
     Pair("lag-clock", "sensor_lag", "clock_offset", {"lag_s": 4.0}, (0.1, 0.2), 0.6, 1),
     Pair("clock-lag", "clock_offset", "sensor_lag", {"offset_s": 4.0}, (0.1, 0.2), 0.6, 2),
     Pair("coil-stiffening", "coil_friction", "stiffening", _COIL, (0.15, 0.12), 0.6, 1),
     Pair("stiffening-coil", "stiffening", "coil_friction", _STIFF, (0.15, 0.12), 0.6, 2),
+    Pair("cool-stiffening", "nonuniform_temperature", "stiffening", _COOL_ENDS, (0.15,), 0.6, 1),
     Pair("lag-viscous", "sensor_lag", "viscous_friction", {"lag_s": 3.0}, (0.15, 0.15), 0.6, 3),
     Pair(
         "viscous-position", "viscous_friction", "position_friction", {"viscous_mnm_s_per_rad": 1.0}, (0.15,) * 2, 0.6, 1
@@ -112,6 +114,7 @@ def as_hidden(effect: str, values: Mapping[str, float]) -> dict[str, float]:
             "rise_mnm": v["stiffening_mnm_per_rad3"] * turn ** v.get("stiffening_exponent", 3.0),
             "onset_deg": v["stiffening_onset_deg"],
         },
+        "nonuniform_temperature": lambda v: {"cooler_c": v["cool_drop_c"], "share": v["cool_share"]},
         "position_friction": lambda v: {
             "amplitude": math.hypot(v["friction_sine"], v["friction_cosine"]),
             "phase_rad": math.atan2(v["friction_cosine"], v["friction_sine"]),

@@ -87,6 +87,11 @@ class ActuatorProblem:
         return (*named, *(_candidate(effect, named=False) for effect in load_nameless().values()))
 
     @cached_property
+    def once(self) -> tuple[str, ...]:
+        """Names of the values that say what came before the record."""
+        return tuple(p.name for effect in _always() if effect.family == "start" for p in effect.parameters)
+
+    @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
         """Starts of what is always fitted."""
         return tuple(start for effect in _always() for start in effect.starts)

@@ -295,17 +295,29 @@ class _Judge:
         What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
         worse by no more than a share of that is not refuted: its own form may be the one that errs less. Nor is one
         whose residual is larger by less than the resolution: no model is known to be right that closely. Nor one that
-        predicts unseen blocks at least as well, if the record itself hardly tells them apart.
+        predicts unseen blocks at least as well, if the record itself hardly tells them apart. Nor is the one that
+        explains the record best of all, and clearly better, where only its prediction of unseen blocks fails: few
+        blocks may be too few to learn its values from.
         """
         beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
         limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
-        return [
+        others = [c for c in self._field.of_size(len(chosen.effects)) if c is not chosen and c.named]
+        found = [
             c
-            for c in self._field.of_size(len(chosen.effects))
-            if c is not chosen and c.named
+            for c in others
             if c.cost <= limit or self._as_close(c, chosen) or self._predicts_as_well(c, chosen)
             if self.earned(c) and self.adequate(c)
         ]
+        best = others[0] if others else chosen
+        unproven = best not in found and best.cost < chosen.cost - self._settings.rival_gain
+        if unproven and self._gains(best) and self.adequate(best):
+            found.insert(0, best)
+        return found
+
+    def _gains(self, contender: Contender) -> bool:
+        """Return whether each member gains more than chance, whatever it predicts."""
+        parts = (self._field.contenders.get(less(contender.effects, name)) for name in contender.effects)
+        return all(part is not None and part.cost - contender.cost >= self._threshold for part in parts)
 
     def _as_close(self, contender: Contender, chosen: Contender) -> bool:
         """Return whether a set leaves no more than the chosen one but for the resolution, at no higher price."""

@@ -105,6 +105,8 @@ class Problem(Protocol):
         Variables that an effect without a name may depend on.
     resolution : float
         Size of a difference, in units of ``observed``, below which nobody would miss an effect.
+    once : tuple of str
+        May be left out. Base parameters that only some blocks can tell, such as what came before the record.
     elsewhere : tuple of mapping
         May be left out. Other values of base parameters (parameter name to value) from which every fit is tried once
         more: for models whose answer has kinks, where a fit may sit in the wrong valley.

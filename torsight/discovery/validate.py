@@ -3,8 +3,9 @@
 A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
 history of what follows, but its samples do not count in the fit, and only they count in the score.
 
-What happens once in a record (a bump) cannot be foretold from blocks that do not show it: there its values stay as the
-whole record gave them, and what is asked is whether all else, fitted without the block, agrees with it.
+What happens once in a record (a bump, or what came before it) cannot be foretold from blocks that do not show it: there
+its values stay as the whole record gave them, and what is asked is whether all else, fitted without the block, agrees
+with them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from torsight.discovery.priors import prior_cost
 from torsight.discovery.solver import Array
 
 _NOTHING: Final = 0.01
-"""Share of a record's information about an event's value below which the other blocks say nothing about it."""
+"""Share of a record's information about a value below which the other blocks say nothing about it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,13 +81,12 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) 
 
 
 def _unforetold(fitter: Fitter, fit: Fit, weight: Array) -> list[str]:
-    """Return the values of events about which the samples that are left say nothing."""
-    events = (fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None)
-    places = {p.name: i for i, p in enumerate(fit.parameters)}
+    """Return the values of what happens once about which the samples that are left say nothing."""
+    events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
+    once = {p.name for event in events for p in event.parameters} | set(getattr(fitter.problem, "once", ()))
     squares = fit.solution.jacobian**2
-    left, whole = weight @ squares, fitter.weight @ squares
-    own = [p.name for event in events for p in event.parameters]
-    return [name for name in own if left[places[name]] <= _NOTHING * whole[places[name]]]
+    nothing = weight @ squares <= _NOTHING * (fitter.weight @ squares)
+    return [p.name for p, untold in zip(fit.parameters, nothing, strict=True) if untold and p.name in once]
 
 
 def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:
