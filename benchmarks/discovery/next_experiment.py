@@ -61,19 +61,15 @@ class Pair:
     seed: int
 
 
-_COIL = {"rise_mnm": 0.08, "onset_deg": 690.0}
+_COIL = {"rise_mnm": 0.2, "onset_deg": 680.0}
 _STIFF = {"rise_mnm": 0.12, "onset_deg": 690.0}
 _COOL_ENDS = {"cooler_c": 5.0, "share": 0.03}
 PAIRS = (
     Pair("lag-clock", "sensor_lag", "clock_offset", {"lag_s": 4.0}, (0.1, 0.2), 0.6, 1),
     Pair("clock-lag", "clock_offset", "sensor_lag", {"offset_s": 4.0}, (0.1, 0.2), 0.6, 2),
-    Pair("coil-stiffening", "coil_friction", "stiffening", _COIL, (0.15, 0.12), 0.6, 1),
+    Pair("coil-stiffening", "coil_friction", "stiffening", _COIL, (0.15,), 3.0, 1),
     Pair("stiffening-coil", "stiffening", "coil_friction", _STIFF, (0.15, 0.12), 0.6, 2),
     Pair("cool-stiffening", "nonuniform_temperature", "stiffening", _COOL_ENDS, (0.15,), 0.6, 1),
-    Pair("lag-viscous", "sensor_lag", "viscous_friction", {"lag_s": 3.0}, (0.15, 0.15), 0.6, 3),
-    Pair(
-        "viscous-position", "viscous_friction", "position_friction", {"viscous_mnm_s_per_rad": 1.0}, (0.15,) * 2, 0.6, 1
-    ),
 )
 """The films are poor ones, or the first records would not be ambiguous."""
 
@@ -105,7 +101,6 @@ def as_hidden(effect: str, values: Mapping[str, float]) -> dict[str, float]:
     made = {
         "sensor_lag": lambda v: {"lag_s": v["lag_s"]},
         "clock_offset": lambda v: {"offset_s": v["clock_offset_s"]},
-        "viscous_friction": lambda v: {"viscous_mnm_s_per_rad": v["viscous_mnm_s_per_rad"]},
         "coil_friction": lambda v: {
             "rise_mnm": v["coil_friction_mnm_per_rad"] * turn ** v.get("coil_exponent", 1.0),
             "onset_deg": v["coil_onset_deg"],
@@ -115,10 +110,6 @@ def as_hidden(effect: str, values: Mapping[str, float]) -> dict[str, float]:
             "onset_deg": v["stiffening_onset_deg"],
         },
         "nonuniform_temperature": lambda v: {"cooler_c": v["cool_drop_c"], "share": v["cool_share"]},
-        "position_friction": lambda v: {
-            "amplitude": math.hypot(v["friction_sine"], v["friction_cosine"]),
-            "phase_rad": math.atan2(v["friction_cosine"], v["friction_sine"]),
-        },
     }
     return made[effect](values)
 

@@ -37,6 +37,8 @@ _NEAR: Final = 0.01
 """Share of what the chosen set gains by which a rival may cost more that predicts unseen blocks as well."""
 _FAR_BETTER: Final = 0.5
 """Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
+_DOUBT: Final = 2.0
+"""Standard deviations of what the inputs' noise does within which a residual is no sign of anything."""
 _TIED: Final = 0.9
 """Correlation from which two effects' values hang together."""
 
@@ -183,15 +185,17 @@ class _Judge:
         return self._relaxed_costs[contender]
 
     def _removed(self, contender: Contender, without: Contender) -> float:
-        """Return the mean square that a set removes.
+        """Return the mean square that a set removes, of what the inputs' noise could not do.
 
+        A temperature that is known badly where an incomplete heating ends stays in the angle for the whole rest after
+        it: there only what exceeds twice the inputs' share of the floor counts.
         What the base values imitate on the record they need not imitate on blocks that the fit has not seen. That is
         enough to doubt the model, not to give a name.
         """
-        removed = self._over_time(self._residual(without)) - self._over_time(self._residual(contender))
+        removed = self._beyond(self._residual(without)) - self._beyond(self._residual(contender))
         if contender.named or removed >= self._least_size() or not self._can_hold_out:
             return removed
-        return self._over_time(without.held_out.residual) - self._over_time(contender.held_out.residual)
+        return self._beyond(without.held_out.residual) - self._beyond(contender.held_out.residual)
 
     def _predicts_better(self, contender: Contender, without: Contender, *, by_priors: bool) -> bool:
         keep = 1.0 - self._settings.least_held_out_gain
@@ -233,6 +237,13 @@ class _Judge:
         problem = self._field.fitter.problem
         valid = problem.valid
         return float(np.average(values[valid] ** 2, weights=np.gradient(problem.time_s)[valid]))
+
+    def _beyond(self, values: Array) -> float:
+        """Return the mean square over time, each sample less twice what the inputs' noise does to it."""
+        floor, problem = self._field.floor, self._field.fitter.problem
+        reading = np.maximum(problem.sigma, np.min(floor[problem.valid]))
+        inputs = np.sqrt(np.maximum(0.0, floor**2 - reading**2))
+        return self._over_time(np.maximum(0.0, np.abs(values) - _DOUBT * inputs))
 
     def share(self, contender: Contender) -> float:
         """Return the share that a set explains of what can be explained.
