@@ -85,16 +85,6 @@ def test_a_marker_that_slips_in_the_last_half_cycle_is_named() -> None:
     assert found.parameters["slip_time_s"].value == pytest.approx(900.0, abs=2.0)
 
 
-def test_what_explains_best_is_told_though_two_half_cycles_are_too_few_to_prove_it() -> None:
-    heated = [{"spring": s, "peak_c": 74.0, "ramp_s": 337.3, "heat_s": 357.3, "cool_s": 280.0} for s in "ab"]
-    cool_ends = {"nonuniform_temperature": {"cooler_c": 5.0, "share": 0.03}}
-    made = make_record({"protocol": {"half_cycle": heated}, "effects": cool_ends}, seed=1, sigma_deg=0.6)
-    report = discover(made.table, actuator_from(declared_from({}, where="test").to_toml(), where="test"), seed=0)
-    told = [tuple(effect.id for effect in report.effects), *report.alternatives]
-    assert ("nonuniform_temperature",) in told
-    assert len(told) <= 3
-
-
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
     work, report = cases.suite("work"), cases.suite("report")
     assert len({case.seed for case in [*work, *report]}) == len(work) + len(report)

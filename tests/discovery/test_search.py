@@ -10,6 +10,7 @@ import pytest
 from linear_cases import machine, noise, signals, usual_candidates
 
 from torsight.core.progress import silent
+from torsight.discovery.decide import decide
 from torsight.discovery.fitting import EffectSet, Fit
 from torsight.discovery.linear_problem import LinearProblem
 from torsight.discovery.search import Search
@@ -123,3 +124,17 @@ def test_a_fit_leaves_the_wrong_side_of_a_kink_where_the_problem_says_where_to_l
     # All that are compared: the base model, and the right effect.
     for contender in (found.base, found.contenders["coulomb",]):
         assert contender.fit.values["offset"] == pytest.approx(-2.0 if elsewhere else 2.0, abs=0.05)
+
+
+def test_what_explains_best_is_told_though_it_fails_on_unseen_blocks() -> None:
+    s = signals()
+    candidates = usual_candidates() | {"twin": {"twin_n": np.sign(s["speed"]) + noise(1, size=0.1, tau=6.0)}}
+    made = machine(0.3 * np.sign(s["speed"]), seed=5, candidates=candidates)
+    field = Search(made, settings=Settings(), progress=silent).run()
+    best, twin = field.contenders["coulomb",], field.contenders["twin",]
+    assert best.cost < twin.cost - Settings().rival_gain
+    seen = best.held_out
+    best.__dict__["held_out"] = replace(seen, residual=50.0 * seen.residual, information=2500.0 * seen.information)
+    decision = decide(field, settings=Settings(), seed=0)
+    assert decision.chosen is twin
+    assert best in decision.rivals

@@ -37,6 +37,8 @@ fitted and never named."""
 _NOISE_DRAWS: Final = 6
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
+_STOPPED_DEG: Final = 0.5
+"""Way to where the angle comes to rest within which it has stopped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +196,9 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
     """Return the rows between which the angle or a temperature changes enough to matter.
 
     A row is kept for every 2.5° of angle and every 0.5 °C (1 °C of the passive spring), every half minute, at changes
-    of the half-cycle, and around the tops of the driven temperature, where an incomplete transformation ends: all rows
-    within three seconds, one a second within fifteen.
+    of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within three
+    seconds, one a second within fifteen. Such an end is where the driven temperature turns down, where it is highest,
+    and (behind a slow sensor, before either) where the angle stops.
     """
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
@@ -208,13 +211,25 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
     keep[np.flatnonzero(np.diff(np.floor(np.cumsum(way)))) + 1] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, TURN_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (3.0, 15.0, 1.0))
-    for place in turn:
+    for place in [*turn, *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
         keep[max(0, place - far) : place + far : second] = True
     change = np.flatnonzero(np.diff(drive.cycles.half))
     keep[change], keep[change + 1] = True, True
     keep[[0, -1]] = True
     return np.flatnonzero(keep)
+
+
+def _tops(active: Array, angle_deg: Array, half: NDArray[np.int64], turns: NDArray[np.int64]) -> list[int]:
+    """Return the rows before each turn at which the driven temperature is highest, and at which the angle stops."""
+    found = []
+    for turn in turns.tolist():
+        first = int(np.searchsorted(half, half[turn]))
+        found.append(first + int(np.argmax(active[first : turn + 1])))
+        moving = np.flatnonzero(np.abs(angle_deg[first : turn + 1] - angle_deg[turn]) > _STOPPED_DEG)
+        if len(moving):
+            found.append(first + int(moving[-1]))
+    return found
 
 
 def _running_median(values: Array) -> Array:

@@ -331,11 +331,18 @@ class _Judge:
         return all(part is not None and part.cost - contender.cost >= self._threshold for part in parts)
 
     def _as_close(self, contender: Contender, chosen: Contender) -> bool:
-        """Return whether a set leaves no more than the chosen one but for the resolution, at no higher price."""
-        resolution = self._field.fitter.problem.resolution
-        least = self._over_time(self._residual(chosen)) + resolution**2
-        dear = contender.prior - chosen.prior > self._settings.rival_gain
-        return not dear and self._over_time(self._residual(contender)) <= least
+        """Return whether a set leaves no more than the chosen one but for the resolution, at no higher price.
+
+        That goes for unseen blocks, too.
+        """
+        near = self._field.fitter.problem.resolution**2
+        if contender.prior - chosen.prior > self._settings.rival_gain:
+            return False
+        if self._over_time(self._residual(contender)) > self._over_time(self._residual(chosen)) + near:
+            return False
+        if not self._can_hold_out:
+            return True
+        return self._over_time(contender.held_out.residual) <= self._over_time(chosen.held_out.residual) + near
 
     def first_of(self, chosen: Contender, rivals: list[Contender]) -> Contender:
         """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better."""

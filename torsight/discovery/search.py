@@ -17,7 +17,7 @@ from torsight.core.progress import Progress
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.interface import Problem
-from torsight.discovery.noise import Stretches, first_scales, information, reading_noise, residual_scales
+from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
 from torsight.discovery.null import LinearPicture
 from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
@@ -32,6 +32,10 @@ _LEAST_LINEAR: Final = 2.0
 _SAME_COST: Final = 2e-3
 """Share of its cost by which a set may stand above a part of itself: its effect is switched off, no valley is near."""
 _SHARPENINGS: Final = 6
+_SHARPER: Final = 0.25
+"""Share of the residual's size as which it counts in a second search, where the first one has left much ..."""
+_SHORT: Final = 16.0
+"""... and samples over which it is correlated there at most."""
 _LOOKS: Final = 2
 _MUCH_LEFT: Final = 1.3
 """Larger sets are tried while the residual's information is this many times the floor's ..."""
@@ -55,15 +59,45 @@ class Search:
     def run(self) -> Field:
         """Return the base model, every single candidate and the sets that grew out of the best ones."""
         self._fit_base()
-        for size in range(1, self._settings.most_effects + 1):
-            self._grow(size)
-            self._reweight()
-            if size > 1:
-                self._look_again(size)
-            if not self._worth(size):
-                break
+        self._grow_all()
+        if self._shows():
+            self._grow_sharper()
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
+
+    def _grow_all(self) -> None:
+        for size in range(1, self._settings.most_effects + 1):
+            self._grow(size)
+            if not self._compared(size):
+                break
+
+    def _compared(self, size: int) -> bool:
+        """Compare what has been fitted, at weights from the best; return whether larger sets may matter."""
+        self._reweight()
+        if size > 1:
+            self._look_again(size)
+        return self._worth(size)
+
+    def _grow_sharper(self) -> None:
+        """Search once more at weights as if most of the residual were explained; keep what explains more in the end.
+
+        At weights from a poor fit its priors hold every value, nothing gains, and the weights stay as they are. Singles
+        and pairs are fitted before weights are taken anew.
+        """
+        before, best = (self._fits, self._fitter, self._scales, self._floor), self._best()
+        residual = self._fitter.residual(before[0][()])[self._problem.valid]
+        size = _SHARPER * float(np.sqrt(np.mean(residual**2)))
+        tau = min(self._scales.correlation_samples, _SHORT)
+        self._scales = Scales(size, size, tau)
+        self._fitter = Fitter(self._problem, self._weights())
+        self._fits = {(): self._refit(before[0][()])}
+        self._grow(1)
+        self._grow(2)
+        if self._compared(2) and self._settings.most_effects > 2:
+            self._grow(3)
+            self._compared(3)
+        if self._score(self._best()) >= self._score(best):
+            self._fits, self._fitter, self._scales, self._floor = before
 
     def _fit_base(self) -> None:
         fit = self._fitter.base()
@@ -225,6 +259,9 @@ class Search:
         At weights that come from a poor fit all sums of squares are small; what counts then is by which factor the
         residual shrinks, in motion and at rest apart.
         """
+        return min(self._fits.values(), key=self._score)
+
+    def _score(self, fit: Fit) -> tuple[float, EffectSet]:
         levels, motion = self._stretches.split()
         tau = self._scales.correlation_samples
         moving = sum(max(1.0, (b - a) / tau) for a, b in motion)
@@ -235,12 +272,9 @@ class Search:
             weights = None if each else [b - a for a, b in ranges]
             return float(np.log(np.average(means, weights=weights))) if means else 0.0
 
-        def score(fit: Fit) -> tuple[float, EffectSet]:
-            residual = np.nan_to_num(self._fitter.residual(fit))
-            data = len(levels) * size(residual, levels, each=True) + moving * size(residual, motion, each=False)
-            return data + fit.cost - fit.solution.data_cost + 8.0 * len(fit.effects), fit.effects
-
-        return min(self._fits.values(), key=score)
+        residual = np.nan_to_num(self._fitter.residual(fit))
+        data = len(levels) * size(residual, levels, each=True) + moving * size(residual, motion, each=False)
+        return data + fit.cost - fit.solution.data_cost + 8.0 * len(fit.effects), fit.effects
 
     def _worth(self, size: int) -> bool:
         """Return whether larger sets may matter: something is left, and this size has gained something."""
