@@ -2,7 +2,8 @@
 
 Every single candidate is fitted together with the base. The best few are each extended by every other candidate (pairs
 among the best), and so on up to :attr:`Settings.most_effects`. Weights follow the best residual so far, because what a
-sample is worth depends on the error that remains; whatever is compared is refitted at the last weights.
+sample is worth depends on the error that remains; whatever is compared is refitted at the last weights. Where much is
+left in the end, singles and pairs are tried once more at weights as if most of it were explained.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Search:
         """Return the base model, every single candidate and the sets that grew out of the best ones."""
         self._fit_base()
         self._grow_all()
-        if self._shows():
+        if self._shows() and self._settings.most_effects > 1:
             self._grow_sharper()
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
