@@ -19,6 +19,7 @@ from torsight.viewer import layout, write_recording
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
 from torsight.viewer.pictures import WHOLE, take_pictures
 from torsight.viewer.preview import write_preview
+from torsight.viewer.recording import _wait_for_writer
 
 
 def film_of(markers: pd.DataFrame, path: Path) -> Path:
@@ -241,3 +242,27 @@ def test_words_are_drawn(panes: dict[str, np.ndarray], pane: str) -> None:
 
 def test_documents_of_the_made_up_run_are_plain_json() -> None:
     json.dumps(documents(), allow_nan=False)
+
+
+class _Writer:
+    """A recording whose writer answers after so many waits, and writes in each of the first ones."""
+
+    def __init__(self, path: Path, *, answers_after: int, writes: int) -> None:
+        self.path, self.answers_after, self.writes, self.waits = path, answers_after, writes, 0
+
+    def flush(self, *, timeout_sec: float) -> None:
+        del timeout_sec
+        self.waits += 1
+        if self.waits <= self.writes:
+            self.path.write_bytes(b"x" * self.waits)
+        if self.waits <= self.answers_after:
+            raise RuntimeError("Flush timed out - not all log messages were sent")
+
+
+def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    slow = _Writer(path, answers_after=3, writes=3)
+    _wait_for_writer(slow, path)  # type: ignore[arg-type]
+    assert slow.waits == 4
+    with pytest.raises(RuntimeError, match="writer"):
+        _wait_for_writer(_Writer(path, answers_after=99, writes=2), path)  # type: ignore[arg-type]

@@ -94,10 +94,25 @@ def write_recording(folder: Path, *, film: Path | None = None, progress: Progres
             log_half_cycles(stream, results)
             _log_film(stream, results, preview)
             _log_words(stream, results)
-            stream.flush()
+            _wait_for_writer(stream, temporary)
             stream.disconnect()
     progress("recording", 1, 1)
     return path
+
+
+def _wait_for_writer(stream: rr.RecordingStream, path: Path, *, patience_s: float = 30.0) -> None:
+    """Wait until all is in the file; one that ended on a full disk may never answer, and the file stays."""
+    size, answered = -1, False
+    while not answered:
+        try:
+            stream.flush(timeout_sec=patience_s)
+            answered = True
+        except RuntimeError as error:
+            before, size = size, path.stat().st_size
+            if "timed out" not in str(error):
+                raise
+            if size == before:
+                raise RuntimeError("the writer stands still") from error
 
 
 @contextlib.contextmanager
