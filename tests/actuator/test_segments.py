@@ -66,7 +66,7 @@ def test_a_half_cycle_begins_where_the_angle_jumps_before_heat_is_seen(noise_deg
     since_s = np.maximum(0.0, log.time_s[:, None] - switch_s)
     angle_deg = (6.0 * np.log10(1.0 + since_s / 1.0)).sum(axis=1)
     angle_deg += noise_deg * np.random.default_rng(2).standard_normal(len(log))
-    begun = begun_with_a_jump(found, log.time_s, angle_deg * DEG)
+    begun = begun_with_a_jump(found, log.time_s, angle_deg * DEG, (log.temp_a_c, log.temp_b_c))
     rows = np.flatnonzero(np.diff(begun.half)) + 1
     assert log.time_s[rows] == pytest.approx(switch_s, abs=0.6)
     assert begun.active[rows].tolist() == [1, 0, 1]
@@ -75,13 +75,14 @@ def test_a_half_cycle_begins_where_the_angle_jumps_before_heat_is_seen(noise_deg
 
 def test_a_start_stays_where_the_angle_drifts_or_the_log_tells_the_switch():
     log, _ = programme(HALVES)
+    temps_c = (log.temp_a_c, log.temp_b_c)
     drift = 0.1 * log.time_s * DEG + 1e-3 * np.random.default_rng(3).standard_normal(len(log))
     found = half_cycles(log.temp_a_c, log.temp_b_c)
-    assert (begun_with_a_jump(found, log.time_s, drift).half == found.half).all()
+    assert (begun_with_a_jump(found, log.time_s, drift, temps_c).half == found.half).all()
     told = half_cycles(log.temp_a_c, log.temp_b_c, heat_a=log.heat_a, heat_b=log.heat_b)
     start = int(np.flatnonzero(np.diff(told.half))[0])
     jumps = np.where(np.arange(len(log)) < start - 20, 0.0, 0.1)
-    assert (begun_with_a_jump(told, log.time_s, jumps).half == told.half).all()
+    assert (begun_with_a_jump(told, log.time_s, jumps, temps_c).half == told.half).all()
 
 
 def test_no_heating_is_refused_with_what_is_missing():

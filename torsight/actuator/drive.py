@@ -168,7 +168,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
     drive = replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad), turns=turns)
-    return replace(drive, cycles=begun_with_a_jump(drive.cycles, drive.time_s, drive.angle_rad))
+    return replace(drive, cycles=begun_with_a_jump(drive.cycles, drive.time_s, drive.angle_rad, base.temps))
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:

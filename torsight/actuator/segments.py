@@ -34,6 +34,8 @@ _JUMP_SIGMAS: Final = 8.0
 _STILL_SHARE: Final = 0.25
 """Share of the jump by which a rest may move before it."""
 _REST_ROWS: Final = 4
+_COLD_SHARE: Final = 0.2
+"""Share of its heating below which a spring no longer moves by itself."""
 _DIFFERENCES: Final = 0.95
 """Median size of the difference of two readings, in standard deviations of one."""
 
@@ -112,17 +114,21 @@ def half_cycles(
     return _chain(chained, len(temp_a_c), switched=switched)
 
 
-def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array) -> HalfCycles:
+def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array, temps_c: tuple[Array, Array]) -> HalfCycles:
     """Begin half-cycles where the angle jumps out of a rest shortly before the temperature shows that heat is on.
 
     A sensor shows heat some seconds after the switch. The plain rig stands still until the wire is hot; where torques
-    shift as soon as one spring is switched for the other, the angle tells the switch better.
+    shift as soon as one spring is switched for the other, the angle tells the switch better. While the last one is
+    still warm, a jump is its own return.
     """
     if cycles.switched:
         return cycles
     half, last = cycles.half.copy(), 0
     for start in (np.flatnonzero(np.diff(cycles.half)) + 1).tolist():
-        first = max(last + 1, int(np.searchsorted(time_s, time_s[start] - _BEFORE_S)))
+        cooling = temps_c[cycles.active[start - 1]][last:start]
+        warm = np.flatnonzero(cooling > cooling.min() + _COLD_SHARE * np.ptp(cooling))
+        after = last + 1 + (int(warm[-1]) if len(warm) else 0)
+        first = max(after, int(np.searchsorted(time_s, time_s[start] - _BEFORE_S)))
         rows = first + np.flatnonzero(np.isfinite(angle_rad[first : start + 1]))
         jump = _jump(time_s[rows], angle_rad[rows])
         last = start if jump is None else int(rows[jump])
