@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -105,8 +105,11 @@ def test_every_part_of_the_best_set_is_fitted() -> None:
     assert found.of_size(2)[0].effects == ("up", "down")
 
 
+@dataclass(frozen=True, eq=False)
 class _Kinked(LinearProblem):
     """A machine whose offset follows a value with a kink: from 0 upwards it ends at 0.6, below −1 it goes on to 1."""
+
+    elsewhere: tuple[Mapping[str, float], ...] = ()
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
         given = values["offset"]

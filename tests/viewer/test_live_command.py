@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -62,22 +63,28 @@ def wait_for_rows(path: Path, rows: int) -> None:
 
 
 def family(process: int) -> list[int]:
-    """Return a process and all that it started, to the last."""
+    """Return a process and all that it started, to the last; threads and processes may end meanwhile."""
     found = [process]
-    for task in Path(f"/proc/{process}/task").iterdir():
-        found += [one for child in (task / "children").read_text().split() for one in family(int(child))]
+    for task in threads(process):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            found += [one for child in (task / "children").read_text().split() for one in family(int(child))]
     return found
+
+
+def threads(process: int) -> list[Path]:
+    with suppress(FileNotFoundError, ProcessLookupError):
+        return list(Path(f"/proc/{process}/task").iterdir())
+    return []
 
 
 def listening(processes: list[int]) -> set[tuple[str, int]]:
     """Return addresses and ports at which processes listen."""
     own = set()
     for process in processes:
-        for handle in Path(f"/proc/{process}/fd").iterdir():
-            try:
-                own.add(str(handle.readlink()))
-            except OSError:
-                continue
+        with suppress(FileNotFoundError, ProcessLookupError):
+            for handle in Path(f"/proc/{process}/fd").iterdir():
+                with suppress(OSError):
+                    own.add(str(handle.readlink()))
     found = set()
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
@@ -141,10 +148,12 @@ def test_ctrl_c_ends_it_with_a_summary_and_whole_files(rig: Path, tmp_path: Path
 def test_a_kill_leaves_all_but_the_last_second_and_no_process(rig: Path, tmp_path: Path) -> None:
     out = tmp_path / "live"
     running = start(rig, "--out", str(out), "--port", "0", "--speed", "0.5")
-    wait_for_rows(out / "angle.csv", 40)
-    rows, children = rows_of(out / "angle.csv"), family(running.pid)[1:]
-    running.kill()
-    running.communicate(timeout=60)
+    try:
+        wait_for_rows(out / "angle.csv", 40)
+        rows, children = rows_of(out / "angle.csv"), family(running.pid)[1:]
+    finally:
+        running.kill()
+        running.communicate(timeout=60)
     # Flushed every quarter of a second: what was read off the file before is there, and whole.
     for name in ("angle.csv", "markers.csv"):
         table = pd.read_csv(out / name)

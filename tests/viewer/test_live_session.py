@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -263,10 +264,11 @@ def panes_once_drawn(client: ViewerClient) -> dict[str, np.ndarray]:
 
 def viewer_process() -> int:
     """Return the number of the viewer that this process has started."""
-    for task in Path("/proc/self/task").iterdir():
-        for child in (task / "children").read_text().split():
-            if b"--headless" in Path(f"/proc/{child}/cmdline").read_bytes():
-                return int(child)
+    for task in list(Path("/proc/self/task").iterdir()):
+        with suppress(FileNotFoundError, ProcessLookupError):  # a thread or a process may end meanwhile
+            for child in (task / "children").read_text().split():
+                if b"--headless" in Path(f"/proc/{child}/cmdline").read_bytes():
+                    return int(child)
     pytest.fail("no viewer runs")
 
 

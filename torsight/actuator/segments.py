@@ -7,7 +7,7 @@ spring is the hotter one at the top of a rise, and warming by its neighbour is n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -133,7 +133,7 @@ def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array, temps
         jump = _jump(time_s[rows], angle_rad[rows])
         last = start if jump is None else int(rows[jump])
         half[last:start] = cycles.half[start]
-    return HalfCycles(np.array(cycles.springs, np.int8)[half], half, cycles.springs)
+    return replace(cycles, active=np.array(cycles.springs, np.int8)[half], half=half)
 
 
 def _jump(time_s: Array, angle_rad: Array) -> int | None:
@@ -147,11 +147,10 @@ def _jump(time_s: Array, angle_rad: Array) -> int | None:
     quick = np.flatnonzero(way >= least)
     if len(quick) == 0 or quick[0] < _REST_ROWS:
         return None
-    rest, rows = angle_rad[: quick[0]], np.arange(quick[0], len(time_s))
+    rest, after = np.split(angle_rad, quick[:1])
     if float(np.ptp(rest)) > _STILL_SHARE * way.max() + _JUMP_SIGMAS * noise:
         return None
-    left = np.abs(angle_rad[rows] - np.median(rest)) > 0.5 * least
-    return int(rows[np.argmax(left)])
+    return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 
 
 def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError | NoResultError:

@@ -139,6 +139,9 @@ class _Judge:
         rows = field.fitter.weight > 0.0
         self._floor = float(np.dot(field.fitter.weight[rows], field.floor[rows] ** 2))
         self._expected = self._floor + prior_count(field.fitter.problem)
+        problem = field.fitter.problem
+        reading = np.maximum(problem.sigma, np.min(field.floor[problem.valid]))
+        self._input_floor = np.sqrt(np.maximum(0.0, field.floor**2 - reading**2))
 
     def earned(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
@@ -240,10 +243,7 @@ class _Judge:
 
     def _beyond(self, values: Array) -> float:
         """Return the mean square over time, each sample less twice what the inputs' noise does to it."""
-        floor, problem = self._field.floor, self._field.fitter.problem
-        reading = np.maximum(problem.sigma, np.min(floor[problem.valid]))
-        inputs = np.sqrt(np.maximum(0.0, floor**2 - reading**2))
-        return self._over_time(np.maximum(0.0, np.abs(values) - _DOUBT * inputs))
+        return self._over_time(np.maximum(0.0, np.abs(values) - _DOUBT * self._input_floor))
 
     def share(self, contender: Contender) -> float:
         """Return the share that a set explains of what can be explained.
@@ -273,6 +273,9 @@ class _Judge:
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
         return near or self.share(contender) >= self._settings.share_explained
 
+    def _stands(self, contender: Contender) -> bool:
+        return self.earned(contender) and self.adequate(contender)
+
     def nameless(self, chosen: Contender, *, rivals_too: bool = False) -> Contender | None:
         """Return a mechanism without a name that explains the record clearly better, one for one, than what is chosen.
 
@@ -282,12 +285,12 @@ class _Judge:
         """
         limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - (0 if rivals_too else 2))
         nameless = [c for c in self._field.of_size(1) if not c.named and c.cost < limit]
-        best = next((c for c in nameless if self.earned(c) and self.adequate(c)), None)
+        best = next((c for c in nameless if self._stands(c)), None)
         if best is None:
             return None
         as_good = [c for c in nameless if best.cost <= c.cost <= best.cost + self._settings.rival_gain]
         simplest_first = sorted(as_good, key=lambda c: len(c.fit.parameters))
-        return next(c for c in simplest_first if c is best or (self.earned(c) and self.adequate(c)))
+        return next(c for c in simplest_first if c is best or self._stands(c))
 
     def worth_telling(self, contender: Contender) -> bool:
         """Return whether what is chosen removes so much that something must be missing, or is the only one that does.
@@ -317,7 +320,7 @@ class _Judge:
             c
             for c in others
             if c.cost <= limit or self._as_close(c, chosen) or self._predicts_as_well(c, chosen)
-            if self.earned(c) and self.adequate(c)
+            if self._stands(c)
         ]
         best = others[0] if others else chosen
         unproven = best not in found and best.cost < chosen.cost - self._settings.rival_gain

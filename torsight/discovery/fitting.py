@@ -215,10 +215,10 @@ class Fitter:
             return costs(observed - model(x), x, weight=self.weight, space=space)[0]
 
         places = [{**fit.values, **place} for place in getattr(self.problem, "elsewhere", ())]
-        found = sorted(((cost(place), i) for i, place in enumerate(places)))
-        if not found or found[0][0] >= fit.cost:
+        least, best = min(((cost(place), i) for i, place in enumerate(places)), default=(np.inf, 0))
+        if least >= fit.cost:
             return fit
-        return min(fit, self.fit(fit.effects, [places[found[0][1]]], max_iterations=20), key=lambda item: item.cost)
+        return min(fit, self.fit(fit.effects, [places[best]], max_iterations=20), key=lambda item: item.cost)
 
     def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6, kept: Sequence[str] = ()) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out.

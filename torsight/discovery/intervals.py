@@ -13,6 +13,7 @@ import numpy as np
 from torsight.discovery.common import freed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
+from torsight.discovery.noise import pieces_in_motion
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
 
@@ -57,5 +58,4 @@ def _between_blocks(field: Field, contender: Contender) -> Array:
 def pieces(field: Field) -> float:
     """Return how many pieces of information the record holds."""
     levels, motion = field.stretches.split()
-    tau = field.scales.correlation_samples
-    return len(levels) + sum(max(1.0, (b - a) / tau) for a, b in motion)
+    return len(levels) + pieces_in_motion(motion, field.scales)

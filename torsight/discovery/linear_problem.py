@@ -22,7 +22,7 @@ class LinearProblem:
     ----------
     columns : mapping of str to (n,) array
         Column of every parameter, of the base model and of the candidates.
-    parameters, candidates, elsewhere, time_s, observed, sigma, valid, block, rest, drivers, resolution
+    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution
         As in the protocol.
     """
 
@@ -37,7 +37,6 @@ class LinearProblem:
     rest: NDArray[np.bool_]
     drivers: Mapping[str, Array] = field(default_factory=dict)
     resolution: float = 0.0
-    elsewhere: tuple[Mapping[str, float], ...] = ()
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return Σ value · column over the base and the named effects."""

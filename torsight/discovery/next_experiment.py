@@ -176,10 +176,7 @@ class _Planner:
         return max(best, again, key=lambda item: item.worth(self._enough))
 
     def _best_refitted(self, programmes: Sequence[Programme]) -> _Weighed:
-        found = []
-        for programme in programmes:
-            drive = self._drive(programme)
-            found.append(_Weighed(programme, float(drive.time_s[-1]), self.weigh(drive, refitted=True)))
+        found = (self._weighed_under(programme, self._drive(programme), refitted=True) for programme in programmes)
         return max(found, key=lambda item: item.worth(self._enough))
 
     def weigh(self, drive: Drive, *, refitted: bool) -> Array:
@@ -193,15 +190,13 @@ class _Planner:
         played = best.programme.play(self._heat)
         gain = least_gain(best.gains)
         names = [" with ".join(effect_name(name) for name in one.name) for one in self._explanations]
-        needed_gain = self._needed_gain
-        text = _sentence(in_words(best.programme), names, gain=gain, repeat_gain=repeat_gain, needed_gain=needed_gain)
+        gains = {"gain": gain, "repeat_gain": repeat_gain, "needed_gain": self._needed_gain}
+        text = _sentence(in_words(best.programme), names, **gains)
         return NextExperiment(
             text=text,
             segments=played.segments,
             duration_s=best.duration_s,
-            gain=gain,
-            repeat_gain=repeat_gain,
-            needed_gain=needed_gain,
+            **gains,
             pairs=tuple(self._pairs(best.gains)),
             columns=self._columns(played),
         )
@@ -213,10 +208,10 @@ class _Planner:
 
     def _weighed(self, programme: Programme) -> _Weighed | None:
         drive = self._drive(programme)
-        duration_s = float(drive.time_s[-1])
-        if duration_s > self._longest_s:
-            return None
-        return _Weighed(programme, duration_s, self.weigh(drive, refitted=False))
+        return None if drive.time_s[-1] > self._longest_s else self._weighed_under(programme, drive, refitted=False)
+
+    def _weighed_under(self, programme: Programme, drive: Drive, *, refitted: bool) -> _Weighed:
+        return _Weighed(programme, float(drive.time_s[-1]), self.weigh(drive, refitted=refitted))
 
     def _ranked(self, weighed: Mapping[tuple[str, ...], _Weighed]) -> list[tuple[tuple[str, ...], _Weighed]]:
         return sorted(weighed.items(), key=lambda item: (-item[1].worth(self._enough), item[0]))

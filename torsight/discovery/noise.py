@@ -8,6 +8,7 @@ the residual's own size (model error included), so a sum of squares times these 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -75,6 +76,11 @@ class Scales:
     motion: float
     rest: float
     correlation_samples: float
+
+
+def pieces_in_motion(motion: Sequence[tuple[int, int]], scales: Scales) -> float:
+    """Return how many pieces of information ranges in motion hold, each at least one."""
+    return sum(max(1.0, (b - a) / scales.correlation_samples) for a, b in motion)
 
 
 def correlation_samples(residual: Array, stretches: Stretches) -> float:

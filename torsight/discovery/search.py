@@ -18,7 +18,15 @@ from torsight.core.progress import Progress
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.interface import Problem
-from torsight.discovery.noise import Scales, Stretches, first_scales, information, reading_noise, residual_scales
+from torsight.discovery.noise import (
+    Scales,
+    Stretches,
+    first_scales,
+    information,
+    pieces_in_motion,
+    reading_noise,
+    residual_scales,
+)
 from torsight.discovery.null import LinearPicture
 from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
@@ -66,18 +74,17 @@ class Search:
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
 
-    def _grow_all(self) -> None:
+    def _grow_all(self, *, at_once: int = 1) -> None:
+        """Fit sets of every size; compare, at weights from the best, once those of ``at_once`` effects are fitted."""
         for size in range(1, self._settings.most_effects + 1):
             self._grow(size)
-            if not self._compared(size):
+            if size < at_once:
+                continue
+            self._reweight()
+            if size > 1:
+                self._look_again(size)
+            if not self._worth(size):
                 break
-
-    def _compared(self, size: int) -> bool:
-        """Compare what has been fitted, at weights from the best; return whether larger sets may matter."""
-        self._reweight()
-        if size > 1:
-            self._look_again(size)
-        return self._worth(size)
 
     def _grow_sharper(self) -> None:
         """Search once more at weights as if most of the residual were explained; keep what explains more in the end.
@@ -92,11 +99,7 @@ class Search:
         self._scales = Scales(size, size, tau)
         self._fitter = Fitter(self._problem, self._weights())
         self._fits = {(): self._refit(before[0][()])}
-        self._grow(1)
-        self._grow(2)
-        if self._compared(2) and self._settings.most_effects > 2:
-            self._grow(3)
-            self._compared(3)
+        self._grow_all(at_once=2)
         if self._score(self._best()) >= self._score(best):
             self._fits, self._fitter, self._scales, self._floor = before
 
@@ -264,8 +267,7 @@ class Search:
 
     def _score(self, fit: Fit) -> tuple[float, EffectSet]:
         levels, motion = self._stretches.split()
-        tau = self._scales.correlation_samples
-        moving = sum(max(1.0, (b - a) / tau) for a, b in motion)
+        moving = pieces_in_motion(motion, self._scales)
 
         def size(residual: Array, ranges: list[tuple[int, int]], *, each: bool) -> float:
             squares = [residual[a:b] ** 2 + self._floor[a:b] ** 2 for a, b in ranges]
@@ -311,15 +313,15 @@ class Search:
             if not self._moved(best):
                 break
 
-    def _refit(self, fit: Fit) -> Fit:
-        return self._fitter.from_elsewhere(self._fitter.refit(fit))
+    def _refit(self, fit: Fit, *, max_iterations: int = 6) -> Fit:
+        return self._fitter.from_elsewhere(self._fitter.refit(fit, max_iterations=max_iterations))
 
     def _sharpened(self, fit: Fit) -> Fit:
         """Follow one fit and its own residual in turn until the residual stops shrinking."""
         for _ in range(_SHARPENINGS):
             before = self._scales
             self._follow(fit)
-            fit = self._fitter.from_elsewhere(self._fitter.refit(fit, max_iterations=12))
+            fit = self._refit(fit, max_iterations=12)
             if self._scales.motion > 0.9 * before.motion and self._scales.rest > 0.9 * before.rest:
                 break
         return fit

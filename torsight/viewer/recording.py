@@ -101,7 +101,7 @@ def write_recording(folder: Path, *, film: Path | None = None, progress: Progres
 
 
 def _wait_for_writer(stream: rr.RecordingStream, path: Path, *, patience_s: float = 30.0) -> None:
-    """Wait until all is in the file; one that ended on a full disk may never answer, and the file stays."""
+    """Wait until all is in the file, as long as the file grows: a writer that ended on a full disk may never answer."""
     size, answered = -1, False
     while not answered:
         try:
