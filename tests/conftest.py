@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,13 @@ from hypothesis import settings
 # No test depends on how fast a machine is.
 settings.register_profile("torsight", deadline=None)
 settings.load_profile("torsight")
+
+# Tests end processes as a terminal does. Where a shell has started this one with those signals ignored (in the
+# background, under nohup), all that it starts would ignore them as well.
+for name in ("SIGINT", "SIGHUP"):
+    number = getattr(signal, name, None)
+    if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
 
 ROOT = Path(__file__).parents[1]
 

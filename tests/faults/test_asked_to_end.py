@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from torsight.cli import main
+from torsight.cli import ends
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -37,11 +37,11 @@ def test_the_request_comes_through(how: Callable[[], None], capsys: pytest.Captu
     before = signal.getsignal(signal.SIGTERM), sys.unraisablehook
 
     def asked() -> None:
-        with main._asked_to_end():
+        with ends.asked_to_end():
             how()
             work_on()
 
-    with pytest.raises(main._Ended):
+    with pytest.raises(ends.Ended):
         asked()
     assert (signal.getsignal(signal.SIGTERM), sys.unraisablehook) == before
     assert capsys.readouterr().err == ""
@@ -61,6 +61,6 @@ def test_what_puts_things_away_is_not_interrupted() -> None:
             ask()
             put_away.append("all of it")
 
-    with pytest.raises(main._Ended), main._asked_to_end(), held():
+    with pytest.raises(ends.Ended), ends.asked_to_end(), held():
         ask()
     assert put_away == ["all of it"]

@@ -154,19 +154,13 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
     return lines
 
 
-@contextlib.contextmanager
-def _ended_by(stop: threading.Event) -> Iterator[None]:
+def _ended_by(stop: threading.Event) -> contextlib.AbstractContextManager[None]:
     """Let Ctrl-C and a request to end set ``stop``, while the block lasts."""
     import signal
 
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in kept:
-        signal.signal(number, lambda *_: stop.set())
-    try:
-        yield
-    finally:
-        for number, handler in kept.items():
-            signal.signal(number, handler)
+    from torsight.cli.ends import asks, handled
+
+    return handled([signal.SIGINT, *asks()], lambda *_: stop.set())
 
 
 @contextlib.contextmanager

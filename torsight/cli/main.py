@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
-import signal
 import sys
-import threading
 import traceback
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from torsight.cli.answer import answering
+from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
 COMMANDS: Final = (
     "init",
@@ -40,7 +38,6 @@ COMMANDS: Final = (
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
-_ASKED_AGAIN_S: Final = 0.3
 
 app = typer.Typer(
     name="torsight",
@@ -77,78 +74,25 @@ for _name in COMMANDS:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; leave with the contract's exit code: 0, 2, 3, 4; 130 after Ctrl-C, 143 after SIGTERM."""
+    """Run the command line; leave with the contract's exit code: 0, 2, 3, 4; 128 + its number after a signal."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
     try:
-        with _asked_to_end():
+        with asked_to_end():
             code = app(args=words, prog_name="torsight", standalone_mode=False)
         if code == 130:  # the parser has caught Ctrl-C and says nothing
             code = _interrupted(130)
     except TorsightError as error:
         _tell(error, debug=debug)
         code = error.exit_code
-    except _Ended:
-        code = _interrupted(143)
+    except Ended as ended:
+        code = _interrupted(128 + ended.number)
     except KeyboardInterrupt:
         code = _interrupted(130)
     except Exception as error:  # noqa: BLE001 - the last resort: no traceback reaches a user
         code = _other(error, debug=debug)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-class _Ended(BaseException):
-    """Someone asked the process to end (SIGTERM): what it holds open is put away as after Ctrl-C."""
-
-
-@contextlib.contextmanager
-def _asked_to_end() -> Iterator[None]:
-    """Let a request to end unwind the command, so that it leaves no half-written file behind.
-
-    An exception that is raised while compiled code calls back into Python is lost there. So the process asks itself
-    again until the request has come through; while it unwinds, further requests change nothing.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    ended = threading.Event()
-    asking: list[threading.Thread] = []
-
-    def ask_again(thread: int) -> None:
-        while not ended.wait(_ASKED_AGAIN_S):
-            signal.pthread_kill(thread, signal.SIGTERM)
-
-    def end(_number: int, _frame: object) -> None:
-        if _unwinding():
-            return
-        if not asking:
-            asking.append(threading.Thread(target=ask_again, args=(threading.get_ident(),), daemon=True))
-            asking[0].start()
-        raise _Ended
-
-    def tell_nobody(lost: sys.UnraisableHookArgs, /) -> None:
-        if not isinstance(lost.exc_value, _Ended):
-            tell_lost(lost)
-
-    tell_lost, sys.unraisablehook = sys.unraisablehook, tell_nobody
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        ended.set()
-        for thread in asking:
-            thread.join()
-        signal.signal(signal.SIGTERM, before)
-        sys.unraisablehook = tell_lost
-
-
-def _unwinding() -> bool:
-    """Return whether a request to end is on its way up through what puts things away."""
-    error = sys.exception()
-    while error is not None and not isinstance(error, _Ended):
-        error = error.__context__
-    return error is not None
 
 
 def _interrupted(code: int) -> int:
