@@ -29,6 +29,7 @@ def test_nothing_is_named_on_a_rig_whose_phase_law_is_a_little_bent(cases: Modul
     report = discover(table, record.spec, seed=0)
     assert report.verdict == "none"
     assert report.effects == ()
+    assert 0.05 < report.noise_floor_deg <= report.after.rmse_train_deg  # the angle's noise is 0.06 degrees
     start_rad = float(record.later_angle_rad[0]) + 2.0 * np.pi
     later = predict_angle(report.model, record.later, start_angle_rad=start_rad) - 2.0 * np.pi
     assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 1.0 * DEG

@@ -156,8 +156,8 @@ def fit_model(
         counted &= use
     scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
     problem = Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
-    u, weight, kappa, converged = _solve(problem, list(starts or default_starts(model)), progress)
-    return _result(problem, u, weight, kappa, converged=converged)
+    u, weight, converged = _solve(problem, list(starts or default_starts(model)), progress)
+    return _result(problem, u, weight, converged=converged)
 
 
 def require_motion(drive: Drive, *, where: str) -> None:
@@ -200,8 +200,8 @@ def _own_scale(parameter: Parameter) -> float:
     return 0.05 * span if np.isfinite(span) and span < 1e3 else 1.0
 
 
-def _solve(problem: Problem, starts: list[Mapping[str, float]], progress: Progress) -> tuple[Array, Array, float, bool]:
-    """Return the minimum, the rows' weights, κ and whether it converged."""
+def _solve(problem: Problem, starts: list[Mapping[str, float]], progress: Progress) -> tuple[Array, Array, bool]:
+    """Return the minimum, the rows' weights and whether it converged."""
     from scipy.optimize import least_squares
 
     lower, upper = problem.bounds()
@@ -226,17 +226,15 @@ def _solve(problem: Problem, starts: list[Mapping[str, float]], progress: Progre
     progress("fit: starting points", len(starts), len(starts))
     rough.sort(key=lambda found: float(found.cost))
     best = min((run(item.x, weight, 60) for item in rough[:_SCREENED]), key=lambda found: float(found.cost))
-    kappa = _FIRST_KAPPA
     for number in range(_ROUNDS):
         progress("fit: rounds", number, _ROUNDS)
         angle = problem.model.simulate(drive, problem.values(best.x)).angle_rad
         sigma = problem.row_sigma(best.x)
         ratio, rows = _spread(problem, angle, sigma)
-        kappa = max(1.0, ratio * rows)
-        weight = 1.0 / (sigma * np.sqrt(kappa))
+        weight = 1.0 / (sigma * np.sqrt(max(1.0, ratio * rows)))
         best = run(best.x, weight, 60)
     progress("fit: rounds", _ROUNDS, _ROUNDS)
-    return best.x, weight, kappa, bool(best.status > 0)
+    return best.x, weight, bool(best.status > 0)
 
 
 def _spread(problem: Problem, angle: Array, sigma: Array) -> tuple[float, float]:
@@ -245,7 +243,7 @@ def _spread(problem: Problem, angle: Array, sigma: Array) -> tuple[float, float]
     return float(np.mean(white**2)), correlation_rows(white)
 
 
-def _result(problem: Problem, u: Array, weight: Array, kappa: float, *, converged: bool) -> FitResult:
+def _result(problem: Problem, u: Array, weight: Array, *, converged: bool) -> FitResult:
     model, drive = problem.model, problem.drive
     values = {**model.nominal(), **problem.values(u)}
     simulation = model.simulate(drive, values)
@@ -274,15 +272,16 @@ def _result(problem: Problem, u: Array, weight: Array, kappa: float, *, converge
         cycle=fitted_cycle(drive, simulation, values),
         converged=converged,
         silent_about=says_nothing_of,
-        notes=_notes(model, says_nothing_of, kappa),
+        notes=_notes(model, says_nothing_of, ratio, rows),
     )
 
 
-def _notes(model: ActuatorModel, quiet: tuple[str, ...], kappa: float) -> tuple[str, ...]:
-    notes = [
-        _SCALE_NOTE,
-        f"the residual is correlated: one in {kappa:.0f} rows counts as independent",
-    ]
+def _notes(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
+    uncertain = (
+        f"the residual is {np.sqrt(ratio):.1f} times what the noise of angle and temperatures makes, and one in "
+        f"{rows:.0f} rows of it counts as independent; the intervals allow for both"
+    )
+    notes = [_SCALE_NOTE, uncertain]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}
     if scale <= set(model.spec.uncertainty):
         notes.append("moduli and stress influences are all uncertain: their common scale is fixed by the priors alone")

@@ -105,7 +105,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
         before=before,
         after=after,
         held_out=blocks,
-        noise_floor_deg=_floor(problem, findings),
+        noise_floor_deg=min(_floor(problem, findings), before.rmse_train_deg, after.rmse_train_deg),
         parameters=parameters | fixed,
         plain_parameters=plain | fixed,
         pulls=pulls,
@@ -156,7 +156,10 @@ def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
 
 
 def _floor(problem: ActuatorProblem, findings: Findings) -> float:
-    """Return the root mean square that no model can remove: reading noise, and noise left in the temperatures."""
+    """Return the root mean square that the inputs account for: reading noise, and noise left in the temperatures.
+
+    A film's uncertainties are meant to be large enough; what a fit leaves may be less.
+    """
     drive, fit = problem.drive, findings.decision.chosen.fit
     measured = np.isfinite(drive.angle_rad)
     given = drive.angle_sigma_rad[measured] / DEG

@@ -111,7 +111,7 @@ class DiscoveryReport:
     held_out : tuple of int
         Half-cycles that were predicted from the others, each in its turn.
     noise_floor_deg : float
-        Residual that no model can remove.
+        Residual that no model can remove: what the inputs' noise does, or what a fit leaves where that is less.
     parameters, plain_parameters : mapping of str to Estimate
         Of the extended and of the plain model.
     pulls, plain_pulls : tuple of Pull
