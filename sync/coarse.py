@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sync.flanks import Flank, LogPicture
 from sync.motion import Stroke
+from torsight.core.series import runs
 
 _STEP_S: Final = 0.5
 _NEAR_BEST: Final = 0.12
@@ -55,14 +56,13 @@ def find_plateaus(
     if best <= 0.3:
         return ()
     good = score >= best - _NEAR_BEST
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
     plateaus = [
         Plateau(
             low_s=float(offset_s[begin]) - _STEP_S,
             high_s=float(offset_s[end - 1]) + _STEP_S,
             score=float(score[begin:end].max()),
         )
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+        for begin, end in runs(good)
     ]
     return tuple(sorted(plateaus, key=lambda plateau: -plateau.score))
 

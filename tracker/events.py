@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import runs
 from torsight.core.tracks import MARKERS, StickAngles
 from tracker.rows import CODE
 
@@ -106,5 +107,4 @@ def _event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) ->
 
 
 def _runs(flag: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    index = np.flatnonzero(flag)
-    return np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
+    return [np.arange(begin, end) for begin, end in runs(flag)]

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.corners import mend_corners
 from torsight.actuator.holds import level_holds
+from torsight.core.series import scatter
 
 Array = NDArray[np.float64]
 
@@ -155,13 +156,7 @@ def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
     for stride in strides:
         if len(temp_c) < 3 * stride + 8:
             break
-        third = (
-            temp_c[3 * stride :]
-            - 3.0 * temp_c[2 * stride : -stride]
-            + 3.0 * temp_c[stride : -2 * stride]
-            - temp_c[: -3 * stride]
-        )
-        noises.append(float(np.median(np.abs(third))) / 0.6745 / math.sqrt(20.0))
+        noises.append(scatter(temp_c, stride=stride))
     if not noises:
         return 0.0, 1.0
     largest = max(noises)

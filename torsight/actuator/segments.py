@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.turns import turning_points
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.series import runs
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -178,11 +179,9 @@ def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray
     """Return the stretches in which one switch is on."""
     found = []
     for spring in (0, 1):
-        on = np.concatenate([[False], heat[spring] & ~heat[1 - spring], [False]]).astype(np.int8)
-        starts, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
-        for start, end in zip(starts, ends, strict=True):
+        for start, end in runs(heat[spring] & ~heat[1 - spring]):
             top = start + int(np.argmax(temps[spring][start:end]))
-            found.append(Heating(spring, int(start), int(top), float(temps[spring][start]), float(temps[spring][top])))
+            found.append(Heating(spring, start, top, float(temps[spring][start]), float(temps[spring][top])))
     return sorted(found, key=lambda item: item.start)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.core.series import scatter
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -99,8 +100,7 @@ def reading_floor(drive: Drive) -> float:
     angle = drive.angle_rad[np.isfinite(drive.angle_rad)]
     if len(angle) < 8:
         return 1e-4
-    scatter = float(np.median(np.abs(np.diff(angle, 3)))) / 0.6745 / math.sqrt(20.0)
-    return float(max(0.7 * scatter, 1e-5))
+    return max(0.7 * scatter(angle), 1e-5)
 
 
 def spikes(drive: Drive) -> NDArray[np.bool_]:

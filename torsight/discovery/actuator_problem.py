@@ -23,6 +23,7 @@ from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.turns import turning_points
 from torsight.core.parameter import Parameter
+from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
 from torsight.discovery.interface import Candidate
 from torsight.discovery.temperature_errors import TemperatureErrors, draw_errors, with_errors
@@ -291,7 +292,7 @@ def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArr
     interval = float(np.median(np.diff(time_s)))
     half = max(2, round(0.5 * _REST_LEAST_S / interval))
     filled = np.interp(time_s, time_s[valid], observed[valid])
-    noise = float(np.median(np.abs(np.diff(filled, 3)))) / 0.6745 / np.sqrt(20.0)
+    noise = scatter(filled)
     total = np.concatenate([[0.0], np.cumsum(filled)])
     index = np.arange(n)
     low, high = np.maximum(index - half, 0), np.minimum(index + half, n - 1)
@@ -304,9 +305,7 @@ def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArr
 
 
 def _long_runs(flag: NDArray[np.bool_], *, least: int) -> NDArray[np.bool_]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
     kept = np.zeros(len(flag), bool)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if stop - start >= least:
-            kept[start:stop] = True
+    for start, stop in runs(flag):
+        kept[start:stop] = stop - start >= least
     return kept

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import scatter
 from torsight.discovery.interface import Problem
 
 Array = NDArray[np.float64]
@@ -164,8 +165,7 @@ def reading_noise(problem: Problem, stretches: Stretches, residual: Array) -> fl
     """Return the standard deviation of the reading noise, measured from the record.
 
     At rests from the measured values, which do not move there; where the record never rests from a fit's residual,
-    which keeps the noise and little of the motion. Third differences leave almost nothing of a slow trend (those of
-    white noise have the variance 20 σ²), and their median is blind to the odd glitch.
+    which keeps the noise and little of the motion.
     """
     levels, motion = stretches.split()
     pieces = [problem.observed[a:b] for a, b in levels if b - a >= 16]
@@ -173,5 +173,4 @@ def reading_noise(problem: Problem, stretches: Stretches, residual: Array) -> fl
         pieces = [residual[a:b] for a, b in motion if b - a >= 16]
     if not pieces:
         return float(np.median(problem.sigma[problem.valid]))
-    third = np.concatenate([np.diff(piece, 3) for piece in pieces])
-    return float(np.median(np.abs(third)) / 0.6745 / np.sqrt(20.0))
+    return scatter(*pieces)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import runs
 from torsight.report.svg import Axis, Plot
 
 if TYPE_CHECKING:
@@ -44,12 +45,6 @@ def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     return np.asarray(table[name].to_numpy(dtype=np.float64))
 
 
-def spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and last index of every run of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
 def shade_held_out(plot: Plot, curves: pd.DataFrame) -> None:
     """Shade the half-cycles that the fit did not see."""
     held = column(curves, "held_out") > 0.5
@@ -57,8 +52,8 @@ def shade_held_out(plot: Plot, curves: pd.DataFrame) -> None:
         # Every half-cycle was left out in turn: there is nothing to tell apart.
         return
     time_s = column(curves, "time_s")
-    for first, last in spans(held):
-        plot.band(time_s[first], time_s[last], "held", label="half-cycle that the fit did not see")
+    for begin, end in runs(held):
+        plot.band(time_s[begin], time_s[end - 1], "held", label="half-cycle that the fit did not see")
 
 
 def angle_over_time(curves: pd.DataFrame, *, source: str = CURVES) -> Figure:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.report.figures import ANGLE, TEMPERATURE, TIME, Figure, column, spans
+from torsight.report.figures import ANGLE, TEMPERATURE, TIME, Figure, column
 from torsight.report.residuals import slope
 from torsight.report.svg import Axis, Plot, stacked
 
@@ -29,8 +30,8 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = (
     top = float(np.nanquantile(sigma[valid], 0.999)) * 1.25
     spread = Plot(Axis.along(TIME, time_s), Axis("sigma (°)", 0.0, top if top > 0 else 1.0, ticks=4), "", height=170)
     for plot, label in ((motion, "angle not measured"), (spread, "")):
-        for first, last in spans(~valid):
-            plot.band(time_s[first], time_s[last], "lost", label=label)
+        for begin, end in runs(~valid):
+            plot.band(time_s[begin], time_s[end - 1], "lost", label=label)
     motion.line(time_s, np.where(valid, degrees, np.nan), "ink", label="measured angle")
     for event in events[:_MOST_EVENTS]:
         at_s = event.get("time_s")
