@@ -90,20 +90,21 @@ def summary_document(results: RunResults) -> str:
     discovery = results.discovery
     if discovery is not None:
         lines[0] = f"### {verdict_sentence(discovery)}"
-    rows = _motion(results)
-    document = discovery if (discovery or {}).get("parameters") else results.fit
-    friction = ((document or {}).get("parameters") or {}).get("tau_c_mnm")
-    if friction is not None:
-        rows.append(("Friction torque", estimate(friction)))
+    rows = []
     if discovery is not None:
-        for effect in discovery.get("effects") or []:
-            values = "; ".join(f"{name} {estimate(value)}" for name, value in effect.get("parameters", {}).items())
-            rows.append((effect_name(str(effect["id"])).capitalize(), values))
         before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
         if before is not None and after is not None:
             rows.append(("Error on half-cycles not seen", f"{number(before)}° → {number(after)}° rms"))
         if discovery.get("noise_floor_deg") is not None:
             rows.append(("Noise floor", f"{number(discovery['noise_floor_deg'], 2)}°"))
+    document = discovery if (discovery or {}).get("parameters") else results.fit
+    friction = ((document or {}).get("parameters") or {}).get("tau_c_mnm")
+    if friction is not None:
+        rows.append(("Friction torque", estimate(friction)))
+    for effect in (discovery or {}).get("effects") or []:
+        values = "; ".join(f"{name} {estimate(value)}" for name, value in effect.get("parameters", {}).items())
+        rows.append((effect_name(str(effect["id"])).capitalize(), values))
+    rows += _motion(results)
     return "\n".join([*lines, *(f"- **{name}** {words}" for name, words in rows), ""])
 
 
