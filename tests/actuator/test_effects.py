@@ -96,7 +96,10 @@ def spec_of(made) -> ActuatorSpec:
 
 
 def fitted(name: str, effects: tuple[str, ...]):
-    made = record(name)
+    return fitted_to(record(name), effects)
+
+
+def fitted_to(made, effects: tuple[str, ...]):
     model = ActuatorModel(spec_of(made), (*effects, "home_torque"))
     drive = model.prepare(made.table)
     starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
@@ -230,3 +233,21 @@ def test_order_and_unknown_ids():
     assert ids == ["sensor_lag", "clock_offset", "heat_crosstalk", "eccentricity"]
     with pytest.raises(ConfigError, match="sensor_leg"):
         chosen_effects(("sensor_leg",))
+
+
+def test_friction_that_is_flat_at_its_extremes_has_a_third_harmonic():
+    made = made_with({"position_friction": {"amplitude": 0.4, "phase_rad": 0.7, "form": "flattened"}}, seed=12)
+    fit = fitted_to(made, ("position_friction",))
+    at = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    wave = np.tanh(2.0 * np.sin(at)) / math.tanh(2.0)
+    first, third = (2.0 * np.mean(wave * np.sin(k * at)) for k in (1, 3))
+    assert fit.values["friction_third_harmonic"] == pytest.approx(third / first, abs=0.03)
+    amplitude = math.hypot(fit.values["friction_sine"], fit.values["friction_cosine"])
+    assert amplitude == pytest.approx(0.4 * first, rel=0.05)
+
+
+def test_grease_that_thins_has_a_power_below_one():
+    made = made_with({"viscous_friction": {"viscous_mnm_s_per_rad": 8.0, "form": "power"}}, seed=12)
+    fit = fitted_to(made, ("viscous_friction",))
+    assert fit.values["viscous_power"] == pytest.approx(0.7, abs=0.05)
+    assert fit.values["viscous_mnm_s_per_rad"] == pytest.approx(8.0, rel=0.1)

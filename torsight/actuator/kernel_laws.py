@@ -49,7 +49,8 @@ FIRST_SHARE: Final = 25
 HAS_SIDE: Final = 26
 HEATING_BEND: Final = 27
 COOLING_BEND: Final = 28
-N_SCALARS: Final = 29
+VISCOUS_POWER: Final = 29
+N_SCALARS: Final = 30
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0

@@ -34,6 +34,7 @@ from torsight.actuator.kernel_laws import (
     THETA_CR,
     THETA_P,
     VISCOUS,
+    VISCOUS_POWER,
     bend,
     bent,
     cold_torque,
@@ -103,7 +104,9 @@ def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables
     """
     theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
-    friction += p[VISCOUS] * abs(x - c[X0]) * c[PER_S]
+    if p[VISCOUS] > 0.0:
+        speed = abs(x - c[X0]) * c[PER_S]
+        friction += p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
     torque = passive_torque(x, c, p, tables) - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)

@@ -82,8 +82,8 @@ class Ports:
         Share of the friction that is taken to have stopped the springs before the record.
     heating_bend, cooling_bend : float
         By how much the transformation runs ahead of the phase law in the middle of its window.
-    viscous_nms : float
-        Friction torque per rad/s.
+    viscous_nms, viscous_power : float
+        Friction torque at 1 rad/s, and the power of the speed with which it grows.
     static_excess, static_time_s : float
         By which share friction after a long rest exceeds sliding friction, and the rest that it takes.
     friction_down_nm, friction_up_nm : (g,) float64 or None
@@ -122,6 +122,7 @@ class Ports:
     heating_bend: float = 0.0
     cooling_bend: float = 0.0
     viscous_nms: float = 0.0
+    viscous_power: float = 1.0
     static_excess: float = 0.0
     static_time_s: float = 1.0
     friction_down_nm: Array | None = None

@@ -1,10 +1,11 @@
 r"""Friction changes once per turn: an eccentric shaft or thread.
 
-.. math:: τ_f = τ_c (1 + a \sin(φ + φ_0)) = τ_c (1 + s \sin φ + c \cos φ)
+.. math:: τ_f = τ_c (1 + a (\sin ψ + h \sin 3ψ)), \qquad ψ = φ + φ_0, \quad a \sin ψ = s \sin φ + c \cos φ
 
-a amplitude as a share of τ_c, φ_0 phase (rad); the fit moves s and c, which are well conditioned, and the amplitude
-and phase are reported. Predicted residual: once per turn in angle, its sign follows the direction of motion. Source:
-position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083.
+a amplitude as a share of τ_c, φ_0 phase (rad), h third harmonic: above zero the wave is flat at its extremes (a thread
+that binds over a part of the turn), below it is pointed. The fit moves s and c, which are well conditioned, and the
+amplitude and phase are reported. Predicted residual: once per turn in angle, its sign follows the direction of motion.
+Source: position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083.
 """
 
 from __future__ import annotations
@@ -22,14 +23,23 @@ from torsight.core.parameter import Parameter
 Array = NDArray[np.float64]
 
 
-def friction_factor(phi_rad: Array, *, sine: float, cosine: float) -> Array:
-    """Return 1 + s sin φ + c cos φ, never below zero."""
-    return np.maximum(0.0, 1.0 + sine * np.sin(phi_rad) + cosine * np.cos(phi_rad))
+def friction_factor(phi_rad: Array, *, sine: float, cosine: float, third_harmonic: float = 0.0) -> Array:
+    """Return 1 + a (sin ψ + h sin 3ψ) with a sin ψ = s sin φ + c cos φ, never below zero."""
+    wave = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
+    square = sine**2 + cosine**2
+    if square > 0.0:
+        wave = wave * (1.0 + third_harmonic * (3.0 - 4.0 * wave**2 / square))
+    return np.maximum(0.0, 1.0 + wave)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Multiply the friction, the same for both directions."""
-    factor = friction_factor(ports.phi_grid_rad(), sine=values["friction_sine"], cosine=values["friction_cosine"])
+    factor = friction_factor(
+        ports.phi_grid_rad(),
+        sine=values["friction_sine"],
+        cosine=values["friction_cosine"],
+        third_harmonic=values["friction_third_harmonic"],
+    )
     return ports.with_friction(factor, factor)
 
 
@@ -41,6 +51,7 @@ EFFECT: Final = Effect(
     parameters=(
         Parameter(name="friction_sine", value=0.2, unit="", lower=-1.5, upper=1.5, null=0.0),
         Parameter(name="friction_cosine", value=0.0, unit="", lower=-1.5, upper=1.5, null=0.0),
+        Parameter(name="friction_third_harmonic", value=0.0, unit="", lower=-0.4, upper=0.4, sigma=0.1),
     ),
     apply=apply,
     starts=(

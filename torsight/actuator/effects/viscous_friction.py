@@ -1,10 +1,11 @@
 r"""Grease: friction grows with speed.
 
-.. math:: τ_f = τ_c + b |\dot φ|
+.. math:: τ_f = τ_c + b ω_0 (|\dot φ| / ω_0)^n, \qquad ω_0 = 1 rad/s
 
-b viscous coefficient (mN·m·s/rad). Predicted residual: proportional to the speed, its sign follows the direction;
-gone a while after the temperature rests. Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al.,
-Automatica 30 (1994) 1083.
+b viscous coefficient at 1 rad/s (mN·m·s/rad), n power (1: a Newtonian oil; greases thin as they are sheared, below 1).
+Predicted residual: grows with the speed, its sign follows the direction; gone a while after the temperature rests.
+Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083; power-law fluids
+(Ostwald and de Waele).
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from torsight.core.units import MNM
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the coefficient."""
-    return replace(ports, viscous_nms=ports.viscous_nms + values["viscous_mnm_s_per_rad"] * MNM)
+    """Set coefficient and power."""
+    viscous_nms = values["viscous_mnm_s_per_rad"] * MNM
+    return replace(ports, viscous_nms=viscous_nms, viscous_power=values["viscous_power"])
 
 
 EFFECT: Final = Effect(
@@ -30,6 +32,7 @@ EFFECT: Final = Effect(
     title="friction grows with speed",
     parameters=(
         Parameter(name="viscous_mnm_s_per_rad", value=3.0, unit="mN·m·s/rad", lower=0.0, upper=2000.0, null=0.0),
+        Parameter(name="viscous_power", value=1.0, unit="", lower=0.3, upper=1.5, sigma=0.2),
     ),
     apply=apply,
     starts=({"viscous_mnm_s_per_rad": 20.0},),
