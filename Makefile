@@ -26,13 +26,7 @@ $(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	touch $@ $(VENV)/.installed
 
-# Compiled functions are put into their callers, and numba asks only whether the caller's own file has changed.
-COMPILED := $(shell grep -lErs 'njit|compiled import' --include='*.py' torsight tracker)
-$(VENV)/.compiled: $(COMPILED) | $(BIN)/python
-	find torsight tracker -name '*.nb[ic]' -delete
-	touch $@
-
-demo: $(VENV)/.installed $(VENV)/.compiled
+demo: $(VENV)/.installed
 	$(BIN)/torsight demo --out demo
 
 lint: $(VENV)/.installed-dev
@@ -41,7 +35,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint $(VENV)/.compiled
+test: lint
 	$(BIN)/python -m pytest
 
 docs: $(VENV)/.installed-docs

@@ -17,9 +17,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from tracker.render import (
     COLUMNS,
     DEPTH,

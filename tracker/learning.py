@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from tracker.compiled import GREW, LIGHT, PATCH, RESIDUAL, SLOPE_X, STEP, XX, X, Y
 from tracker.fields import (
     AT_X,

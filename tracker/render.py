@@ -10,8 +10,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.int64]

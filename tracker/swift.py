@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from tracker.compiled import CONTRAST, CONVERGED, PATCH, RESIDUAL, STEP, Luma, X, Y, read_dot
 from tracker.fields import (
     ABOVE,

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from pathlib import Path
 
 import pytest
 from numba.core.dispatcher import Dispatcher
+
+from torsight.core.compiled import drop_outdated
 
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
 
@@ -25,3 +28,33 @@ def test_no_compiled_function_adds_in_an_order_of_the_compilers_choice(package: 
     assert functions or package in {"calibration", "sync"}
     free = [name for name, each in functions.items() if each.targetoptions.get("fastmath")]
     assert not free, "compiled again, or put together with callers from the disk, their sums end in other digits"
+
+
+def test_machine_code_goes_when_any_compiled_source_has_changed_and_only_then(tmp_path: Path) -> None:
+    folder, stamp = tmp_path / "package", tmp_path / "cache" / "stamp"
+    code = folder / "inner" / "__pycache__" / "caller.f-3.py311.nbi"
+    code.parent.mkdir(parents=True)
+    (folder / "callee.py").write_text("@njit(cache=True)\ndef g(): ...")
+    (folder / "inner" / "caller.py").write_text("@njit(cache=True)\ndef f(): ...")
+
+    def gone() -> bool:
+        code.write_text("machine code")
+        changed = drop_outdated([folder], stamp)
+        assert code.exists() != changed
+        return changed
+
+    assert gone()
+    assert not gone()
+    (folder / "other.py").write_text("nothing compiled")
+    assert not gone()
+    (folder / "callee.py").write_text("@njit(cache=True)\ndef g(): return 1")
+    assert gone()
+    assert not gone()
+
+
+@pytest.mark.parametrize("folder", ["torsight", "tracker", "calibration", "sync"])
+def test_every_compiled_module_takes_its_decorator_from_where_that_is_looked_at(folder: str) -> None:
+    root = Path(__file__).parents[2]
+    own = root / "torsight" / "core" / "compiled.py"
+    direct = [path for path in (root / folder).rglob("*.py") if "from numba import" in path.read_text(encoding="utf-8")]
+    assert direct == ([own] if folder == "torsight" else [])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar, cast
 
-from numba import njit
+from torsight.core.compiled import njit
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -14,9 +14,9 @@ import math
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.synthetic.constants import Constants
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -6,9 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.synthetic.constants import Constants
 from torsight.synthetic.heat import control, heat_step, lag_step, sense
 from torsight.synthetic.mechanics import BRISTLE, PHI, REST, SPEED, Floats, Springs, friction_limit, step_angle

@@ -14,9 +14,9 @@ import math
 from typing import Final, TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.synthetic.constants import ONSET_SCALE_RAD, Constants
 from torsight.synthetic.springs import past_onset, solve_spring
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]

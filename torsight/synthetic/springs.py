@@ -11,9 +11,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.synthetic.constants import ONSET_SCALE_RAD, Constants
 
 # Columns of a spring's state.
