@@ -55,6 +55,8 @@ from torsight.actuator.kernel_laws import (
     window_place,
 )
 from torsight.actuator.kernel_roots import (
+    AHEAD,
+    BEFORE,
     CHANGED,
     CROSS,
     FACTOR,
@@ -257,6 +259,14 @@ def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> b
     return True
 
 
+@inlined
+def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
+    """Keep the mean speed over the sample before, and this sample's share of the time of both."""
+    known = not starts and c[PER_S] > 0.0
+    c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
+    c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
+
+
 @compiled
 def run(
     per_s: Array,
@@ -309,7 +319,7 @@ def run(
     """
     n = active.size
     out = np.empty((5, n))
-    c, q, saved_q, g = np.zeros(13), np.zeros(6), np.zeros(6), np.zeros(11)
+    c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
     w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     theta_a, theta_p = theta_start, p[THETA_P]
@@ -334,6 +344,7 @@ def run(
             for i in range(5):
                 out[i, k] = out[i, k - 1]
             continue
+        _keep_speed(per_s[k], starts, c, g)
         c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
         c[SIGN] = 1.0 if who == 0 else -1.0
         c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0

@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
-TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER = 8, 9, 10, 11, 12
+TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
@@ -97,6 +97,18 @@ def passive_torque(x: float, c: Array, p: Array, tables: Array) -> float:
 
 
 @inlined
+def viscous_torque(x: float, sense: float, c: Array, p: Array) -> float:
+    """Return viscous friction at the end of a sample, from the mean speeds over it and over the one before.
+
+    The backward differentiation formula of second order for steps of any length: the mean speed of one sample is that
+    of its middle, which few rows a stroke would make several tenths of a degree of.
+    """
+    speed = (x - c[X0]) * c[PER_S]
+    speed = max(0.0, sense * (speed + c[AHEAD] * (speed - c[BEFORE])))
+    return p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
+
+
+@inlined
 def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
@@ -105,8 +117,7 @@ def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables
     theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
     if p[VISCOUS] > 0.0:
-        speed = abs(x - c[X0]) * c[PER_S]
-        friction += p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
+        friction += viscous_torque(x, sense, c, p)
     torque = passive_torque(x, c, p, tables) - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
