@@ -19,7 +19,7 @@ from torsight.viewer import layout, write_recording
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
 from torsight.viewer.pictures import WHOLE, take_pictures
 from torsight.viewer.preview import write_preview
-from torsight.viewer.recording import _wait_for_writer
+from torsight.viewer.recording import _wait_for_writer, _written
 
 
 def film_of(markers: pd.DataFrame, path: Path) -> Path:
@@ -257,6 +257,17 @@ class _Writer:
             self.path.write_bytes(b"x" * self.waits)
         if self.waits <= self.answers_after:
             raise RuntimeError("Flush timed out - not all log messages were sent")
+
+
+def test_a_process_that_writes_nothing_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torsight.viewer.recording._WRITER", ("-c", "import time; time.sleep(600)"))
+    with pytest.raises(RuntimeError, match="stands still"):
+        _written(tmp_path, tmp_path / "recording.rrd", None, patience_s=0.2)
+
+
+def test_what_goes_wrong_in_the_writer_is_told(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"not written \(InputError.*nowhere"):
+        _written(tmp_path / "nowhere", tmp_path / "recording.rrd", None)
 
 
 def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final, cast
+from typing import IO, TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,16 @@ class Preview:
     frame: NDArray[np.int64]
     scale: float
     size_px: tuple[int, int]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {"path": str(self.path), "frame": self.frame.tolist(), "scale": self.scale, "size_px": self.size_px}
+
+    @classmethod
+    def from_json(cls, told: dict[str, Any]) -> Preview:
+        """Return what :meth:`to_json` was made of."""
+        frame = np.array(told["frame"], np.int64)
+        return cls(Path(told["path"]), frame, float(told["scale"]), (told["size_px"][0], told["size_px"][1]))
 
 
 def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: Progress = silent) -> Preview:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -37,6 +40,8 @@ CURVES: Final = {
     "temperature/b": ("merged", "curves"),
 }
 """The tables that hold a curve, the best first."""
+
+_WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
 _END: Final = b"RRF2FOOT"
 _END_BYTES: Final = 64
@@ -78,26 +83,65 @@ def write_recording(folder: Path, *, film: Path | None = None, progress: Progres
     OutputError
         When the recording cannot be written.
     """
-    import rerun as rr
-
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
         preview = _preview(results, film, Path(scratch), progress=progress)
-        # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
-        stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
         with _whole(temporary):
-            stream.save(temporary, default_blueprint=layout.blueprint(span_s(results)))
-            layout.log_styles(stream)
-            log_curves(stream, results)
-            log_band(stream, results)
-            log_half_cycles(stream, results)
-            _log_film(stream, results, preview)
-            _log_words(stream, results)
-            _wait_for_writer(stream, temporary)
-            stream.disconnect()
+            _written(folder, temporary, preview)
     progress("recording", 1, 1)
     return path
+
+
+def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = 30.0) -> None:
+    """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
+    task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
+    # It finds what this process has found, however that was started.
+    paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
+    words = [sys.executable, *_WRITER]
+    with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
+        try:
+            told, size = None, -1
+            given: str | None = json.dumps(task)
+            while told is None:
+                try:
+                    told, _ = writer.communicate(given, timeout=patience_s)
+                except subprocess.TimeoutExpired as error:
+                    given, before, size = None, size, target.stat().st_size if target.exists() else 0
+                    if size == before:
+                        raise RuntimeError("the writer stands still") from error
+        finally:
+            writer.kill()
+    if writer.returncode != 0:
+        wrong = json.loads(told) if told else {"errno": None, "message": f"exit code {writer.returncode}"}
+        if wrong["errno"] is not None:
+            raise OSError(wrong["errno"], wrong["message"])
+        raise RuntimeError(f"the recording was not written ({wrong['message']})")
+
+
+def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
+    """Write a recording in this process; on a full disk it may never come back.
+
+    Raises
+    ------
+    OSError
+        When the recording lacks its end.
+    """
+    import rerun as rr
+
+    results = read_results(folder)
+    # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
+    stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
+    with _whole(target):
+        stream.save(target, default_blueprint=layout.blueprint(span_s(results)))
+        layout.log_styles(stream)
+        log_curves(stream, results)
+        log_band(stream, results)
+        log_half_cycles(stream, results)
+        _log_film(stream, results, preview)
+        _log_words(stream, results)
+        _wait_for_writer(stream, target)
+        stream.disconnect()
 
 
 def _wait_for_writer(stream: rr.RecordingStream, path: Path, *, patience_s: float = 30.0) -> None:

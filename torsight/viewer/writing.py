@@ -1,0 +1,41 @@
+"""The recording's writer, in a process of its own.
+
+Rerun's writer of files ends when the disk is full, and whatever asks it for anything then may wait for ever: the next
+flush, the next recording, the end of the program. So it is not let into the process that holds the results.
+
+On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
+is wrong is told as ``{"errno": …, "message": …}`` on standard output.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+from torsight.viewer.preview import Preview
+from torsight.viewer.recording import log_recording
+
+
+def main() -> int:
+    """Write the recording and return the exit code."""
+    # Who is asked to stop at the terminal is the sender, and ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    task = json.load(sys.stdin)
+    preview = None if task["preview"] is None else Preview.from_json(task["preview"])
+    try:
+        log_recording(Path(task["folder"]), Path(task["target"]), preview)
+    except Exception as error:  # noqa: BLE001 - the sender says what it means
+        number = error.errno if isinstance(error, OSError) else None
+        words = error.strerror if isinstance(error, OSError) and error.strerror else f"{type(error).__name__}: {error}"
+        sys.stdout.write(json.dumps({"errno": number, "message": words}))
+        sys.stdout.flush()
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    # At once: a writer that has ended is not waited for.
+    os._exit(main())
