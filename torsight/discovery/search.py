@@ -43,6 +43,8 @@ _SAME_COST: Final = 2e-3
 _SHARPENINGS: Final = 6
 _SHARPER: Final = 0.25
 """Share of the residual's size as which it counts in a second search, where the first one has left much ..."""
+_WELL_EXPLAINED: Final = 0.1
+"""... and more than this share of what the base model leaves: a form's error, which no other set would take ..."""
 _SHORT: Final = 16.0
 """... and samples over which it is correlated there at most."""
 _LOOKS: Final = 2
@@ -69,7 +71,7 @@ class Search:
         """Return the base model, every single candidate and the sets that grew out of the best ones."""
         self._fit_base()
         self._grow_all()
-        if self._shows() and self._settings.most_effects > 1:
+        if self._shows() and self._poor() and self._settings.most_effects > 1:
             self._grow_sharper()
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)
@@ -299,6 +301,14 @@ class Search:
         valid = self._problem.valid
         least = max(self._problem.resolution, float(np.sqrt(np.mean(self._floor[valid] ** 2))))
         return max(self._scales.motion, self._scales.rest) > _SHOWS * least
+
+    def _poor(self) -> bool:
+        """Return whether the best fit leaves more than a small part of what the base model leaves."""
+        valid = self._problem.valid
+        best, base = (
+            np.sqrt(np.mean(self._fitter.residual(fit)[valid] ** 2)) for fit in (self._best(), self._fits[()])
+        )
+        return bool(best > _WELL_EXPLAINED * base)
 
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter, until the best stays."""
