@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from typing import Self
 
 import cv2
 import numpy as np
@@ -19,7 +21,7 @@ from torsight.viewer import layout, write_recording
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
 from torsight.viewer.pictures import WHOLE, take_pictures
 from torsight.viewer.preview import write_preview
-from torsight.viewer.recording import _wait_for_writer, _written
+from torsight.viewer.recording import _written
 
 
 def film_of(markers: pd.DataFrame, path: Path) -> Path:
@@ -245,18 +247,28 @@ def test_documents_of_the_made_up_run_are_plain_json() -> None:
 
 
 class _Writer:
-    """A recording whose writer answers after so many waits, and writes in each of the first ones."""
+    """A writing process that ends after so many waits, and writes in each of the first ones."""
 
-    def __init__(self, path: Path, *, answers_after: int, writes: int) -> None:
-        self.path, self.answers_after, self.writes, self.waits = path, answers_after, writes, 0
+    returncode = 0
 
-    def flush(self, *, timeout_sec: float) -> None:
-        del timeout_sec
+    def __init__(self, path: Path, *, ends_after: int, writes: int) -> None:
+        self.path, self.ends_after, self.writes, self.waits = path, ends_after, writes, 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def kill(self) -> None: ...
+
+    def communicate(self, given: str | None, *, timeout: float) -> tuple[str, None]:
+        assert (given is None) == (self.waits > 0)
         self.waits += 1
         if self.waits <= self.writes:
             self.path.write_bytes(b"x" * self.waits)
-        if self.waits <= self.answers_after:
-            raise RuntimeError("Flush timed out - not all log messages were sent")
+        if self.waits <= self.ends_after:
+            raise subprocess.TimeoutExpired("writer", timeout)
+        return "", None
 
 
 def test_a_process_that_writes_nothing_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,10 +282,14 @@ def test_what_goes_wrong_in_the_writer_is_told(tmp_path: Path) -> None:
         _written(tmp_path / "nowhere", tmp_path / "recording.rrd", None)
 
 
-def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(tmp_path: Path) -> None:
+def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "recording.rrd"
-    slow = _Writer(path, answers_after=3, writes=3)
-    _wait_for_writer(slow, path)  # type: ignore[arg-type]
+    slow, stuck = _Writer(path, ends_after=3, writes=3), _Writer(path, ends_after=99, writes=2)
+    writers = iter((slow, stuck))
+    monkeypatch.setattr("torsight.viewer.recording.subprocess.Popen", lambda *_, **__: next(writers))
+    _written(tmp_path, path, None)
     assert slow.waits == 4
     with pytest.raises(RuntimeError, match="writer"):
-        _wait_for_writer(_Writer(path, answers_after=99, writes=2), path)  # type: ignore[arg-type]
+        _written(tmp_path, path, None)

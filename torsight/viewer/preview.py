@@ -135,17 +135,20 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
             with contextlib.suppress(BrokenPipeError):
                 pictures.close()
     if encoder.returncode != 0:
-        _tell(told)
+        trouble_of(told)
         raise _StuckError
     return Preview(path, np.array(chosen, dtype=np.int64), width / source.size_px[0], (width, height))
 
 
-def _tell(said: bytes) -> None:
-    """Raise what the encoder said of the disk; nothing where it said nothing."""
-    with contextlib.suppress(ValueError):
+def trouble_of(said: str | bytes) -> str:
+    """Raise what a process of its own said of the disk; return what else went wrong, nothing where it said nothing."""
+    try:
         trouble = json.loads(said)
-        if trouble["errno"] is not None:
-            raise OSError(trouble["errno"], trouble["message"])
+    except ValueError:
+        return ""
+    if trouble["errno"] is not None:
+        raise OSError(trouble["errno"], trouble["message"])
+    return str(trouble["message"])
 
 
 def _fitted(frame: Frame, last: NDArray[np.uint8]) -> NDArray[np.uint8]:

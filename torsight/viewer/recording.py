@@ -23,7 +23,7 @@ from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.viewer import layout
 from torsight.viewer.overlay import Overlay, colour_of, overlay
-from torsight.viewer.preview import MOST_FRAMES, Preview, write_preview
+from torsight.viewer.preview import MOST_FRAMES, Preview, trouble_of, write_preview
 from torsight.viewer.words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
@@ -113,50 +113,25 @@ def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s:
         finally:
             writer.kill()
     if writer.returncode != 0:
-        wrong = json.loads(told) if told else {"errno": None, "message": f"exit code {writer.returncode}"}
-        if wrong["errno"] is not None:
-            raise OSError(wrong["errno"], wrong["message"])
-        raise RuntimeError(f"the recording was not written ({wrong['message']})")
+        raise RuntimeError(f"the recording was not written ({trouble_of(told) or f'exit code {writer.returncode}'})")
 
 
 def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
-    """Write a recording in this process; on a full disk it may never come back.
-
-    Raises
-    ------
-    OSError
-        When the recording lacks its end.
-    """
+    """Write a recording in this process; on a full disk it may never come back, or lack its end."""
     import rerun as rr
 
     results = read_results(folder)
     # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
     stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
-    with _whole(target):
-        stream.save(target, default_blueprint=layout.blueprint(span_s(results)))
-        layout.log_styles(stream)
-        log_curves(stream, results)
-        log_band(stream, results)
-        log_half_cycles(stream, results)
-        _log_film(stream, results, preview)
-        _log_words(stream, results)
-        _wait_for_writer(stream, target)
-        stream.disconnect()
-
-
-def _wait_for_writer(stream: rr.RecordingStream, path: Path, *, patience_s: float = 30.0) -> None:
-    """Wait until all is in the file, as long as the file grows: a writer that ended on a full disk may never answer."""
-    size, answered = -1, False
-    while not answered:
-        try:
-            stream.flush(timeout_sec=patience_s)
-            answered = True
-        except RuntimeError as error:
-            before, size = size, path.stat().st_size
-            if "timed out" not in str(error):
-                raise
-            if size == before:
-                raise RuntimeError("the writer stands still") from error
+    stream.save(target, default_blueprint=layout.blueprint(span_s(results)))
+    layout.log_styles(stream)
+    log_curves(stream, results)
+    log_band(stream, results)
+    log_half_cycles(stream, results)
+    _log_film(stream, results, preview)
+    _log_words(stream, results)
+    stream.flush()
+    stream.disconnect()
 
 
 @contextlib.contextmanager
