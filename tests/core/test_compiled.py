@@ -30,16 +30,18 @@ def test_no_compiled_function_adds_in_an_order_of_the_compilers_choice(package: 
     assert not free, "compiled again, or put together with callers from the disk, their sums end in other digits"
 
 
-def test_machine_code_goes_when_any_compiled_source_has_changed_and_only_then(tmp_path: Path) -> None:
+def test_machine_code_goes_when_anything_that_is_in_it_has_changed_and_only_then(tmp_path: Path) -> None:
     folder, stamp = tmp_path / "package", tmp_path / "cache" / "stamp"
     code = folder / "inner" / "__pycache__" / "caller.f-3.py311.nbi"
     code.parent.mkdir(parents=True)
-    (folder / "callee.py").write_text("@njit(cache=True)\ndef g(): ...")
+    (folder / "callee.py").write_text("from package.limits import MOST\n@njit(cache=True)\ndef g(): ...")
+    (folder / "limits.py").write_text("from package.units import DEG\nMOST = 3 * DEG")
+    (folder / "units.py").write_text("DEG = 0.017")
     (folder / "inner" / "caller.py").write_text("@njit(cache=True)\ndef f(): ...")
 
     def gone() -> bool:
         code.write_text("machine code")
-        changed = drop_outdated([folder], stamp)
+        changed = drop_outdated([folder], stamp, root=tmp_path)
         assert code.exists() != changed
         return changed
 
@@ -47,9 +49,13 @@ def test_machine_code_goes_when_any_compiled_source_has_changed_and_only_then(tm
     assert not gone()
     (folder / "other.py").write_text("nothing compiled")
     assert not gone()
-    (folder / "callee.py").write_text("@njit(cache=True)\ndef g(): return 1")
-    assert gone()
-    assert not gone()
+    for name, content in (
+        ("callee", "from package.limits import MOST\n@njit\ndef g(): return 1"),
+        ("units", "DEG = 1"),
+    ):
+        (folder / f"{name}.py").write_text(content)
+        assert gone()
+        assert not gone()
 
 
 @pytest.mark.parametrize("folder", ["torsight", "tracker", "calibration", "sync"])

@@ -1,14 +1,16 @@
 """numba's ``njit``, with machine code on the disk that is never older than the sources.
 
-Compiled functions are put into their callers, and numba asks only whether the caller's own file has changed: after an
-update in place, callers would go on with the old code of what they call. So whoever imports this looks whether any
-source of a compiled function has changed since the code on the disk was made, and throws all of it away if so.
+Compiled functions are put into their callers, and constants into both, and numba asks only whether the caller's own
+file has changed: after an update in place, callers would go on with the old code of what they call, and with old
+constants. So whoever imports this looks whether any source of a compiled function, or one that it imports from, has
+changed since the code on the disk was made, and throws all of it away if so.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
@@ -20,16 +22,31 @@ __all__ = ["njit"]
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
 _FOLDERS: Final = (*(_TORSIGHT / name for name in ("actuator", "synthetic")), _TORSIGHT.parent / "tracker")
 _WORDS: Final = (b"njit", b"compiled import")
+_IMPORT: Final = re.compile(rb"^(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
-def drop_outdated(folders: Iterable[Path], stamp: Path) -> bool:
-    """Delete machine code below folders where their compiled sources are not those of the stamp; return whether."""
+def _sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
+    """Return the compiled sources below folders and what they import from below the root, with their contents."""
+    found: dict[Path, bytes] = {}
+    contents = ((path, path.read_bytes()) for folder in folders for path in folder.rglob("*.py"))
+    new = {path: content for path, content in contents if any(word in content for word in _WORDS)}
+    while new:
+        found |= new
+        names = {name.decode() for content in new.values() for name in _IMPORT.findall(content)}
+        paths = {root.joinpath(*name.split(".")).with_suffix(".py") for name in names}
+        new = {path: path.read_bytes() for path in paths if path not in found and path.is_file()}
+    return found
+
+
+def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
+    """Delete machine code below folders where its sources are not those of the stamp; return whether.
+
+    ``root`` is where the packages lie that the sources import from.
+    """
     folders = list(folders)
     made_of = hashlib.sha256()
-    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
-        content = path.read_bytes()
-        if any(word in content for word in _WORDS):
-            made_of.update(path.name.encode() + b"\0" + content)
+    for path, content in sorted(_sources(folders, root).items()):
+        made_of.update(path.name.encode() + b"\0" + content)
     with contextlib.suppress(OSError):
         if stamp.read_text(encoding="ascii") == made_of.hexdigest():
             return False
@@ -42,4 +59,4 @@ def drop_outdated(folders: Iterable[Path], stamp: Path) -> bool:
     return True
 
 
-drop_outdated(_FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp")
+drop_outdated(_FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp", root=_TORSIGHT.parent)
