@@ -44,11 +44,17 @@ def noise(seed: int, *, size: float, tau: float) -> np.ndarray:
 
 
 def machine(
-    extra: np.ndarray | float, *, seed: int = 0, candidates: Mapping[str, Mapping[str, np.ndarray]] | None = None
+    extra: np.ndarray | float,
+    *,
+    seed: int = 0,
+    candidates: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+    tau: float = 6.0,
+    sigma: float = 0.0,
+    resolution: float = 0.01,
 ) -> LinearProblem:
-    """Return a machine with y = 2 speed + 1 + ``extra`` + noise, and candidates that may be missing."""
+    """Return a machine with y = 2 speed + 1 + ``extra`` + noise of 0.05, and candidates that may be missing."""
     s = signals()
-    observed = 2.0 * s["speed"] + 1.0 + extra + noise(seed, size=0.05, tau=6.0)
+    observed = 2.0 * s["speed"] + 1.0 + extra + noise(seed, size=0.05, tau=tau)
     offered = candidates if candidates is not None else usual_candidates()
     return linear_problem(
         observed,
@@ -62,8 +68,8 @@ def machine(
             "time_s": s["time"],
             "direction": np.sign(s["speed"]),
         },
-        sigma=0.0,
-        resolution=0.01,
+        sigma=sigma,
+        resolution=resolution,
     )
 
 

@@ -86,6 +86,15 @@ def test_a_marker_that_slips_in_the_last_half_cycle_is_named() -> None:
     assert found.parameters["slip_time_s"].value == pytest.approx(900.0, abs=2.0)
 
 
+def test_a_mark_off_its_axis_that_leaves_little_is_named_and_the_later_record_predicted(cases: ModuleType) -> None:
+    """It leaves 0.3°, three times the floor, and what values had taken up of it would be 0.6° off later."""
+    record = cases.make_record(cases.Case("single", 8601011, ("eccentricity",), model_error=True))
+    report = discover(record.table, record.spec, seed=0)
+    assert [effect.id for effect in report.effects] == ["eccentricity"]
+    later = predict_angle(report.model, record.later, start_angle_rad=float(record.later_angle_rad[0]))
+    assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 0.3 * DEG
+
+
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
     work, report = cases.suite("work"), cases.suite("report")
     assert len({case.seed for case in [*work, *report]}) == len(work) + len(report)

@@ -51,6 +51,32 @@ def test_beside_a_large_effect_a_small_one_must_explain_nearly_all_that_is_left(
     assert findings.decision.chosen.effects == named
 
 
+@pytest.mark.parametrize(
+    ("size", "ripple", "named"),
+    [(0.0, 0.0, ()), (0.02, 0.0, ()), (0.15, 0.0, ("coulomb",)), (0.15, 0.15, ())],
+    ids=["nothing", "below the floor", "plain", "beside another one"],
+)
+def test_what_is_too_small_for_a_name_gets_one_in_plain_sight(
+    size: float, ripple: float, named: tuple[str, ...]
+) -> None:
+    s = signals()
+    extra = size * np.sign(s["speed"]) + ripple * np.sin(2.0 * np.pi * s["position"] / 0.3)
+    # Nobody would miss a difference of one; the noise is known to be 0.05 and white.
+    problem = machine(extra, seed=3, tau=1.0, sigma=0.05, resolution=1.0)
+    assert find_missing(problem).decision.chosen.effects == named
+    blind = Settings(plain_over_floor=np.inf)
+    assert find_missing(problem, settings=blind).decision.chosen.effects == ()
+
+
+def test_a_second_effect_in_plain_sight_is_named() -> None:
+    s = signals()
+    extra = 5.0 * np.sign(s["speed"]) + 0.05 * (s["warm"] - 20.0)
+    problem = machine(extra, seed=3, tau=1.0, sigma=0.05, resolution=1.0)
+    assert find_missing(problem).decision.chosen.effects == ("coulomb", "warmth")
+    blind = Settings(plain_over_floor=np.inf)
+    assert find_missing(problem, settings=blind).decision.chosen.effects == ("coulomb",)
+
+
 def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
     s = signals()
     candidates = usual_candidates()

@@ -93,3 +93,14 @@ def test_samples_without_weight_may_be_nan() -> None:
         lambda x: np.full(3, x[0]), np.zeros(1), observed=y, weight=np.array([1.0, 0.0, 1.0]), space=_space(1)
     )
     assert found.x[0] == pytest.approx(2.0, abs=1e-2)
+
+
+def test_a_value_on_a_kink_does_not_hold_up_the_others() -> None:
+    def model(x: np.ndarray) -> np.ndarray:
+        # What moves the first sample down is worth most, and nothing does: it turns where the second value is 1.
+        return np.array([10.0 * abs(x[1] - 1.0) + x[0], x[0], x[0]])
+
+    y = np.array([-3.0, 2.0, 2.0])
+    found = solve(model, np.array([0.0, 1.0]), observed=y, weight=np.ones(3), space=_space(2, sigma=10.0))
+    # With the second value on its kink the first one is the mean, drawn to zero by its prior.
+    assert found.x == pytest.approx([1.0 / 3.01, 1.0], abs=1e-3)

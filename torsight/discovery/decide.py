@@ -1,46 +1,26 @@
 """From fitted sets of effects to a verdict.
 
 A set is believed where every member earns its place twice: by a gain above what the luckiest candidate takes from
-noise, and by predicting blocks that the fit has not seen. It is named only where it is also adequate (it explains
-most of what was to explain, or leaves little more than the floor); otherwise something real is missing that has no
-name here. Sets that explain the record within a small cost of the best are rivals and are all told.
+noise, and by predicting blocks that the fit has not seen (:mod:`.judge`). It is named only where it is also adequate
+(it explains most of what was to explain, or leaves little more than the floor); otherwise something real is missing
+that has no name here. Sets that explain the record within a small cost of the best are rivals and are all told.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.common import Relaxed, relaxed
+from torsight.discovery.common import relaxed
 from torsight.discovery.contenders import Contender, Field
-from torsight.discovery.fitting import EffectSet, less
-from torsight.discovery.intervals import curvature_spread
+from torsight.discovery.fitting import EffectSet
+from torsight.discovery.judge import Judge
 from torsight.discovery.null import gain_threshold
 from torsight.discovery.priors import prior_count
 from torsight.discovery.settings import Settings
-from torsight.discovery.solver import Array
-from torsight.discovery.stand_in import LEAST_PULLED, predictable
-
-LEAST_BY_PRIORS: Final = 15.0
-"""Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
-
-
-_CLEAR: Final = 2.25
-"""How many times what is worth a name a second effect removes that is small beside the first one."""
-_NEARLY_NOTHING: Final = 0.1
-"""Share of the squared error that may be left where a second effect explains what the first one leaves: an error of a
-form has a shape of its own, which no other effect takes off to such a part."""
-_NEAR: Final = 0.01
-"""Share of what the chosen set gains by which a rival may cost more that predicts unseen blocks as well."""
-_FAR_BETTER: Final = 0.5
-"""Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
-_DOUBT: Final = 2.0
-"""Standard deviations of what the inputs' noise does within which a residual is no sign of anything."""
-_TIED: Final = 0.9
-"""Correlation from which two effects' values hang together."""
+from torsight.discovery.stand_in import LEAST_PULLED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +64,7 @@ def decide(
     threshold = gain_threshold(
         field.fitter, field.base.fit, stretches=field.stretches, scales=field.scales, seed=seed, progress=progress
     )
-    judge = _Judge(field, settings, threshold, seed=seed, can_hold_out=can_hold_out)
+    judge = Judge(field, settings, threshold, seed=seed, can_hold_out=can_hold_out)
     best = field.base
     for size in range(1, settings.most_effects + 1):
         contenders = field.of_size(size)
@@ -125,253 +105,6 @@ def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool
         return True
     # Several characterised values at odds with the record at once are no accident: they imitate something.
     return relaxed(field, contender).prior - prior_count(problem) >= LEAST_PULLED
-
-
-class _Judge:
-    def __init__(self, field: Field, settings: Settings, threshold: float, *, seed: int, can_hold_out: bool) -> None:
-        self._seed = seed
-        self._shares: dict[Contender, float] = {}
-        self._relaxed_costs: dict[Contender, Relaxed] = {}
-        self._field = field
-        self._settings = settings
-        self._threshold = threshold
-        self._can_hold_out = can_hold_out
-        rows = field.fitter.weight > 0.0
-        self._floor = float(np.dot(field.fitter.weight[rows], field.floor[rows] ** 2))
-        self._expected = self._floor + prior_count(field.fitter.problem)
-        problem = field.fitter.problem
-        reading = np.maximum(problem.sigma, np.min(field.floor[problem.valid]))
-        self._input_floor = np.sqrt(np.maximum(0.0, field.floor**2 - reading**2))
-
-    def earned(self, contender: Contender) -> bool:
-        """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
-        for name in contender.effects:
-            without = self._field.contenders.get(less(contender.effects, name))
-            if without is None or not self._better(contender, without):
-                return False
-        return True
-
-    def shows(self, contender: Contender) -> bool:
-        """Return whether the residual shrinks by what is worth a name with each effect of a set."""
-        parts = [self._field.contenders[less(contender.effects, name)] for name in contender.effects]
-        return all(self._removed(contender, part) >= self._least_size() for part in parts)
-
-    def is_best(self, contender: Contender, others: list[Contender]) -> bool:
-        """Return whether a set costs least, or hardly more, where the model may err as all blocks share it."""
-        least = min(self._relaxed(other).cost for other in others)
-        return self._relaxed(contender).cost <= least + self._settings.rival_gain
-
-    def _better(self, contender: Contender, without: Contender) -> bool:
-        # What takes several values back to where they were measured need not show in the residual they had imitated;
-        # and the priors are what they say they are, which cannot be said of a residual's noise.
-        by_priors = self._returns(contender, without) >= LEAST_BY_PRIORS
-        if by_priors:
-            gains = self._relaxed(without).cost - self._relaxed(contender).cost >= LEAST_BY_PRIORS
-        else:
-            gains = without.cost - contender.cost >= self._threshold
-            gains = gains and self._removed(contender, without) >= self._least_size()
-        return gains and (not self._can_hold_out or self._predicts_better(contender, without, by_priors=by_priors))
-
-    def _returns(self, contender: Contender, without: Contender) -> float:
-        """Return by how much less a set's values cost than those of the set without one effect.
-
-        What they do for an error that all blocks may share does not count.
-        """
-        returned = without.prior - contender.prior
-        if returned < LEAST_BY_PRIORS:
-            return returned
-        return min(returned, self._relaxed(without).prior - self._relaxed(contender).prior)
-
-    def _relaxed(self, contender: Contender) -> Relaxed:
-        if contender not in self._relaxed_costs:
-            self._relaxed_costs[contender] = relaxed(self._field, contender)
-        return self._relaxed_costs[contender]
-
-    def _removed(self, contender: Contender, without: Contender) -> float:
-        """Return the mean square that a set removes, of what the inputs' noise could not do.
-
-        A temperature that is known badly where an incomplete heating ends stays in the angle for the whole rest after
-        it: there only what exceeds twice the inputs' share of the floor counts.
-        What the base values imitate on the record they need not imitate on blocks that the fit has not seen. That is
-        enough to doubt the model, not to give a name.
-        """
-        removed = self._beyond(self._residual(without)) - self._beyond(self._residual(contender))
-        if contender.named or removed >= self._least_size() or not self._can_hold_out:
-            return removed
-        return self._beyond(without.held_out.residual) - self._beyond(contender.held_out.residual)
-
-    def _predicts_better(self, contender: Contender, without: Contender, *, by_priors: bool) -> bool:
-        keep = 1.0 - self._settings.least_held_out_gain
-        problem = self._field.fitter.problem
-        before = self._over_time(without.held_out.residual)
-        after = self._over_time(contender.held_out.residual)
-        returned = without.held_out.prior - contender.held_out.prior
-        moved = without.held_out.prior - prior_count(problem)
-        # Where values had imitated the effect without a trace, it need not predict better, but as well.
-        as_well = after <= before + problem.resolution**2
-        if by_priors and as_well and returned >= self._settings.share_of_rest * moved:
-            return True
-        if contender.held_out.score >= keep * without.held_out.score:
-            return False
-        rest = before - self._over_time(self._field.floor)
-        if after >= before * keep:
-            return False
-        if not without.effects:
-            return True
-        # What a second effect removes may be the error of the first one's form, unless hardly anything is left then,
-        # or nearly nothing of what was left before, and the two do not hang together. What a third one removes may be
-        # the error of two forms.
-        whole = self._over_time(self._field.base.held_out.residual)
-        little = after <= max(self._least_size(), _NEARLY_NOTHING * before)
-        alone = little and len(without.effects) == 1 and before - after >= _CLEAR * self._least_size()
-        alone = alone and not tied(self._field, contender)
-        least = 0.0 if alone else self._settings.share_of_all * whole
-        return before - after >= max(self._settings.share_of_rest * rest, least)
-
-    def _least_size(self) -> float:
-        """Return the mean square below which an effect is not worth a name."""
-        return (self._settings.least_size * self._field.fitter.problem.resolution) ** 2
-
-    def _residual(self, contender: Contender) -> Array:
-        return self._field.fitter.problem.observed - contender.fit.solution.prediction
-
-    def _over_time(self, values: Array) -> float:
-        """Return the mean square over the time that counts."""
-        problem = self._field.fitter.problem
-        valid = problem.valid
-        return float(np.average(values[valid] ** 2, weights=np.gradient(problem.time_s)[valid]))
-
-    def _beyond(self, values: Array) -> float:
-        """Return the mean square over time, each sample less twice what the inputs' noise does to it."""
-        return self._over_time(np.maximum(0.0, np.abs(values) - _DOUBT * self._input_floor))
-
-    def share(self, contender: Contender) -> float:
-        """Return the share that a set explains of what can be explained.
-
-        What it leaves beyond the floor counts. A floor that was not measured at rests is only a guess: then what is
-        left counts as far as a learned stand-in could predict it on blocks that it has not seen.
-        """
-        if contender not in self._shares:
-            explained = self._field.base.cost - contender.cost
-            left = max(0.0, contender.cost - self._expected)
-            if self._can_hold_out and left > 0.0 and not self._field.stretches.rest.any():
-                left = min(left, predictable(self._field, contender, seed=self._seed))
-            self._shares[contender] = explained / (explained + left) if explained > 0.0 else 0.0
-        return self._shares[contender]
-
-    def over_floor(self, contender: Contender) -> float:
-        """Return how many times the floor a set leaves."""
-        return float(np.sqrt(contender.fit.solution.data_cost / self._floor))
-
-    def adequate(self, contender: Contender) -> bool:
-        """Return whether a set explains enough to be called by its name."""
-        if not contender.effects:
-            return True
-        pulled = self._relaxed(contender).prior - prior_count(self._field.fitter.problem) >= self._threshold
-        # What is left may be many times a low floor and still less than anybody would miss.
-        little = self._over_time(self._residual(contender)) <= self._least_size()
-        near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
-        return near or self.share(contender) >= self._settings.share_explained
-
-    def _stands(self, contender: Contender) -> bool:
-        return self.earned(contender) and self.adequate(contender)
-
-    def nameless(self, chosen: Contender, *, rivals_too: bool = False) -> Contender | None:
-        """Return a mechanism without a name that explains the record clearly better, one for one, than what is chosen.
-
-        Each effect of a set costs what a rival may be worse by, so that two names are not given where one mechanism
-        does it; and a name is preferred as long as it is a rival, unless rivals are asked for. Of mechanisms that
-        explain the record as well the one with the fewest values goes first.
-        """
-        limit = chosen.cost + self._settings.rival_gain * (len(chosen.effects) - (0 if rivals_too else 2))
-        nameless = [c for c in self._field.of_size(1) if not c.named and c.cost < limit]
-        best = next((c for c in nameless if self._stands(c)), None)
-        if best is None:
-            return None
-        as_good = [c for c in nameless if best.cost <= c.cost <= best.cost + self._settings.rival_gain]
-        simplest_first = sorted(as_good, key=lambda c: len(c.fit.parameters))
-        return next(c for c in simplest_first if c is best or self._stands(c))
-
-    def worth_telling(self, contender: Contender) -> bool:
-        """Return whether what is chosen removes so much that something must be missing, or is the only one that does.
-
-        A form that errs a little looks like what depends on temperature or angle, too: then mechanisms without a name
-        explain it as well as those with one.
-        """
-        least = (self._settings.least_unknown * self._field.fitter.problem.resolution) ** 2
-        if self._removed(contender, self._field.base) >= least:
-            return True
-        return contender.named and self.nameless(contender, rivals_too=True) is None
-
-    def rivals(self, chosen: Contender) -> list[Contender]:
-        """Return the other sets of the same size that explain the record as well.
-
-        What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
-        worse by no more than a share of that is not refuted: its own form may be the one that errs less. Nor is one
-        whose residual is larger by less than the resolution: no model is known to be right that closely. Nor one that
-        predicts unseen blocks at least as well, if the record itself hardly tells them apart. Nor is the one that
-        explains the record best of all, and clearly better, where only its prediction of unseen blocks fails: few
-        blocks may be too few to learn its values from.
-        """
-        beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
-        limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
-        others = [c for c in self._field.of_size(len(chosen.effects)) if c is not chosen and c.named]
-        found = [
-            c
-            for c in others
-            if c.cost <= limit or self._as_close(c, chosen) or self._predicts_as_well(c, chosen)
-            if self._stands(c)
-        ]
-        best = others[0] if others else chosen
-        unproven = best not in found and best.cost < chosen.cost - self._settings.rival_gain
-        if unproven and self._gains(best) and self.adequate(best):
-            found.insert(0, best)
-        return found
-
-    def _gains(self, contender: Contender) -> bool:
-        """Return whether each member gains more than chance, whatever it predicts."""
-        parts = (self._field.contenders.get(less(contender.effects, name)) for name in contender.effects)
-        return all(part is not None and part.cost - contender.cost >= self._threshold for part in parts)
-
-    def _as_close(self, contender: Contender, chosen: Contender) -> bool:
-        """Return whether a set leaves no more than the chosen one but for the resolution, at no higher price.
-
-        That goes for unseen blocks, too.
-        """
-        near = self._field.fitter.problem.resolution**2
-        if contender.prior - chosen.prior > self._settings.rival_gain:
-            return False
-        if self._over_time(self._residual(contender)) > self._over_time(self._residual(chosen)) + near:
-            return False
-        if not self._can_hold_out:
-            return True
-        return self._over_time(contender.held_out.residual) <= self._over_time(chosen.held_out.residual) + near
-
-    def first_of(self, chosen: Contender, rivals: list[Contender]) -> Contender:
-        """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better."""
-        if not self._can_hold_out or not rivals:
-            return chosen
-        best = min(rivals, key=lambda c: c.held_out.score)
-        return best if best.held_out.score < _FAR_BETTER * chosen.held_out.score else chosen
-
-    def _predicts_as_well(self, contender: Contender, chosen: Contender) -> bool:
-        """Return whether a set predicts unseen blocks at least as well as the chosen one, and costs hardly more."""
-        near = contender.cost <= chosen.cost + _NEAR * (self._field.base.cost - chosen.cost)
-        return near and self._can_hold_out and contender.held_out.score <= chosen.held_out.score
-
-
-def tied(field: Field, contender: Contender) -> bool:
-    """Return whether values of two effects of a set can only be known together: what one lacks the other makes up."""
-    fit = contender.fit
-    spread = curvature_spread(field, contender)
-    size = np.sqrt(np.diag(spread))
-    places = {p.name: i for i, p in enumerate(fit.parameters)}
-    own = [[places[p.name] for p in field.fitter.candidates[name].parameters] for name in fit.effects]
-    return any(
-        float(np.max(np.abs(spread[np.ix_(one, other)] / np.outer(size[one], size[other])))) > _TIED
-        for k, one in enumerate(own)
-        for other in own[:k]
-    )
 
 
 def _weights(contenders: list[Contender]) -> dict[EffectSet, float]:

@@ -36,7 +36,10 @@ class Settings:
         clearly more than is worth a name, and its values do not hang together with the other's.
     least_size : float
         An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
-        not worth a name.
+        not worth a name, unless it is in plain sight.
+    plain_over_floor, plain_share, plain_held_out : float
+        An effect is in plain sight where so many times the floor is left without it, it explains this share of that,
+        and no more than this share of the score on unseen blocks is left with it.
     least_unknown, over_floor_unknown : float
         Something is missing, named or not, where the residual exceeds so many resolutions and so many times a floor
         that was measured at rests.
@@ -53,5 +56,8 @@ class Settings:
     share_of_rest: float = 0.6
     share_of_all: float = 0.05
     least_size: float = 2.0
+    plain_over_floor: float = 1.6
+    plain_share: float = 0.9
+    plain_held_out: float = 0.5
     least_unknown: float = 4.5
     over_floor_unknown: float = 3.0

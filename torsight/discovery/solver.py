@@ -3,7 +3,8 @@
 Minimises  Σ w_i (y_i − f_i(x))² + Σ ((x_j − μ_j)/s_j)²  within bounds. The weights are in units of information (one
 over variance and correlation time), so that the two sums are comparable and the optimum is the most probable point.
 Derivatives are one-sided differences; a stepping model has kinks, so the steps are a set share of each parameter's
-scale and not the square root of the machine's precision.
+scale and not the square root of the machine's precision. Where a parameter sits on a kink of the objective, every step
+that a one-sided derivative proposes may lead uphill; then it is held there and the others go on without it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 STEP_SHARE: Final = 0.02
 """Difference step as a share of a parameter's scale."""
@@ -26,6 +28,10 @@ _TOLERANCE: Final = 1e-4
 
 _TRUSTED: Final = 0.6
 """Share of the promised decrease from which a step is taken to prove the derivatives."""
+_PROMISING: Final = 1.0
+"""Decrease, in units of information, that is looked after where no step gets it ..."""
+_KINKED: Final = 3.0
+"""... and by how many times its curvature the objective rises on either side of a kink."""
 _NEAR: Final = 0.1
 _FAR: Final = 2.0
 """Way in parameter scales below which derivatives are not, and beyond which they are taken anew."""
@@ -144,12 +150,25 @@ def solve(
     slopes = _Slopes(function, space, start, known=known, guess=guess)
     cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
+    held = np.zeros(len(start), bool)
+
+    def holds_another(curvature: Array) -> bool:
+        def cost_at(x: Array) -> float:
+            return costs(y - function(x), x, weight=weight, space=space)[0]
+
+        kinked = _kinks(cost_at, slopes.x, cost=cost, curvature=curvature, space=space) & ~held
+        held[kinked] = True
+        return bool(kinked.any())
+
     for _ in range(max_iterations):
         residual = y - slopes.at_x
         normal, gradient = _normal(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
-        found = False
+        curvature = np.diag(normal).copy()
+        _hold(normal, gradient, held, space=space)
+        found, most = False, 0.0
         while damping < 1e6:
             step, promised = _step(normal, gradient, slopes.x, damping=damping, space=space)
+            most = max(most, promised)
             if promised < _TOLERANCE * max(1.0, 1e-2 * cost):
                 break
             trial = space.clip(slopes.x + step)
@@ -160,7 +179,7 @@ def solve(
                 break
             damping = max(damping * 8.0, 1e-2)
         if not found:
-            if slopes.refresh():
+            if slopes.refresh() or (most > _PROMISING and holds_another(curvature)):
                 damping = 1e-3
                 continue
             converged = True
@@ -234,6 +253,26 @@ def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, spac
     normal = derivative.T @ weighted
     normal[np.diag_indices_from(normal)] += space.prior_information
     return normal, weighted.T @ residual - space.prior_information * (x - space.prior_mean)
+
+
+def _kinks(cost_at: Callable[[Array], float], x: Array, *, cost: float, curvature: Array, space: Space) -> Flags:
+    """Return the parameters (m,) from which the objective rises on both sides by more than its curvature."""
+    found = np.zeros(len(x), bool)
+    for j, step in enumerate(STEP_SHARE * space.scale):
+        rises = []
+        for side in (x[j] - step, x[j] + step):
+            moved = x.copy()
+            moved[j] = side
+            rises.append(cost_at(moved) - cost if space.lower[j] <= side <= space.upper[j] else 0.0)
+        found[j] = min(rises) > _KINKED * curvature[j] * step**2
+    return found
+
+
+def _hold(normal: Array, gradient: Array, held: Flags, *, space: Space) -> None:
+    """Change normal equations so that some parameters stay where they are."""
+    normal[held, :] = normal[:, held] = 0.0
+    normal[held, held] = 1.0 / space.scale[held] ** 2
+    gradient[held] = 0.0
 
 
 def _step(normal: Array, gradient: Array, x: Array, *, damping: float, space: Space) -> tuple[Array, float]:
