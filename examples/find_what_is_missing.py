@@ -12,7 +12,7 @@ import numpy as np
 
 from torsight.actuator import read_actuator, read_log
 from torsight.core import DEG, read_merged
-from torsight.discovery import DiscoveryReport, discover, predict_angle
+from torsight.discovery import DiscoveryReport, discover, predict_with_sigma
 
 
 def told(step: str, done: float, total: float | None) -> None:
@@ -33,8 +33,9 @@ def main(merged: Path, actuator: Path, later: Path | None = None, start_deg: flo
     before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
     print(f"error on unseen half-cycles {before:.2f}° before, {after:.2f}° after")
     if later is not None:
-        angle_rad = predict_angle(report.model, read_log(later), start_angle_rad=start_deg * DEG)
-        print(f"later: from {np.nanmin(angle_rad) / DEG:.1f}° to {np.nanmax(angle_rad) / DEG:.1f}°")
+        found = predict_with_sigma(report.model, read_log(later), start_angle_rad=start_deg * DEG)
+        low_deg, high_deg = np.nanmin(found.angle_rad) / DEG, np.nanmax(found.angle_rad) / DEG
+        print(f"later: from {low_deg:.1f}° to {high_deg:.1f}°, ±{np.nanmedian(found.sigma_rad) / DEG:.2f}°")
     return report
 
 

@@ -29,7 +29,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import discover
-from torsight.discovery.prediction import predict_angle
+from torsight.discovery.prediction import predict_with_sigma
 from torsight.discovery.report import DiscoveryReport
 
 
@@ -38,8 +38,9 @@ def run_case(case: Case, record: Record) -> dict[str, Any]:
     started, cpu = time.perf_counter(), time.process_time()
     report = discover(record.table, record.spec, seed=0, where=case.name)
     seconds, cpu_seconds = time.perf_counter() - started, time.process_time() - cpu
-    later = predict_angle(report.model, record.later, start_angle_rad=float(record.later_angle_rad[0]))
-    error = (later - record.later_angle_rad) / DEG
+    later = predict_with_sigma(report.model, record.later, start_angle_rad=float(record.later_angle_rad[0]))
+    error = (later.angle_rad - record.later_angle_rad) / DEG
+    sigma = later.sigma_rad / DEG
     return {
         "name": case.name,
         "kind": case.kind,
@@ -58,6 +59,8 @@ def run_case(case: Case, record: Record) -> dict[str, Any]:
         "after_deg": report.after.rmse_held_out_deg,
         "floor_deg": report.noise_floor_deg,
         "later_deg": float(np.sqrt(np.nanmean(error**2))),
+        "later_sigma_deg": float(np.sqrt(np.nanmean(sigma**2))),
+        "later_within": float(np.mean((np.abs(error) <= 1.96 * sigma)[np.isfinite(error)])),
         "covered": _covered(report, record),
         "tau_c_error": report.parameters["tau_c_mnm"].value / record.truth["tau_c_mnm"] - 1.0,
         "evidence": dict(report.evidence),

@@ -19,6 +19,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import SyncedTable
 from torsight.core.tables import read_merged
 from torsight.core.units import DEG
+from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
 
 HALVES = [
@@ -187,10 +188,13 @@ def test_record_of_a_rig_that_is_not_ours(shared_data, tmp_path):
     from torsight.core.storage import read_table
 
     truth = read_table(folder / "test_truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
-    predicted = read_model(tmp_path / "model.json").predict(
-        read_log(folder / "test_temps.csv"), start_angle_rad=truth[0] * DEG
+    predicted = predict_with_sigma(
+        read_model(tmp_path / "model.json"), read_log(folder / "test_temps.csv"), start_angle_rad=truth[0] * DEG
     )
-    assert np.sqrt(np.mean((predicted.angle_rad / DEG - truth) ** 2)) < 1.0
+    off_deg = np.abs(predicted.angle_rad / DEG - truth)
+    assert np.sqrt(np.mean(off_deg**2)) < 1.0
+    assert np.mean(off_deg <= 1.96 * predicted.sigma_rad / DEG) > 0.9
+    assert np.median(predicted.sigma_rad) < 0.5 * DEG
 
 
 @pytest.mark.shared_data

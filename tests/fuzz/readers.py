@@ -18,6 +18,7 @@ from calibration.board import read_board
 from calibration.circles import _read as read_circles
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS
+from torsight.actuator.doubt import Alternative, Doubt
 from torsight.actuator.fitted import FittedModel, read_model, write_model
 from torsight.actuator.logs import read_log
 from torsight.actuator.model import ActuatorModel
@@ -103,7 +104,8 @@ def _model() -> bytes:
     model = ActuatorModel(actuator_from(tomllib.loads(ACTUATOR), where="test"), ("sensor_lag",))
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "model.json"
-        write_model(path, FittedModel(model, model.nominal(), cycles=(1, 1), account={"rmse_deg": 0.3}))
+        doubt = Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.3, (Alternative((), model.nominal()),))
+        write_model(path, FittedModel(model, model.nominal(), cycles=(1, 1), account={"rmse_deg": 0.3}, doubt=doubt))
         return path.read_bytes()
 
 

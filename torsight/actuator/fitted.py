@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from math import ceil, isfinite
 from pathlib import Path
 from typing import Any, Final, cast, get_args
@@ -11,6 +11,7 @@ from typing import Any, Final, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import chosen_effects
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
@@ -70,6 +71,8 @@ class FittedModel:
     start_angle_rad : float or None
         The actuator's own angle at the record's start: how the springs were wound there holds for logs that start
         there too. None where it is not known.
+    doubt : Doubt or None
+        How far the model may be wrong; None where nobody has said.
     """
 
     model: ActuatorModel
@@ -79,6 +82,7 @@ class FittedModel:
     account: Mapping[str, Any] = field(default_factory=dict)
     turns: int = 0
     start_angle_rad: float | None = None
+    doubt: Doubt | None = None
 
     @property
     def history(self) -> History:
@@ -104,8 +108,30 @@ class FittedModel:
         """
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad)
         drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad - ahead_rad, where=where)
-        simulation = self.model.simulate(drive, self._values_from(drive.start_angle_rad), history=self.history)
+        simulation = self.simulate(drive)
         return Prediction(np.where(drive.known, simulation.angle_rad + ahead_rad, np.nan), drive, simulation)
+
+    def simulate(self, drive: Drive) -> Simulation:
+        """Simulate a log that is prepared, with what the record of the fit has left behind."""
+        return self.model.simulate(drive, self._values_from(drive.start_angle_rad), history=self.history)
+
+    def neighbours(self) -> Iterator[tuple[FittedModel, FittedModel]]:
+        """Give pairs of models one standard deviation to either side, along each axis of the values' uncertainty."""
+        for step in self.doubt.steps() if self.doubt is not None else ():
+            yield self._moved(step, 1.0), self._moved(step, -1.0)
+
+    def alternatives(self) -> tuple[FittedModel, ...]:
+        """Return the models of explanations that the record could not tell from this one."""
+        others = self.doubt.alternatives if self.doubt is not None else ()
+        return tuple(
+            replace(self, model=replace(self.model, effects=other.effects), values=other.values) for other in others
+        )
+
+    def _moved(self, step: Mapping[str, float], way: float) -> FittedModel:
+        """Return the model with some values elsewhere, within their bounds."""
+        bounds = {p.name: (p.lower, p.upper) for p in self.model.all_parameters}
+        moved = {name: float(np.clip(self.values[name] + way * change, *bounds[name])) for name, change in step.items()}
+        return replace(self, values={**self.values, **moved})
 
     def _values_from(self, start_angle_rad: float) -> dict[str, float]:
         """Return the values for a log that starts at an angle: elsewhere than the record, the rule for homes holds."""
@@ -133,6 +159,7 @@ def fitted_model(
     *,
     closure: Mapping[str, Any] | None = None,
     account: Mapping[str, Any] | None = None,
+    doubt: Doubt | None = None,
 ) -> FittedModel:
     """Return the model that was fitted to a record, with what the record leaves behind.
 
@@ -149,6 +176,7 @@ def fitted_model(
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
+        doubt=doubt,
     )
 
 
@@ -169,6 +197,7 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
             "closure": fitted.closure,
             "account": dict(fitted.account),
+            "doubt": None if fitted.doubt is None else fitted.doubt.to_json(),
         },
     )
 
@@ -209,6 +238,11 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
+    doubt = None
+    if content.get("doubt") is not None:
+        doubt = doubt_from(get_table(content, "doubt", where=where), free=[p.name for p in model.parameters])
+        for other in doubt.alternatives:
+            _values(other.values, ActuatorModel(spec, other.effects, model.phase_law, theta_l_deg))
     return FittedModel(
         model=model,
         values=_values(get_table(content, "values", where=where, required=True), model),
@@ -217,6 +251,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
         start_angle_rad=start_rad,
+        doubt=doubt,
     )
 
 

@@ -52,6 +52,7 @@ def fit_to_folder(
     merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
 ) -> FitResult:
     """Fit a merged record and write ``fit.json`` and ``model.json``."""
+    from torsight.actuator.doubt import Doubt
     from torsight.actuator.fit import fit_model
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
@@ -66,5 +67,6 @@ def fit_to_folder(
     result = fit_model(model, drive, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
-    write_model(out / "model.json", fitted_model(model, result.values, drive, account=account))
+    doubt = Doubt(result.free, result.covariance, result.rmse_deg)
+    write_model(out / "model.json", fitted_model(model, result.values, drive, account=account, doubt=doubt))
     return result

@@ -17,23 +17,23 @@ def predict(
     start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
 ) -> Answer:
-    """Predict the angle at every instant of a later temperature log, in the log's order and clock.
+    """Predict the angle, and how sure it is, at every instant of a later temperature log, in the log's order and clock.
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
     from torsight.actuator.fitted import read_model
     from torsight.actuator.logs import read_log
+    from torsight.cli.console import progress_bar
     from torsight.cli.simulate import write_angles_of
     from torsight.core.paths import require_apart
     from torsight.core.units import DEG
+    from torsight.discovery.prediction import predict_with_sigma
 
     require_apart([out], [model, temperature])
     fitted = read_model(model)
     log = read_log(temperature)
-    prediction = fitted.predict(log, start_angle_rad=start_angle * DEG, where=str(temperature))
-    angle_rad = prediction.angle_rad
-    if fitted.closure is not None:
-        from torsight.discovery.closure import correction_rad
-
-        angle_rad = angle_rad + correction_rad(fitted.closure, prediction.drive, prediction.simulation)
-    return write_angles_of(out, log, prediction.simulation, angle_rad=angle_rad)
+    with progress_bar() as progress:
+        found = predict_with_sigma(
+            fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress
+        )
+    return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)

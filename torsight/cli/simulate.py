@@ -45,9 +45,14 @@ def simulate(
 
 
 def write_angles_of(
-    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: NDArray[np.float64]
+    out: Path,
+    log: TemperatureLog,
+    simulation: Simulation,
+    *,
+    angle_rad: NDArray[np.float64],
+    sigma_rad: NDArray[np.float64] | None = None,
 ) -> Answer:
-    """Write the angles for a log's instants, an angle that is NaN left empty; return rows, range and file."""
+    """Write the angles for a log's instants, what is NaN left empty; return rows, ranges and file."""
     import numpy as np
 
     from torsight.core.storage import write_table
@@ -58,6 +63,7 @@ def write_angles_of(
         {
             "time_s": log.time_s,
             "angle_deg": angle_rad / DEG,
+            **({} if sigma_rad is None else {"angle_sigma_deg": sigma_rad / DEG}),
             "xi_a": simulation.xi_a,
             "xi_b": simulation.xi_b,
             "friction_mnm": simulation.friction_nm / MNM,
@@ -65,4 +71,7 @@ def write_angles_of(
     )
     known_deg = angle_rad[np.isfinite(angle_rad)] / DEG
     extremes = {"angle_min_deg": known_deg.min(), "angle_max_deg": known_deg.max()} if len(known_deg) else {}
+    if sigma_rad is not None and np.isfinite(sigma_rad).any():
+        extremes["angle_sigma_median_deg"] = np.nanmedian(sigma_rad) / DEG
+        extremes["angle_sigma_max_deg"] = np.nanmax(sigma_rad) / DEG
     return Answer({"rows": len(angle_rad), "rows_with_angle": len(known_deg), **extremes}, files=(out,))

@@ -5,7 +5,7 @@ from torsight.discovery.discover import discover
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
-from torsight.discovery.prediction import predict_angle
+from torsight.discovery.prediction import PredictedAngle, predict_angle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport
 from torsight.discovery.settings import Settings
 
@@ -15,10 +15,12 @@ __all__ = [
     "DiscoveryReport",
     "Findings",
     "LinearProblem",
+    "PredictedAngle",
     "Problem",
     "Settings",
     "discover",
     "find_missing",
     "linear_problem",
     "predict_angle",
+    "predict_with_sigma",
 ]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.doubt import Alternative, Doubt
 from torsight.actuator.effects import load_effects, load_nameless
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
@@ -26,7 +28,7 @@ from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.fitting import less
 from torsight.discovery.interface import Closure
-from torsight.discovery.intervals import covariance
+from torsight.discovery.intervals import covariance, joint_covariance
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
@@ -94,7 +96,8 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
         values, learned = actuator_closure(problem, chosen.fit, findings.closure, field.fitter.weight)
         model = replace(model, values=values, closure=learned)
         after = _learned_errors(problem, model, findings.closure)
-    model = replace(model, account={"found_by": "discovery", **after.to_json()})
+    account = {"found_by": "discovery", **after.to_json()}
+    model = replace(model, account=account, doubt=_doubt(problem, findings, after))
     pulls, plain_pulls = _pulls(problem, chosen), _pulls(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     return DiscoveryReport(
@@ -132,6 +135,18 @@ def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -
 def _model(problem: ActuatorProblem, chosen: Contender) -> FittedModel:
     """Return the extended model with what the record leaves behind."""
     return fitted_model(problem.model(chosen.effects), chosen.fit.values, problem.drive)
+
+
+def _doubt(problem: ActuatorProblem, findings: Findings, after: Errors) -> Doubt:
+    """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be."""
+    chosen, rivals = findings.decision.chosen, findings.decision.rivals
+    others = (fitted_model(problem.model(rival.effects), rival.fit.values, problem.drive) for rival in rivals)
+    return Doubt(
+        names=tuple(p.name for p in chosen.fit.parameters),
+        covariance=joint_covariance(findings.field, chosen),
+        residual_deg=after.rmse_train_deg if isnan(after.rmse_held_out_deg) else after.rmse_held_out_deg,
+        alternatives=tuple(Alternative(tuple(other.model.effects), other.values) for other in others),
+    )
 
 
 def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closure) -> Errors:

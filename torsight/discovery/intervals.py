@@ -26,15 +26,30 @@ def covariance(field: Field, contender: Contender) -> Array:
     block by more than noise would: what leaving out whole blocks does to a value (the jackknife) is added to its
     variance. An error that all blocks share is fitted along, and by how far a value moves then is added, too.
     """
+    found, moved = _curvature_and_common(field, contender)
+    plain = np.diag(found)
+    widened = np.sqrt((plain + np.diag(_between_blocks(field, contender)) + moved**2) / plain)
+    return np.asarray(found * np.outer(widened, widened))
+
+
+def joint_covariance(field: Field, contender: Contender) -> Array:
+    """Return the parameters' covariance (m, m) as predictions need it.
+
+    Blocks that are left out move several values together, along valleys in which the model predicts the same: here that
+    counts as it is. :func:`covariance`, which widens each value's own interval, would make such a valley a wide plain.
+    """
+    found, _ = _curvature_and_common(field, contender)
+    return found + _between_blocks(field, contender)
+
+
+def _curvature_and_common(field: Field, contender: Contender) -> tuple[Array, Array]:
+    """Return the covariance (m, m) with an error that all blocks share fitted along, and how far values move then."""
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
     inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
     picture, own = freed(field, contender), len(fit.parameters)
     information = picture.columns.T @ (picture.columns * weight[:, None]) / inflation + np.diag(picture.information)
-    found = np.linalg.inv(information)[:own, :own]
-    plain = np.diag(found)
-    widened = np.sqrt((plain + _between_blocks(field, contender) + picture.moved[:own] ** 2) / plain)
-    return np.asarray(found * np.outer(widened, widened))
+    return np.asarray(np.linalg.inv(information)[:own, :own]), picture.moved[:own]
 
 
 def curvature_spread(field: Field, contender: Contender) -> Array:
@@ -46,13 +61,13 @@ def curvature_spread(field: Field, contender: Contender) -> Array:
 
 
 def _between_blocks(field: Field, contender: Contender) -> Array:
-    """Return the jackknife's variance of every value over the blocks (m,); zero where there is one block only."""
+    """Return the jackknife's covariance (m, m) of the values over the blocks; zeros where there is one block only."""
     names = [p.name for p in contender.fit.parameters]
     if len(block_labels(field.fitter.problem)) < 2:
-        return np.zeros(len(names))
+        return np.zeros((len(names), len(names)))
     values = np.array([[fold[name] for name in names] for _, fold in contender.held_out.folds])
-    count = len(values)
-    return np.asarray((count - 1) / count * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
+    off = values - values.mean(axis=0)
+    return np.asarray((len(values) - 1) / len(values) * off.T @ off)
 
 
 def pieces(field: Field) -> float:

@@ -1,18 +1,107 @@
-"""Predictions of a discovered model, the learned stand-in included."""
+"""Predictions of a discovered model with how far to trust them, the learned stand-in included."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.model import Simulation
+from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG
 from torsight.discovery.closure import correction_rad
 
+Array = NDArray[np.float64]
 
-def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> NDArray[np.float64]:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedAngle:
+    """Angles for the instants of a temperature log, all (n,).
+
+    Attributes
+    ----------
+    angle_rad : (n,) float64
+        As a camera would read it; NaN where the log has no temperature for too long.
+    sigma_rad : (n,) float64
+        Its standard deviation; NaN where the model does not say how far it may be wrong.
+    simulation : Simulation
+        Everything else that the model says.
+    """
+
+    angle_rad: Array
+    sigma_rad: Array
+    simulation: Simulation
+
+
+def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Array:
     """Return the angle (n,) in radians at the instants of a later temperature log, as a camera would read it."""
     prediction = model.predict(log, start_angle_rad=start_angle_rad)
+    return prediction.angle_rad + _learned_rad(model, prediction.drive, prediction.simulation)
+
+
+def predict_with_sigma(
+    model: FittedModel,
+    log: TemperatureLog,
+    *,
+    start_angle_rad: float,
+    where: str = "log",
+    progress: Progress = silent,
+) -> PredictedAngle:
+    """Predict a later temperature log and say, for every instant, how far to trust the prediction.
+
+    Three things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
+    has not seen; what the values are uncertain by (the log is simulated one standard deviation to either side along
+    every axis of their uncertainty); and how far explanations that the record could not tell from this one, all as
+    likely, predict something else.
+
+    Parameters
+    ----------
+    model : FittedModel
+        Of ``fit`` or ``discover``.
+    log : TemperatureLog
+        Times and temperatures on the log's own clock.
+    start_angle_rad : float
+        Angle as read at the first row.
+    where : str
+        Name of the log in messages.
+    progress : Progress
+        Told after every simulation.
+
+    Raises
+    ------
+    InputError, ConfigError
+        When the log cannot drive the model.
+    """
+    prediction = model.predict(log, start_angle_rad=start_angle_rad, where=where)
+    drive, simulation = prediction.drive, prediction.simulation
+    learned = _learned_rad(model, drive, simulation)
+    angle = prediction.angle_rad + learned
+    if model.doubt is None:
+        return PredictedAngle(angle, np.full(len(angle), np.nan), simulation)
+    own = simulation.angle_rad + learned
+
+    def off_square(other: FittedModel) -> Array:
+        there = other.simulate(drive)
+        return np.asarray((there.angle_rad + _learned_rad(other, drive, there) - own) ** 2)
+
+    sides, alternatives = list(model.neighbours()), model.alternatives()
+    square, count = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), len(sides) + len(alternatives)
+    for done, (one, other) in enumerate(sides):
+        progress("uncertainty", done, count)
+        square += 0.5 * (off_square(one) + off_square(other))
+    for done, other in enumerate(alternatives, start=len(sides)):
+        progress("uncertainty", done, count)
+        square += off_square(other) / (1 + len(alternatives))
+    progress("uncertainty", count, count)
+    return PredictedAngle(angle, np.where(np.isfinite(angle), np.sqrt(square), np.nan), simulation)
+
+
+def _learned_rad(model: FittedModel, drive: Drive, simulation: Simulation) -> Array:
+    """Return what a model's learned stand-in adds (n,), zeros where it has none."""
     if model.closure is None:
-        return prediction.angle_rad
-    return np.asarray(prediction.angle_rad + correction_rad(model.closure, prediction.drive, prediction.simulation))
+        return np.zeros(len(drive))
+    return correction_rad(model.closure, drive, simulation)

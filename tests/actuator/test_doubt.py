@@ -1,0 +1,125 @@
+"""Predictions say how far to trust them: what is left, what the values are uncertain by, what else it could be."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from tests.command_line import leave
+from torsight.actuator.doubt import Alternative, Doubt
+from torsight.actuator.fitted import FittedModel, read_model, write_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import reference_spec
+from torsight.core.errors import InputError
+from torsight.core.units import DEG
+from torsight.discovery.prediction import predict_with_sigma
+
+START_RAD = 3.0
+
+
+@pytest.fixture(scope="module")
+def log():
+    return programme([(0, [(78.0, 0.2)]), (1, [(66.0, 0.4)])])[0]
+
+
+def model_with(doubt: Doubt | None) -> FittedModel:
+    plain = ActuatorModel(reference_spec())
+    return FittedModel(plain, plain.nominal(), doubt=doubt)
+
+
+def angle_at(model: FittedModel, log, **values: float) -> np.ndarray:
+    moved = replace(model, values={**model.values, **values})
+    return moved.predict(log, start_angle_rad=START_RAD).angle_rad
+
+
+def test_sigma_holds_the_residual_and_what_each_axis_of_the_values_does(log) -> None:
+    # Perfectly correlated: together one axis, one standard deviation each.
+    size = np.array([0.05, 0.8])
+    doubt = Doubt(("tau_c_mnm", "A_s_c"), np.outer(size, size), residual_deg=0.3)
+    model = model_with(doubt)
+    found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
+    own = angle_at(model, log)
+    sides = [
+        angle_at(model, log, tau_c_mnm=model.values["tau_c_mnm"] + s * 0.05, A_s_c=model.values["A_s_c"] + s * 0.8)
+        for s in (1.0, -1.0)
+    ]
+    square = (0.3 * DEG) ** 2 + 0.5 * sum((side - own) ** 2 for side in sides)
+    assert found.angle_rad == pytest.approx(own, abs=1e-12)
+    assert found.sigma_rad == pytest.approx(np.sqrt(square), rel=1e-9)
+    assert found.sigma_rad.max() > 3.0 * DEG
+    assert found.sigma_rad.min() == pytest.approx(0.3 * DEG)
+
+
+def test_explanations_that_predict_something_else_widen_it_there(log) -> None:
+    nominal = model_with(None).values
+    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
+    model = model_with(Doubt((), np.zeros((0, 0)), 0.1, (late,)))
+    found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
+    other = model.alternatives()[0].predict(log, start_angle_rad=START_RAD).angle_rad
+    apart = other - found.angle_rad
+    assert np.abs(apart).max() > 5.0 * DEG
+    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, apart / np.sqrt(2.0)), rel=1e-9)
+
+
+def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(log) -> None:
+    wide = model_with(Doubt(("tau_c_mnm",), np.array([[1e4]]), 0.1))
+    found = predict_with_sigma(wide, log, start_angle_rad=START_RAD)
+    assert np.isfinite(found.sigma_rad).all()
+    silent = predict_with_sigma(model_with(None), log, start_angle_rad=START_RAD)
+    assert np.isnan(silent.sigma_rad).all()
+    assert silent.angle_rad == pytest.approx(found.angle_rad)
+
+
+def test_the_file_keeps_it(tmp_path: Path, log) -> None:
+    nominal = model_with(None).values
+    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
+    model = model_with(Doubt(("tau_c_mnm", "A_s_c"), np.array([[4e-4, 1e-3], [1e-3, 0.09]]), 0.2, (late,)))
+    write_model(tmp_path / "model.json", model)
+    back = read_model(tmp_path / "model.json")
+    one, other = (predict_with_sigma(each, log, start_angle_rad=START_RAD).sigma_rad for each in (model, back))
+    assert other == pytest.approx(one, rel=1e-9)
+
+
+def test_the_command_writes_it_beside_the_angle(tmp_path: Path, log) -> None:
+    import pandas as pd
+
+    from torsight.core.storage import write_table
+
+    model = model_with(Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.2))
+    write_model(tmp_path / "model.json", model)
+    columns = {"time_s": log.time_s, "temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}
+    write_table(tmp_path / "temps.csv", columns)
+    words = ("predict", tmp_path / "model.json", tmp_path / "temps.csv", "--out", tmp_path / "later.csv")
+    assert leave(*words, "--start-angle", START_RAD / DEG) == 0
+    written = pd.read_csv(tmp_path / "later.csv")
+    assert list(written.columns[:3]) == ["time_s", "angle_deg", "angle_sigma_deg"]
+    found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
+    assert written["angle_sigma_deg"].to_numpy() == pytest.approx(found.sigma_rad / DEG, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"names": ["tau_c_mnm", "tau_c_mnm"]}, "free values"),
+        ({"names": ["tau_c"]}, "free values"),
+        ({"covariance": [[1.0, 2.0]]}, "no square"),
+        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "no values"),
+        ({"covariance": [[float("nan"), 0.0], [0.0, 1.0]]}, "no values"),
+        ({"residual_deg": -1.0}, "residual_deg"),
+        ({"alternatives": [{"effects": ["sensor_leg"], "values": {}}]}, "sensor_leg"),
+        ({"alternatives": [{"effects": ["sensor_lag"], "values": {}}]}, "lag_s"),
+        ({"alternatives": [3]}, "alternatives"),
+    ],
+)
+def test_a_damaged_one_is_named(tmp_path: Path, change: dict[str, object], told: str) -> None:
+    path = tmp_path / "model.json"
+    write_model(path, model_with(Doubt(("tau_c_mnm", "A_s_c"), np.diag([4e-4, 0.09]), 0.2)))
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, "doubt": {**content["doubt"], **change}}))
+    with pytest.raises(InputError, match=told):
+        read_model(path)

@@ -1,0 +1,110 @@
+"""How far a fitted model may be wrong, as its file keeps it: for predictions that say how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.config import get_number, get_table
+from torsight.core.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+_MOST_DEG: Final = 2e4
+_NO_SHARE: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Another explanation of the same record that it cannot tell from the model's own: effects and all values."""
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Doubt:
+    """What a fitted model does not know.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The values that were fitted.
+    covariance : (m, m) float64
+        Of these, public units.
+    residual_deg : float
+        Root mean square error on half-cycles that the fit has not seen, or of the fit where none was left out.
+    alternatives : tuple of Alternative
+        Explanations that do as well.
+    """
+
+    names: tuple[str, ...]
+    covariance: Array
+    residual_deg: float
+    alternatives: tuple[Alternative, ...] = ()
+
+    def steps(self) -> Iterator[dict[str, float]]:
+        """Give one standard deviation along each principal axis of the values' uncertainty (name to change).
+
+        The axes are those of the correlation matrix: values differ in size by many orders.
+        """
+        size = np.sqrt(np.diag(self.covariance))
+        known = size > 0.0
+        scaled = self.covariance[np.ix_(known, known)] / np.outer(size[known], size[known])
+        share, axes = np.linalg.eigh(scaled)
+        names = [name for name, kept in zip(self.names, known, strict=True) if kept]
+        for variance, axis in zip(share, axes.T, strict=True):
+            if variance > _NO_SHARE:
+                change = np.sqrt(variance) * axis * size[known]
+                yield dict(zip(names, change.tolist(), strict=True))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the part of ``model.json``."""
+        return {
+            "names": list(self.names),
+            "covariance": self.covariance.tolist(),
+            "residual_deg": self.residual_deg,
+            "alternatives": [{"effects": list(a.effects), "values": dict(a.values)} for a in self.alternatives],
+        }
+
+
+def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
+    """Read the part of ``model.json``; ``free`` are the names that a model of this kind can fit.
+
+    Raises
+    ------
+    ConfigError
+        When it is damaged. What the alternatives name is not looked at here.
+    """
+    where = "doubt"
+    names, rows, others = table.get("names"), table.get("covariance"), table.get("alternatives")
+    if not isinstance(names, list) or len(set(map(str, names))) != len(names) or not set(map(str, names)) <= set(free):
+        raise ConfigError("'names' are not the model's free values", where=where, value=repr(names))
+    try:
+        covariance = np.array(rows, np.float64).reshape(len(names), len(names))
+    except (TypeError, ValueError) as error:
+        raise ConfigError("'covariance' is no square of numbers", where=where) from error
+    size = np.sqrt(np.abs(np.diag(covariance)))
+    if not np.isfinite(covariance).all() or np.any(np.abs(covariance) > 1.001 * np.outer(size, size)):
+        raise ConfigError("'covariance' is that of no values", where=where)
+    if not isinstance(others, list) or not all(isinstance(other, Mapping) for other in others):
+        raise ConfigError("'alternatives' is no list of tables", where=where, value=repr(others))
+    return Doubt(
+        names=tuple(names),
+        covariance=0.5 * (covariance + covariance.T),
+        residual_deg=get_number(table, "residual_deg", where=where, lower=0.0, upper=_MOST_DEG),
+        alternatives=tuple(_alternative(other) for other in others),
+    )
+
+
+def _alternative(table: Mapping[str, Any]) -> Alternative:
+    where = "doubt, alternatives"
+    effects = table.get("effects")
+    if not isinstance(effects, list) or not all(isinstance(name, str) for name in effects):
+        raise ConfigError("'effects' is not a list of names", where=where, value=repr(effects))
+    values = get_table(table, "values", where=where, required=True)
+    return Alternative(tuple(effects), {name: get_number(values, name, where=where) for name in values})
