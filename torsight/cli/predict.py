@@ -23,7 +23,7 @@ def predict(
     """
     from torsight.actuator.fitted import read_model
     from torsight.actuator.logs import read_log
-    from torsight.cli.console import progress_bar
+    from torsight.cli.console import progress_bar, say
     from torsight.cli.simulate import write_angles_of
     from torsight.core.paths import require_apart
     from torsight.core.units import DEG
@@ -35,5 +35,12 @@ def predict(
     with progress_bar() as progress:
         found = predict_with_sigma(
             fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress
+        )
+    own = set(fitted.model.effects)
+    for other in fitted.alternatives():
+        its = set(other.model.effects)
+        say(
+            f"the record cannot tell {', '.join(sorted(its - own)) or 'nothing'} from {', '.join(sorted(own - its))}: "
+            "angle_sigma_deg is wide where they differ"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
