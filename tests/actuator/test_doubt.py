@@ -90,8 +90,10 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
 
     from torsight.core.storage import write_table
 
-    late = Alternative(("sensor_lag",), {**model_with(None).values, "lag_s": 8.0, "lag_delay_share": 0.0})
-    model = model_with(Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.2, (late,)))
+    nominal = ActuatorModel(reference_spec()).nominal()
+    slow = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
+    late = ActuatorModel(reference_spec(), ("clock_offset",))
+    model = FittedModel(late, late.nominal(), doubt=Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.2, (slow,)))
     write_model(tmp_path / "model.json", model)
     columns = {"time_s": log.time_s, "temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}
     write_table(tmp_path / "temps.csv", columns)
@@ -101,7 +103,7 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
     assert list(written.columns[:3]) == ["time_s", "angle_deg", "angle_sigma_deg"]
     found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
     assert written["angle_sigma_deg"].to_numpy() == pytest.approx(found.sigma_rad / DEG, abs=1e-3)
-    assert "cannot tell sensor_lag from nothing" in capsys.readouterr().err
+    assert "cannot tell clock_offset from sensor_lag" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def predict(
     for other in fitted.alternatives():
         its = set(other.model.effects)
         say(
-            f"the record cannot tell {', '.join(sorted(its - own)) or 'nothing'} from {', '.join(sorted(own - its))}: "
+            f"the record cannot tell {', '.join(sorted(own - its))} from {', '.join(sorted(its - own))}: "
             "angle_sigma_deg is wide where they differ"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
