@@ -45,6 +45,8 @@ _SHARPER: Final = 0.25
 """Share of the residual's size as which it counts in a second search, where the first one has left much ..."""
 _WELL_EXPLAINED: Final = 0.1
 """... and more than this share of what the base model leaves: a form's error, which no other set would take ..."""
+_FEW: Final = 100.0
+"""... or where so long-lived an error is left that the record holds fewer pieces of information ..."""
 _SHORT: Final = 16.0
 """... and samples over which it is correlated there at most."""
 _LOOKS: Final = 2
@@ -303,12 +305,17 @@ class Search:
         return max(self._scales.motion, self._scales.rest) > _SHOWS * least
 
     def _poor(self) -> bool:
-        """Return whether the best fit leaves more than a small part of what the base model leaves."""
+        """Return whether the best fit leaves more than a small part of what the base model leaves, or too few pieces.
+
+        An error that lives for long makes a record small: two sets are hardly told apart then, whichever leaves less.
+        """
         valid = self._problem.valid
         best, base = (
             np.sqrt(np.mean(self._fitter.residual(fit)[valid] ** 2)) for fit in (self._best(), self._fits[()])
         )
-        return bool(best > _WELL_EXPLAINED * base)
+        levels, motion = self._stretches.split()
+        pieces = len(levels) + pieces_in_motion(motion, self._scales)
+        return bool(best > _WELL_EXPLAINED * base or pieces < _FEW)
 
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter, until the best stays."""
