@@ -28,6 +28,8 @@ _FAR_BETTER: Final = 0.5
 """Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
 _DOUBT: Final = 2.0
 """Standard deviations of what the inputs' noise does within which a residual is no sign of anything."""
+_MOST_PLAIN: Final = 2
+"""Effects at most in a set of which one may be in plain sight."""
 _TIED: Final = 0.9
 """Correlation from which two effects' values hang together."""
 
@@ -86,10 +88,12 @@ class Judge:
 
         Nothing but a missing effect leaves a residual that far above the floor which one mechanism takes off almost
         whole, on unseen blocks too. What takes off the error of another one's form either leaves some of it, or the
-        two hang together.
+        two hang together; what takes off the error of two forms need not.
         """
         settings = self._settings
-        if not self._can_hold_out or self.over_floor(without) < settings.plain_over_floor:
+        if len(contender.effects) > _MOST_PLAIN or not self._can_hold_out:
+            return False
+        if self.over_floor(without) < settings.plain_over_floor:
             return False
         gained, left = without.cost - contender.cost, max(0.0, contender.cost - self._expected)
         if gained < settings.plain_share * (gained + left):
