@@ -66,6 +66,17 @@ def test_explanations_that_predict_something_else_widen_it_there(log) -> None:
     assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, apart / np.sqrt(2.0)), rel=1e-9)
 
 
+def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) -> None:
+    rng = np.random.default_rng(4)
+    noisy = replace(log, temp_a_c=log.temp_a_c + 0.1 * rng.standard_normal(len(log)))
+    model = model_with(Doubt((), np.zeros((0, 0)), 0.1))
+    sigma_deg = predict_with_sigma(model, noisy, start_angle_rad=START_RAD).sigma_rad / DEG
+    assert np.median(sigma_deg) < 0.3
+    assert sigma_deg.max() > 0.5
+    again = predict_with_sigma(model, noisy, start_angle_rad=START_RAD).sigma_rad / DEG
+    assert np.array_equal(sigma_deg, again)
+
+
 def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(log) -> None:
     wide = model_with(Doubt(("tau_c_mnm",), np.array([[1e4]]), 0.1))
     found = predict_with_sigma(wide, log, start_angle_rad=START_RAD)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import Simulation
@@ -14,8 +17,12 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 from torsight.discovery.closure import correction_rad
+from torsight.discovery.temperature_errors import draw_errors, with_errors
 
 Array = NDArray[np.float64]
+
+_DRAWS: Final = 8
+"""Draws of the temperatures' noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,10 +60,11 @@ def predict_with_sigma(
 ) -> PredictedAngle:
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 
-    Three things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
+    Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
     has not seen; what the values are uncertain by (the log is simulated one standard deviation to either side along
-    every axis of their uncertainty); and how far explanations that the record could not tell from this one, all as
-    likely, predict something else.
+    every axis of their uncertainty); how far explanations that the record could not tell from this one, all as likely,
+    predict something else; and the noise of the log's temperatures, drawn: where an incomplete heating ends, its error
+    stays in the angle.
 
     Parameters
     ----------
@@ -83,21 +91,26 @@ def predict_with_sigma(
     if model.doubt is None:
         return PredictedAngle(angle, np.full(len(angle), np.nan), simulation)
     own = simulation.angle_rad + learned
-
-    def off_square(other: FittedModel) -> Array:
-        there = other.simulate(drive)
-        return np.asarray((there.angle_rad + _learned_rad(other, drive, there) - own) ** 2)
-
-    sides, alternatives = list(model.neighbours()), model.alternatives()
-    square, count = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), len(sides) + len(alternatives)
-    for done, (one, other) in enumerate(sides):
-        progress("uncertainty", done, count)
-        square += 0.5 * (off_square(one) + off_square(other))
-    for done, other in enumerate(alternatives, start=len(sides)):
-        progress("uncertainty", done, count)
-        square += off_square(other) / (1 + len(alternatives))
-    progress("uncertainty", count, count)
+    square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
+    for done, (other, its_drive, share) in enumerate(others):
+        progress("uncertainty", done, len(others))
+        there = other.simulate(its_drive)
+        square += share * (there.angle_rad + _learned_rad(other, its_drive, there) - own) ** 2
+    progress("uncertainty", len(others), len(others))
     return PredictedAngle(angle, np.where(np.isfinite(angle), np.sqrt(square), np.nan), simulation)
+
+
+def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
+    """Give what else may be true: a model, a drive, and the share with which the squared difference counts."""
+    for sides in model.neighbours():
+        yield from ((side, drive, 0.5) for side in sides)
+    alternatives = model.alternatives()
+    yield from ((other, drive, 1.0 / (1 + len(alternatives))) for other in alternatives)
+    if drive.noise_c > NEGLIGIBLE_C:
+        rng = np.random.default_rng(0)
+        yield from (
+            (model, with_errors(drive, draw_errors(drive, rng).with_tops_c), 1.0 / _DRAWS) for _ in range(_DRAWS)
+        )
 
 
 def _learned_rad(model: FittedModel, drive: Drive, simulation: Simulation) -> Array:
