@@ -104,7 +104,8 @@ def _model() -> bytes:
     model = ActuatorModel(actuator_from(tomllib.loads(ACTUATOR), where="test"), ("sensor_lag",))
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "model.json"
-        doubt = Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.3, (Alternative((), model.nominal()),))
+        late = ActuatorModel(model.spec, ("clock_offset",))
+        doubt = Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.3, (Alternative(("clock_offset",), late.nominal()),))
         write_model(path, FittedModel(model, model.nominal(), cycles=(1, 1), account={"rmse_deg": 0.3}, doubt=doubt))
         return path.read_bytes()
 
