@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.config import get_number, get_table
+from torsight.core.config import get_names, get_number, get_table
 from torsight.core.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -48,19 +48,12 @@ class Doubt:
     alternatives: tuple[Alternative, ...] = ()
 
     def steps(self) -> Iterator[dict[str, float]]:
-        """Give one standard deviation along each principal axis of the values' uncertainty (name to change).
-
-        The axes are those of the correlation matrix: values differ in size by many orders.
-        """
-        size = np.sqrt(np.diag(self.covariance))
-        known = size > 0.0
-        scaled = self.covariance[np.ix_(known, known)] / np.outer(size[known], size[known])
-        share, axes = np.linalg.eigh(scaled)
-        names = [name for name, kept in zip(self.names, known, strict=True) if kept]
+        """Give one standard deviation along each principal axis of the values' uncertainty (name to change)."""
+        size, share, axes = principal_axes(self.covariance)
         for variance, axis in zip(share, axes.T, strict=True):
             if variance > _NO_SHARE:
-                change = np.sqrt(variance) * axis * size[known]
-                yield dict(zip(names, change.tolist(), strict=True))
+                change = np.sqrt(variance) * axis * size
+                yield dict(zip(self.names, change.tolist(), strict=True))
 
     def to_json(self) -> dict[str, Any]:
         """Return the part of ``model.json``."""
@@ -70,6 +63,17 @@ class Doubt:
             "residual_deg": self.residual_deg,
             "alternatives": [{"effects": list(a.effects), "values": dict(a.values)} for a in self.alternatives],
         }
+
+
+def principal_axes(covariance: Array) -> tuple[Array, Array, Array]:
+    """Return standard deviations (m,), and variances (m,) and axes (m, m; columns) in units of these.
+
+    The axes are those of the correlation matrix: values differ in size by many orders.
+    """
+    size = np.sqrt(np.diag(covariance))
+    unit = np.where(size > 0.0, size, 1.0)
+    share, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
+    return size, share, axes
 
 
 def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
@@ -103,8 +107,6 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
 
 def _alternative(table: Mapping[str, Any]) -> Alternative:
     where = "doubt, alternatives"
-    effects = table.get("effects")
-    if not isinstance(effects, list) or not all(isinstance(name, str) for name in effects):
-        raise ConfigError("'effects' is not a list of names", where=where, value=repr(effects))
+    effects = get_names(table, "effects", where=where)
     values = get_table(table, "values", where=where, required=True)
-    return Alternative(tuple(effects), {name: get_number(values, name, where=where) for name in values})
+    return Alternative(effects, {name: get_number(values, name, where=where) for name in values})

@@ -17,7 +17,7 @@ from torsight.actuator.effects import chosen_effects
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.spec import actuator_from
-from torsight.core.config import get_number, get_table, get_text
+from torsight.core.config import get_names, get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError, TorsightError
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import check_keys, read_json, write_json
@@ -224,14 +224,13 @@ def read_model(path: Path) -> FittedModel:
 
 def _model_from(content: Mapping[str, Any]) -> FittedModel:
     where = "model"
-    effects, law = content.get("effects"), get_text(content, "phase_law", where=where, choices=get_args(PhaseLaw))
-    if not isinstance(effects, list) or not all(isinstance(name, str) for name in effects):
-        raise ConfigError("'effects' is not a list of names", where=where, value=repr(effects))
+    law = get_text(content, "phase_law", where=where, choices=get_args(PhaseLaw))
+    effects = get_names(content, "effects", where=where)
     theta_l_deg = None
     if content.get("theta_l_deg") is not None:
         theta_l_deg = get_number(content, "theta_l_deg", where=where, lower=0.0, upper=2e4)
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
-    model = ActuatorModel(spec, tuple(effects), cast("PhaseLaw", law), theta_l_deg)
+    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg)
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(_whole(cycles, name, 0, _MOST_CYCLES, where="cycles") for name in ("a", "b"))
     closure = get_table(content, "closure", where=where) if content.get("closure") is not None else None

@@ -68,6 +68,20 @@ def is_number(value: Any) -> bool:
         return False
 
 
+def get_names(table: Mapping[str, Any], key: str, *, where: str) -> tuple[str, ...]:
+    """Return a list of names.
+
+    Raises
+    ------
+    ConfigError
+        When it is absent, no list, or holds anything but texts.
+    """
+    names = table.get(key)
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ConfigError(f"'{key}' is not a list of names", where=where, value=repr(names))
+    return tuple(names)
+
+
 def get_text(
     table: Mapping[str, Any],
     key: str,

@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, load_effects, load_nameless
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
@@ -187,10 +186,7 @@ class ActuatorProblem:
 
     @cached_property
     def _temperature_errors(self) -> tuple[TemperatureErrors, ...]:
-        if self.drive.noise_c <= NEGLIGIBLE_C:
-            return ()
-        rng = np.random.default_rng(self.seed)
-        return tuple(draw_errors(self.drive, rng) for _ in range(_NOISE_DRAWS))
+        return tuple(draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS))
 
 
 def kept_rows(drive: Drive) -> NDArray[np.int64]:

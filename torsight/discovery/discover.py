@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.doubt import Alternative, Doubt
+from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import load_effects, load_nameless
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
@@ -254,9 +254,8 @@ def _effects(
 
 
 def _drawn(mean: Array, spread: Array, rng: np.random.Generator) -> Array:
-    """Return draws (k, m) of a normal distribution whose values may differ in size by many orders."""
-    size = np.sqrt(np.diag(spread))
-    share, directions = np.linalg.eigh(spread / np.outer(size, size))
+    """Return draws (k, m) of a normal distribution."""
+    size, share, directions = principal_axes(spread)
     unit = rng.standard_normal((_DRAWS, len(mean)))
     return np.asarray(mean + (unit * np.sqrt(np.maximum(share, 0.0))) @ directions.T * size)
 

@@ -13,7 +13,7 @@ import numpy as np
 from torsight.discovery.common import freed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import space_of
-from torsight.discovery.noise import pieces_in_motion
+from torsight.discovery.noise import pieces
 from torsight.discovery.solver import Array
 from torsight.discovery.validate import block_labels
 
@@ -46,7 +46,7 @@ def _curvature_and_common(field: Field, contender: Contender) -> tuple[Array, Ar
     """Return the covariance (m, m) with an error that all blocks share fitted along, and how far values move then."""
     fit, weight = contender.fit, field.fitter.weight
     residual = np.where(weight > 0.0, field.fitter.problem.observed - fit.solution.prediction, 0.0)
-    inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field)))
+    inflation = max(1.0, float(weight @ residual**2) / max(1.0, pieces(field.stretches, field.scales)))
     picture, own = freed(field, contender), len(fit.parameters)
     information = picture.columns.T @ (picture.columns * weight[:, None]) / inflation + np.diag(picture.information)
     return np.asarray(np.linalg.inv(information)[:own, :own]), picture.moved[:own]
@@ -68,9 +68,3 @@ def _between_blocks(field: Field, contender: Contender) -> Array:
     values = np.array([[fold[name] for name in names] for _, fold in contender.held_out.folds])
     off = values - values.mean(axis=0)
     return np.asarray((len(values) - 1) / len(values) * off.T @ off)
-
-
-def pieces(field: Field) -> float:
-    """Return how many pieces of information the record holds."""
-    levels, motion = field.stretches.split()
-    return len(levels) + pieces_in_motion(motion, field.scales)

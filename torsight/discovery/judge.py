@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -68,16 +69,15 @@ class Judge:
 
     def earned(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
-        for name in contender.effects:
-            without = self._field.contenders.get(less(contender.effects, name))
-            if without is None or not self._better(contender, without):
-                return False
-        return True
+        return all(part is not None and self._better(contender, part) for part in self._parts(contender))
 
     def shows(self, contender: Contender) -> bool:
         """Return whether the residual shrinks by what is worth a name with each effect of a set."""
-        parts = (self._field.contenders[less(contender.effects, name)] for name in contender.effects)
-        return all(self._large(contender, part) for part in parts)
+        return all(part is not None and self._large(contender, part) for part in self._parts(contender))
+
+    def _parts(self, contender: Contender) -> Iterator[Contender | None]:
+        """Give a set without each of its effects in turn, None where that was not fitted."""
+        return (self._field.contenders.get(less(contender.effects, name)) for name in contender.effects)
 
     def _large(self, contender: Contender, without: Contender) -> bool:
         """Return whether a set removes what is worth a name of what is left without one effect."""
@@ -249,8 +249,7 @@ class Judge:
         least = (self._settings.least_unknown * self._field.fitter.problem.resolution) ** 2
         if self._removed(contender, self._field.base) >= least:
             return True
-        parts = (self._field.contenders[less(contender.effects, name)] for name in contender.effects)
-        if all(self.plain(contender, part) for part in parts):
+        if all(part is not None and self.plain(contender, part) for part in self._parts(contender)):
             return True
         return contender.named and self.nameless(contender, rivals_too=True) is None
 
@@ -281,7 +280,7 @@ class Judge:
 
     def _gains(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance, whatever it predicts."""
-        parts = (self._field.contenders.get(less(contender.effects, name)) for name in contender.effects)
+        parts = self._parts(contender)
         return all(part is not None and part.cost - contender.cost >= self._threshold for part in parts)
 
     def _as_close(self, contender: Contender, chosen: Contender) -> bool:

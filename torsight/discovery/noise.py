@@ -84,6 +84,12 @@ def pieces_in_motion(motion: Sequence[tuple[int, int]], scales: Scales) -> float
     return sum(max(1.0, (b - a) / scales.correlation_samples) for a, b in motion)
 
 
+def pieces(stretches: Stretches, scales: Scales) -> float:
+    """Return how many pieces of information a record holds: one per rest, and those in motion."""
+    levels, motion = stretches.split()
+    return len(levels) + pieces_in_motion(motion, scales)
+
+
 def correlation_samples(residual: Array, stretches: Stretches) -> float:
     """Return the integrated correlation time of a residual in motion, in samples (at least 1).
 

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import Simulation
@@ -106,11 +105,8 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
         yield from ((side, drive, 0.5) for side in sides)
     alternatives = model.alternatives()
     yield from ((other, drive, 1.0 / (1 + len(alternatives))) for other in alternatives)
-    if drive.noise_c > NEGLIGIBLE_C:
-        rng = np.random.default_rng(0)
-        yield from (
-            (model, with_errors(drive, draw_errors(drive, rng).with_tops_c), 1.0 / _DRAWS) for _ in range(_DRAWS)
-        )
+    for errors in draw_errors(drive, seed=0, count=_DRAWS):
+        yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS
 
 
 def _learned_rad(model: FittedModel, drive: Drive, simulation: Simulation) -> Array:

@@ -23,6 +23,7 @@ from torsight.discovery.noise import (
     Stretches,
     first_scales,
     information,
+    pieces,
     pieces_in_motion,
     reading_noise,
     residual_scales,
@@ -97,8 +98,7 @@ class Search:
         and pairs are fitted before weights are taken anew.
         """
         before, best = (self._fits, self._fitter, self._scales, self._floor), self._best()
-        residual = self._fitter.residual(before[0][()])[self._problem.valid]
-        size = _SHARPER * float(np.sqrt(np.mean(residual**2)))
+        size = _SHARPER * self._left(before[0][()])
         tau = min(self._scales.correlation_samples, _SHORT)
         self._scales = Scales(size, size, tau)
         self._fitter = Fitter(self._problem, self._weights())
@@ -309,13 +309,12 @@ class Search:
 
         An error that lives for long makes a record small: two sets are hardly told apart then, whichever leaves less.
         """
-        valid = self._problem.valid
-        best, base = (
-            np.sqrt(np.mean(self._fitter.residual(fit)[valid] ** 2)) for fit in (self._best(), self._fits[()])
-        )
-        levels, motion = self._stretches.split()
-        pieces = len(levels) + pieces_in_motion(motion, self._scales)
-        return bool(best > _WELL_EXPLAINED * base or pieces < _FEW)
+        large = self._left(self._best()) > _WELL_EXPLAINED * self._left(self._fits[()])
+        return large or pieces(self._stretches, self._scales) < _FEW
+
+    def _left(self, fit: Fit) -> float:
+        """Return the root mean square of what a fit leaves."""
+        return float(np.sqrt(np.mean(self._fitter.residual(fit)[self._problem.valid] ** 2)))
 
     def _reweight(self) -> None:
         """Take the weights from the best residual and refit, at them, what may still matter, until the best stays."""

@@ -163,7 +163,6 @@ def solve(
     for _ in range(max_iterations):
         residual = y - slopes.at_x
         normal, gradient = _normal(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
-        curvature = np.diag(normal).copy()
         _hold(normal, gradient, held, space=space)
         found, most = False, 0.0
         while damping < 1e6:
@@ -179,7 +178,7 @@ def solve(
                 break
             damping = max(damping * 8.0, 1e-2)
         if not found:
-            if slopes.refresh() or (most > _PROMISING and holds_another(curvature)):
+            if slopes.refresh() or (most > _PROMISING and holds_another(np.diag(normal))):
                 damping = 1e-3
                 continue
             converged = True

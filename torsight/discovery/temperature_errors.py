@@ -7,6 +7,7 @@ spring has changed, and it stays in the angle until the next heating.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from torsight.actuator.conditioning import NEGLIGIBLE_C
 from torsight.actuator.drive import Drive
 
 Array = NDArray[np.float64]
@@ -40,8 +42,15 @@ class TemperatureErrors:
     with_tops_c: tuple[Array, Array]
 
 
-def draw_errors(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
-    """Draw errors of the sizes that a drive's conditioning tells."""
+def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureErrors]:
+    """Give so many draws of errors of the sizes that a drive's conditioning tells; none where they are negligible."""
+    if drive.noise_c > NEGLIGIBLE_C:
+        rng = np.random.default_rng(seed)
+        for _ in range(count):
+            yield _draw(drive, rng)
+
+
+def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     interval_s = float(np.median(np.diff(drive.time_s)))
     smooth, with_tops = [], []
     for spring, temp_c in enumerate((drive.temp_a_c, drive.temp_b_c)):
