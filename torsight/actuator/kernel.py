@@ -17,8 +17,8 @@ sign s (φ = s (x − θ_P/2)).
 Arrays that go from function to function:
 ``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
-reference state; ``w`` (3, m) per section: ξ, ξ0, and the furthest place in the law's window; ``g`` what goes on from
-sample to sample.
+reference state; ``w`` (5, m) per section: ξ, ξ0, the furthest place in the law's window, and a trial's ξ and place;
+``g`` what goes on from sample to sample.
 """
 
 from __future__ import annotations
@@ -32,21 +32,20 @@ from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
     FIRST_SHARE,
     FIXED_THETA_L,
-    HAS_FRICTION,
-    HAS_SIDE,
     HAS_STRAY,
     HOME_HOLD,
     K_M,
     K_S,
     PASSIVE_SHARE,
     ROOM_C,
-    SIMPLE,
     STATIC_EXCESS,
     STATIC_TIME,
+    STEADY,
     STRAY,
     TANAKA,
     THETA_CR,
     THETA_P,
+    VISCOUS,
     cold_torque,
     friction_torque,
     from_table,
@@ -249,7 +248,12 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
 
 @inlined
 def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
-    """Return whether no section's transformation advances at the torque as it is."""
+    """Return whether the angle stands and no section's transformation advances at the torque as it is.
+
+    What depends on the speed or on the time at rest has to have come to rest before.
+    """
+    if p[STEADY] == 0.0 or (g[REST_S] == 0.0 and p[VISCOUS] + p[STATIC_EXCESS] > 0.0):
+        return False
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
         own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
@@ -257,6 +261,14 @@ def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> b
         if not complete and window_place(heating, own, g[TAU_NOW], p) > w[2, j]:
             return False
     return True
+
+
+@inlined
+def _pass_over(per_s: float, c: Array, g: Array) -> None:
+    """Let a sample's time go by at rest."""
+    c[X0], c[PER_S] = g[X_NOW], per_s
+    if g[REST_S] > 0.0:
+        g[REST_S] += 1.0 / per_s
 
 
 @inlined
@@ -320,14 +332,11 @@ def run(
     n = active.size
     out = np.empty((5, n))
     c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
-    w, saved_w = np.ones((3, sections.shape[1])), np.ones((3, sections.shape[1]))
+    w, saved_w = np.ones((5, sections.shape[1])), np.ones((5, sections.shape[1]))
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     theta_a, theta_p = theta_start, p[THETA_P]
     wound = _home(theta_start, active[0], friction_scale[0], p, tables)
     c[FACTOR] = 1.0
-    plain = (
-        p[SIMPLE] > 0.0 and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[TANAKA] == 0.0 and sections.shape[1] == 1
-    )
     for k in range(n):
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
@@ -337,12 +346,13 @@ def run(
                 _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
             else:
                 _turn(directions[0, k] > 0, scale, own, g, q, w, saved_q, saved_w, wound, p)
-        fresh = starts or turns or p[SIMPLE] == 0.0
+        fresh = starts or turns
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
         if not fresh and _nothing_to_do(c, g, w, p, sections):
             for i in range(5):
                 out[i, k] = out[i, k - 1]
+            _pass_over(per_s[k], c, g)
             continue
         _keep_speed(per_s[k], starts, c, g)
         c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
@@ -354,9 +364,9 @@ def run(
         if load_change.shape[1] > 0:
             c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
         total = g[XI_NOW]
-        # Only where load and friction are the plain model's, and after a sample that slid.
-        easy = plain and not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
-        slid = (easy and glide(c, q, g, w, p, sections)) or _settle(g, c, q, w, p, tables, sections)
+        # Only after a sample that slid.
+        easy = not fresh and p[TANAKA] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
+        slid = (easy and glide(c, q, g, w, p, tables, sections)) or _settle(g, c, q, w, p, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0

@@ -43,7 +43,7 @@ GRID_STEP: Final = 19
 FIXED_THETA_L: Final = 20
 HAS_FRICTION: Final = 21
 HAS_STRAY: Final = 22
-SIMPLE: Final = 23
+STEADY: Final = 23
 HOME_HOLD: Final = 24
 FIRST_SHARE: Final = 25
 HAS_SIDE: Final = 26
@@ -104,6 +104,20 @@ def from_table(x: float, row: int, p: Array, tables: Array) -> float:
         return tables[row, last]
     i = int(place)
     return tables[row, i] + (place - i) * (tables[row, i + 1] - tables[row, i])
+
+
+@inlined
+def table_and_slope(x: float, row: int, p: Array, tables: Array) -> tuple[float, float]:
+    """Return :func:`from_table` with its derivative."""
+    place = (x - p[GRID_START]) / p[GRID_STEP]
+    last = tables.shape[1] - 1
+    if place <= 0.0:
+        return tables[row, 0], 0.0
+    if place >= last:
+        return tables[row, last], 0.0
+    i = int(place)
+    rise = tables[row, i + 1] - tables[row, i]
+    return tables[row, i] + (place - i) * rise, rise / p[GRID_STEP]
 
 
 @inlined

@@ -1,13 +1,16 @@
 # mypy: disable-error-code="no-any-return"
 # Elements of numpy arrays carry no type that mypy could check against float.
+# ruff: noqa: FBT001
+# Compiled functions call each other by position, flags too.
 """One sample of the stepping rule, compiled: what the active spring carries and makes, and where the two meet.
 
 Load less made torque is monotone in the active spring's angle x, so a bracketed root is the answer and no fixed-point
-iteration is needed. Where it slides on as before and the load is linear, Newton's steps from an extrapolated guess
-come to the same root in two.
+iteration is needed. Where it slides on as before, Newton's steps from an extrapolated guess come to the same root in
+two or three.
 
 ``c`` holds what stands during one sample, ``q`` the reference state, ``g`` what goes on from sample to sample, at the
-places named here; ``w`` (3, m) per section of the wire: ξ, ξ0, and the furthest place in the law's window.
+places named here; ``w`` (5, m) per section of the wire: ξ, ξ0, the furthest place in the law's window, and a trial's ξ
+and place.
 """
 
 from __future__ import annotations
@@ -20,6 +23,10 @@ from numpy.typing import NDArray
 from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
     A_WIDTH,
+    FRICTION_DOWN,
+    FRICTION_UP,
+    HAS_FRICTION,
+    HAS_SIDE,
     HAS_STRAY,
     K_A,
     K_M,
@@ -27,6 +34,9 @@ from torsight.actuator.kernel_laws import (
     M_WIDTH,
     PASSIVE_SHARE,
     ROOM_C,
+    SIDE,
+    STATIC_EXCESS,
+    STEADY,
     STRAY,
     TAU_C,
     TEMP_PER_TORQUE_A,
@@ -42,6 +52,7 @@ from torsight.actuator.kernel_laws import (
     from_table,
     share_done,
     side_torque,
+    table_and_slope,
     window_place,
 )
 
@@ -55,6 +66,7 @@ X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4e-13
+_NEWTON_STEPS: Final = 8
 
 
 @inlined
@@ -151,6 +163,15 @@ def excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, table
     return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p, tables))
 
 
+@inlined
+def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> tuple[float, float, float, float]:
+    """Return a bracket, the newest point last, with a point between: the other end's value as Anderson and Björck."""
+    if (fx > 0.0) == (fb > 0.0):
+        factor = 1.0 - fx / fb
+        return a, fa * (factor if factor > 0.0 else 0.5), x, fx
+    return b, fb, x, fx
+
+
 @compiled
 def slide(
     sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array
@@ -175,12 +196,7 @@ def slide(
                 a, fa = x, fx
                 step = min(max(ahead, 1e-9), 8.0 * step)
         else:
-            if (fx > 0.0) == (fb > 0.0):
-                factor = 1.0 - fx / fb
-                fa *= factor if factor > 0.0 else 0.5
-            else:
-                a, fa = b, fb
-            b, fb = x, fx
+            a, fa, b, fb = _tightened(a, fa, b, fb, x, fx)
         if not bracketed:
             x = a + sense * step
             continue
@@ -190,47 +206,113 @@ def slide(
     return b
 
 
-@compiled
-def glide(c: Array, q: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
-    """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
+@inlined
+def _cold_and_slope(x: float, c: Array, p: Array) -> tuple[float, float]:
+    """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
+    other = p[THETA_P] - x
+    return cold_torque(other, c[WOUND], p), -p[K_S] if other >= c[WOUND] and other > p[THETA_CR] else -p[K_M]
 
-    For a wire of one section under constant friction and Liang–Rogers. Monotone excess: where its root lies on the way
-    that the spring slides, it slides there.
+
+@inlined
+def _load_and_slope(x: float, sense: float, c: Array, p: Array, tables: Array) -> tuple[float, float]:
+    """Return :func:`load_torque` with its derivative."""
+    other = p[THETA_P] - x
+    load, slope = _cold_and_slope(x, c, p)
+    load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
+    if p[HAS_SIDE] > 0.0:
+        side, side_slope = table_and_slope(other, SIDE, p, tables)
+        load, slope = load + side, slope - side_slope
+    theta_a = x if c[SIGN] > 0.0 else other
+    friction, friction_slope = p[TAU_C], 0.0
+    if p[HAS_FRICTION] > 0.0:
+        friction, friction_slope = table_and_slope(
+            theta_a, FRICTION_UP if sense * c[SIGN] > 0.0 else FRICTION_DOWN, p, tables
+        )
+        if friction < 0.0:
+            friction, friction_slope = 0.0, 0.0
+    load, slope = load - sense * friction * c[SCALE], slope - sense * c[SIGN] * friction_slope * c[SCALE]
+    if p[VISCOUS] > 0.0:
+        per_angle = sense * c[PER_S] * (1.0 + c[AHEAD])
+        speed = sense * ((x - c[X0]) * c[PER_S] * (1.0 + c[AHEAD]) - c[AHEAD] * c[BEFORE])
+        if speed > 0.0:
+            torque = p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
+            load, slope = load - sense * torque, slope - sense * p[VISCOUS_POWER] * torque / speed * per_angle
+    if p[HAS_STRAY] > 0.0:
+        stray, stray_slope = table_and_slope(theta_a, STRAY, p, tables)
+        load, slope = load + c[SIGN] * stray, slope + stray_slope
+    return load, slope
+
+
+@inlined
+def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: Array) -> tuple[float, float, bool]:
+    """Return :func:`wire_fraction` by Liang and Rogers, its derivative, and whether any section advances.
+
+    Each section's ξ and place are kept as the trial's.
     """
-    heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
-    own = c[TEMP] - sections[1, 0] - sections[2, 0] * (c[TEMP] - p[ROOM_C])
+    heating = c[HEATING] > 0.0
     # By how much the window's place moves per torque.
     per_torque = -p[TEMP_PER_TORQUE_A] / p[A_WIDTH] if heating else p[TEMP_PER_TORQUE_M] / p[M_WIDTH]
+    ahead = bend(heating, p)
+    total, slope, advances = 0.0, 0.0, False
+    for j in range(w.shape[1]):
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        place = window_place(heating, own, torque, p)
+        xi = w[0, j]
+        w[4, j] = max(place, w[2, j])
+        if place > w[2, j]:
+            advances = True
+            xi = 0.0 if heating else 1.0
+            if place < 1.0:
+                cosine = np.cos(np.pi * bent(place, ahead))
+                half = 0.5 * (w[1, j] if heating else w[1, j] - 1.0)
+                xi += half * (1.0 + cosine)
+                steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * per_torque
+                slope -= sections[0, j] * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
+        w[3, j] = xi
+        total += sections[0, j] * xi
+    return total, slope, advances
+
+
+@compiled
+def glide(c: Array, q: Array, g: Array, w: Array, p: Array, tables: Array, sections: Array) -> bool:
+    """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
+
+    For Liang–Rogers. Monotone excess: where its root lies on the way that the spring slides, it slides there.
+    """
+    heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
     spread = p[K_M] - p[K_A]
+    # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
+    may_creep = p[STEADY] == 0.0 or p[VISCOUS] > 0.0
+    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[STATIC_EXCESS] == 0.0
+    least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
-    for _ in range(5):
-        other = p[THETA_P] - x
-        load = cold_torque(other, c[WOUND], p) - sense * p[TAU_C]
-        load_slope = -p[K_S] if other >= c[WOUND] and other > p[THETA_CR] else -p[K_M]
-        place = window_place(heating, own, load, p)
-        if place <= w[2, 0]:
+    for _ in range(_NEWTON_STEPS):
+        if bare:
+            load, load_slope = _cold_and_slope(x, c, p)
+            load -= sense * p[TAU_C]
+        else:
+            load, load_slope = _load_and_slope(x, sense, c, p, tables)
+        xi, xi_slope, advances = _fraction_and_slope(load, c, p, sections, w)
+        if not (advances or may_creep):
             return False
-        xi, xi_slope = (0.0 if heating else 1.0), 0.0
-        if place < 1.0:
-            ahead = bend(heating, p)
-            cosine = np.cos(np.pi * bent(place, ahead))
-            half = 0.5 * (w[1, 0] if heating else w[1, 0] - 1.0)
-            xi = half * (1.0 + cosine) if heating else 1.0 + half * (1.0 + cosine)
-            steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place))
-            xi_slope = -steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
         stiffness, stretch = p[K_A] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
         made = q[TAU_REF] + stiffness * stretch
-        slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * per_torque * load_slope
+        slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * load_slope
         if not heating:
             least = cold_torque(x, q[FLOOR], p)
             if made < least:
                 made, slope = least, p[K_S] if x >= q[FLOOR] and x > p[THETA_CR] else p[K_M]
+        made += c[OWN]
+        if p[HAS_SIDE] > 0.0:
+            side, side_slope = table_and_slope(x, SIDE, p, tables)
+            made, slope = made + side, slope + side_slope
         if abs(load - made) <= TORQUE_TOLERANCE:
-            if sense * (x - g[X_NOW]) < 0.0:
+            if sense * (x - g[X_NOW]) * abs(load_slope - slope) < least_excess:
                 return False
             g[MOVE_2], g[MOVE] = g[MOVE], abs(x - g[X_NOW])
             g[X_NOW], g[TAU_NOW], g[XI_NOW] = x, load, xi
-            w[0, 0], w[2, 0] = xi, place
+            for j in range(w.shape[1]):
+                w[0, j], w[2, j] = w[3, j], w[4, j]
             return True
         x -= (load - made) / (load_slope - slope)
     return False
@@ -253,12 +335,7 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables
         if trial == 1:
             b, fb = xi, fx
         else:
-            if (fx > 0.0) == (fb > 0.0):
-                factor = 1.0 - fx / fb
-                fa *= factor if factor > 0.0 else 0.5
-            else:
-                a, fa = b, fb
-            b, fb = xi, fx
+            a, fa, b, fb = _tightened(a, fa, b, fb, xi, fx)
         if abs(fb) <= 1e-14 or abs(b - a) < 1e-15 or fa == fb:
             break
         xi = b - fb * (b - a) / (fb - fa)
@@ -281,6 +358,14 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, 
     return 0.5 * (a + b)
 
 
+@inlined
+def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, p: Array) -> float:
+    """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
+    torque = base + (p[K_A] + xi * (p[K_M] - p[K_A])) * angle * (1.0 - xi)
+    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, p), p)
+    return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
+
+
 @compiled
 def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
@@ -289,19 +374,18 @@ def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
     if c[TURN_NOW] != g[TURN_P]:
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]
-    low, high = (0.0, xi) if heating else (xi, 1.0)
-    # The law at the torque of a trial ξ, less the trial: falls as the trial grows, in both directions of change.
-    for _ in range(46):
-        trial = 0.5 * (low + high)
-        torque = base + (p[K_A] + trial * (p[K_M] - p[K_A])) * angle * (1.0 - trial)
-        done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, p), p)
-        own = g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done
-        target = min(xi, own) if heating else max(xi, own)
-        if target > trial:
-            low = trial
-        else:
-            high = trial
-    fraction = 0.5 * (low + high)
+    # What the law at the torque of a trial ξ is above the trial falls as the trial grows, in both directions of change.
+    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, p)
+    fraction = xi
+    if (fa < 0.0) if heating else (fa > 0.0):
+        b = 0.0 if heating else 1.0
+        fb = _passive_excess(b, base, angle, heating, c, g, p)
+        for _ in range(80):
+            if abs(fb) <= 1e-14 or abs(b - a) < 1e-14 or fa == fb:
+                break
+            x = b - fb * (b - a) / (fb - fa)
+            a, fa, b, fb = _tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, p))
+        fraction = b
     if abs(fraction - xi) > 1e-12:
         g[XI_P] = fraction
     fraction = g[XI_P]

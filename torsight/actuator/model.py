@@ -245,8 +245,8 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.FIRST_SHARE] = ports.first_share
     p[laws.HEATING_BEND], p[laws.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
-    moving_load = ports.viscous_nms or ports.static_excess or ports.passive_share or ports.load_changes
-    p[laws.SIMPLE] = float(not (moving_load or np.any(ports.friction_scale != 1.0)))
+    moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
+    p[laws.STEADY] = float(not moving_load)
     p[laws.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
 
