@@ -141,3 +141,18 @@ def test_what_explains_best_is_told_though_it_fails_on_unseen_blocks() -> None:
     decision = decide(field, settings=Settings(), seed=0)
     assert decision.chosen is twin
     assert best in decision.rivals
+
+
+@pytest.mark.parametrize("worse", [1.0, 50.0])
+def test_one_more_effect_in_plain_sight_is_told_though_it_fails_on_unseen_blocks(worse: float) -> None:
+    s = signals()
+    made = machine(0.3 * np.sign(s["speed"]) + 0.04 * (s["warm"] - 20.0), seed=5, tau=1.0, sigma=0.05)
+    field = Search(made, settings=Settings(), progress=silent).run()
+    assert decide(field, settings=Settings(), seed=0).chosen.effects == PAIR
+    pair, single = field.contenders[PAIR], field.contenders[PAIR[:1]]
+    seen = pair.held_out
+    # In information, a single block may outweigh the residual of all others.
+    spoilt = replace(seen, residual=worse * seen.residual, information=2500.0 * seen.information)
+    pair.__dict__["held_out"] = spoilt
+    decision = decide(field, settings=Settings(), seed=0)
+    assert [decision.chosen, *decision.rivals] == ([single, pair] if worse > 1.0 else [pair, single])

@@ -29,6 +29,7 @@ KIND: Final = "torsight actuator model"
 _MOST_CYCLES: Final = 1_000_000
 _MOST_TURNS: Final = 1_000_000
 _SAME_HOME_RAD: Final = 2.0 * DEG
+_COLD: Final = 0.999
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +49,22 @@ class Prediction:
     angle_rad: Array
     drive: Drive
     simulation: Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """How a record left the springs, both cold.
+
+    Attributes
+    ----------
+    angle_rad : float
+        The actuator's own angle, as read.
+    unwound_rad : (float, float)
+        By how much A and B had been wound further than they stand.
+    """
+
+    angle_rad: float
+    unwound_rad: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +88,8 @@ class FittedModel:
     start_angle_rad : float or None
         The actuator's own angle at the record's start: how the springs were wound there holds for logs that start
         there too. None where it is not known.
+    end : End or None
+        How the record left the springs: logs that start there go on from it. None where it is not known.
     doubt : Doubt or None
         How far the model may be wrong; None where nobody has said.
     """
@@ -82,12 +101,21 @@ class FittedModel:
     account: Mapping[str, Any] = field(default_factory=dict)
     turns: int = 0
     start_angle_rad: float | None = None
+    end: End | None = None
     doubt: Doubt | None = None
 
-    @property
-    def history(self) -> History:
-        """What the record of the fit leaves behind."""
-        return History(cycles=self.cycles, after_record=True)
+    def history(self, start_angle_rad: float) -> History:
+        """Return what the record of the fit leaves behind for a log that starts at an angle.
+
+        Where that is nearer to the record's end than to its start, the springs are as the record left them.
+        """
+        unwound_rad = None
+        if self.end is not None:
+            off_rad = abs(start_angle_rad - self.end.angle_rad)
+            began_rad = np.inf if self.start_angle_rad is None else self.start_angle_rad
+            if off_rad <= min(_SAME_HOME_RAD, abs(start_angle_rad - began_rad)):
+                unwound_rad = self.end.unwound_rad
+        return History(cycles=self.cycles, after_record=True, unwound_rad=unwound_rad)
 
     def predict(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Prediction:
         """Predict a later temperature log at its own instants.
@@ -113,7 +141,8 @@ class FittedModel:
 
     def simulate(self, drive: Drive) -> Simulation:
         """Simulate a log that is prepared, with what the record of the fit has left behind."""
-        return self.model.simulate(drive, self._values_from(drive.start_angle_rad), history=self.history)
+        start_rad = drive.start_angle_rad
+        return self.model.simulate(drive, self._values_from(start_rad), history=self.history(start_rad))
 
     def neighbours(self) -> Iterator[tuple[FittedModel, FittedModel]]:
         """Give pairs of models one standard deviation to either side, along each axis of the values' uncertainty."""
@@ -164,7 +193,8 @@ def fitted_model(
     """Return the model that was fitted to a record, with what the record leaves behind.
 
     How the springs were wound when the record began (family ``start``) stays part of the model: a later record that
-    starts from the same home (within 2°) starts in the same state.
+    starts from the same home (within 2°) starts in the same state. One that starts where the record ended (within 2°,
+    and nearer to that) goes on from how the model leaves the springs there.
     """
     names = {parameter.name for parameter in model.all_parameters}
     springs = drive.cycles.springs
@@ -176,8 +206,18 @@ def fitted_model(
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
+        end=_end(model, values, drive),
         doubt=doubt,
     )
+
+
+def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive) -> End | None:
+    """Return how a record leaves the springs; None where they have not cooled, or the angle is not known then."""
+    simulation = model.simulate(drive, values)
+    cold = min(simulation.xi_a[-1], simulation.xi_b[-1]) > _COLD
+    if not (cold and np.isfinite(drive.angle_rad[-1])):
+        return None
+    return End(float(drive.angle_rad[-1]), simulation.unwound_rad)
 
 
 def write_model(path: Path, fitted: FittedModel) -> None:
@@ -195,11 +235,25 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "cycles": {"a": fitted.cycles[0], "b": fitted.cycles[1]},
             "turns": fitted.turns,
             "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
+            "end": None if fitted.end is None else _end_to_json(fitted.end),
             "closure": fitted.closure,
             "account": dict(fitted.account),
             "doubt": None if fitted.doubt is None else fitted.doubt.to_json(),
         },
     )
+
+
+def _end_to_json(end: End) -> dict[str, Any]:
+    unwound_deg = dict(zip("ab", (rad / DEG for rad in end.unwound_rad), strict=True))
+    return {"angle_deg": end.angle_rad / DEG, "unwound_deg": unwound_deg}
+
+
+def _end_from(table: Mapping[str, Any]) -> End:
+    where = "end"
+    check_keys(table, ("angle_deg", "unwound_deg"), where=where)
+    unwound = get_table(table, "unwound_deg", where=where, required=True)
+    a, b = (DEG * get_number(unwound, spring, where=where, lower=0.0, upper=2e4) for spring in "ab")
+    return End(DEG * get_number(table, "angle_deg", where=where, lower=-2e4, upper=2e4), (a, b))
 
 
 def read_model(path: Path) -> FittedModel:
@@ -237,6 +291,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
+    end = _end_from(get_table(content, "end", where=where)) if content.get("end") is not None else None
     doubt = None
     if content.get("doubt") is not None:
         doubt = doubt_from(get_table(content, "doubt", where=where), free=[p.name for p in model.parameters])
@@ -250,6 +305,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
         start_angle_rad=start_rad,
+        end=end,
         doubt=doubt,
     )
 

@@ -45,6 +45,8 @@ from torsight.actuator.kernel_laws import (
     TANAKA,
     THETA_CR,
     THETA_P,
+    UNWOUND_A,
+    UNWOUND_B,
     VISCOUS,
     cold_torque,
     friction_torque,
@@ -124,9 +126,13 @@ def _wound_for(x: float, limit: float, p: Array) -> float:
 def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array) -> Array:
     """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
-    The spring that is driven first may have carried a share of its torque only.
+    The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
+    unwound, that holds.
     """
     wound = np.empty(2)
+    if p[UNWOUND_A] >= 0.0:
+        wound[0], wound[1] = theta_start + p[UNWOUND_A], p[THETA_P] - theta_start + p[UNWOUND_B]
+        return wound
     for i in range(2):
         own = theta_start if i == 0 else p[THETA_P] - theta_start
         hold = p[HOME_HOLD] * scale * friction_torque(theta_start, i == 1, p, tables)
@@ -136,6 +142,15 @@ def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array)
         limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
         wound[i] = _wound_for(own, limit - side_torque(own, p, tables), p)
     return wound
+
+
+@compiled
+def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array) -> Array:
+    """Return by how much both springs are unwound, as the next half-cycle will find them."""
+    who = int(g[WHO])
+    left = wound - np.array([theta_a, p[THETA_P] - theta_a])
+    left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p) - g[X_NOW]
+    return np.maximum(left, 0.0)
 
 
 @inlined
@@ -293,7 +308,7 @@ def run(
     tables: Array,
     sections: Array,
     theta_start: float,
-) -> Array:
+) -> tuple[Array, Array]:
     """Step through all samples.
 
     Parameters
@@ -328,6 +343,8 @@ def run(
     -------
     (5, n) float64
         θ^A (rad), ξ of A and B, torque of A and B (N·m).
+    (2,) float64
+        By how much A and B are unwound in the end (rad).
     """
     n = active.size
     out = np.empty((5, n))
@@ -380,4 +397,4 @@ def run(
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
         out[4 - who, k] = passive_torque(g[X_NOW], c, p, tables)
-    return out
+    return out, _unwound(theta_a, beside(g[X_NOW], c, p, tables), g, wound, p)

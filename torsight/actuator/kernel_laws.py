@@ -50,7 +50,9 @@ HAS_SIDE: Final = 26
 HEATING_BEND: Final = 27
 COOLING_BEND: Final = 28
 VISCOUS_POWER: Final = 29
-N_SCALARS: Final = 30
+UNWOUND_A: Final = 30
+UNWOUND_B: Final = 31
+N_SCALARS: Final = 32
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0

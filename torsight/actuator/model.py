@@ -44,6 +44,8 @@ class Simulation:
         Springs' torques, and the friction torque τ_f = τ^B − τ^A (+ stray torque) that holds or brakes.
     temp_a_c, temp_b_c : (n,) float64
         Wire temperatures that drove it.
+    unwound_rad : (float, float)
+        By how much A and B had been wound further than they stand in the end.
     """
 
     angle_rad: Array
@@ -55,6 +57,7 @@ class Simulation:
     friction_nm: Array
     temp_a_c: Array
     temp_b_c: Array
+    unwound_rad: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,7 @@ def run_ports(
     per_s = np.zeros(len(ports.time_s))
     per_s[1:] = 1.0 / np.diff(ports.time_s)
     half_turn = 0.5 * ports.rig.theta_p_rad
-    out = kernel.run(
+    out, unwound = kernel.run(
         per_s,
         temps,
         ports.active,
@@ -219,6 +222,7 @@ def run_ports(
         friction_nm=friction,
         temp_a_c=ports.temp_a_c,
         temp_b_c=ports.temp_b_c,
+        unwound_rad=(float(unwound[0]), float(unwound[1])),
     )
 
 
@@ -247,6 +251,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
     p[laws.STEADY] = float(not moving_load)
+    p[laws.UNWOUND_A], p[laws.UNWOUND_B] = ports.history.unwound_rad or (-1.0, -1.0)
     p[laws.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
 

@@ -32,10 +32,13 @@ class History:
         How often A and B had been heated before this record.
     after_record : bool
         True where the simulated log comes after the record that the model was fitted to.
+    unwound_rad : (float, float) or None
+        By how much A and B had been wound further than they stand when the log begins; None: by the rule for homes.
     """
 
     cycles: tuple[int, int] = (0, 0)
     after_record: bool = False
+    unwound_rad: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

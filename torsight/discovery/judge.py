@@ -16,8 +16,10 @@ from torsight.discovery.settings import Settings
 from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import predictable
 
-_LEAST_BY_PRIORS: Final = 15.0
-"""Gain that is believed where it comes from the priors: the best of twenty candidates takes that once in a hundred."""
+_LEAST_BY_PRIORS: Final = 11.0
+"""Gain that is believed where the priors give it: the best of twelve candidates takes that once in a hundred ..."""
+_LEAST_BY_PRIORS_BESIDE: Final = 15.0
+"""... and beside other effects, the error of whose form pulls values, too."""
 _CLEAR: Final = 2.25
 """How many times what is worth a name a second effect removes that is small beside the first one."""
 _NEARLY_NOTHING: Final = 0.1
@@ -90,15 +92,17 @@ class Judge:
         whole, on unseen blocks too. What takes off the error of another one's form either leaves some of it, or the
         two hang together; what takes off the error of two forms need not.
         """
-        settings = self._settings
-        if len(contender.effects) > _MOST_PLAIN or not self._can_hold_out:
+        if not self._can_hold_out or not self._takes_all(contender, without):
             return False
-        if self.over_floor(without) < settings.plain_over_floor:
+        return contender.held_out.score <= self._settings.plain_held_out * without.held_out.score
+
+    def _takes_all(self, contender: Contender, without: Contender) -> bool:
+        """Return whether one effect of at most two takes off almost whole what is left well above the floor."""
+        settings = self._settings
+        if len(contender.effects) > _MOST_PLAIN or self.over_floor(without) < settings.plain_over_floor:
             return False
         gained, left = without.cost - contender.cost, max(0.0, contender.cost - self._expected)
         if gained < settings.plain_share * (gained + left):
-            return False
-        if contender.held_out.score > settings.plain_held_out * without.held_out.score:
             return False
         return len(contender.effects) == 1 or not tied(self._field, contender)
 
@@ -110,9 +114,10 @@ class Judge:
     def _better(self, contender: Contender, without: Contender) -> bool:
         # What takes several values back to where they were measured need not show in the residual they had imitated;
         # and the priors are what they say they are, which cannot be said of a residual's noise.
-        by_priors = self._returns(contender, without) >= _LEAST_BY_PRIORS
+        least = _LEAST_BY_PRIORS_BESIDE if without.effects else _LEAST_BY_PRIORS
+        by_priors = self._returns(contender, without) >= least
         if by_priors:
-            gains = self._relaxed(without).cost - self._relaxed(contender).cost >= _LEAST_BY_PRIORS
+            gains = self._relaxed(without).cost - self._relaxed(contender).cost >= least
         else:
             gains = without.cost - contender.cost >= self._threshold
             gains = gains and self._large(contender, without)
@@ -254,14 +259,14 @@ class Judge:
         return contender.named and self.nameless(contender, rivals_too=True) is None
 
     def rivals(self, chosen: Contender) -> list[Contender]:
-        """Return the other sets of the same size that explain the record as well.
+        """Return the other sets that explain the record as well.
 
         What the chosen set leaves beyond the floor is the error of its form, if the name is right. A rival that is
         worse by no more than a share of that is not refuted: its own form may be the one that errs less. Nor is one
         whose residual is larger by less than the resolution: no model is known to be right that closely. Nor one that
         predicts unseen blocks at least as well, if the record itself hardly tells them apart. Nor is the one that
         explains the record best of all, and clearly better, where only its prediction of unseen blocks fails: few
-        blocks may be too few to learn its values from.
+        blocks may be too few to learn its values from; that goes for one more effect, too.
         """
         beyond = max(0.0, chosen.fit.solution.data_cost - self._floor)
         limit = chosen.cost + self._settings.rival_gain + self._settings.rival_share * beyond
@@ -276,7 +281,19 @@ class Judge:
         unproven = best not in found and best.cost < chosen.cost - self._settings.rival_gain
         if unproven and self._gains(best) and self.adequate(best):
             found.insert(0, best)
+        larger = next((c for c in self._field.of_size(len(chosen.effects) + 1) if c.named), None)
+        if larger is not None and self._adds_unproven(larger, chosen):
+            found.append(larger)
         return found
+
+    def _adds_unproven(self, larger: Contender, chosen: Contender) -> bool:
+        """Return whether one more effect is in plain sight but for its prediction of unseen blocks.
+
+        What changes from cycle to cycle cannot be learned from two cycles of which one is left out.
+        """
+        if not set(chosen.effects) < set(larger.effects) or not self._can_hold_out:
+            return False
+        return self._takes_all(larger, chosen) and self._gains(larger) and self.adequate(larger)
 
     def _gains(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance, whatever it predicts."""
@@ -298,11 +315,18 @@ class Judge:
         return self._over_time(contender.held_out.residual) <= self._over_time(chosen.held_out.residual) + near
 
     def first_of(self, chosen: Contender, rivals: list[Contender]) -> Contender:
-        """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better."""
+        """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better.
+
+        A larger one need only not predict them worse: in information, a single block may outweigh all others.
+        """
         if not self._can_hold_out or not rivals:
             return chosen
         best = min(rivals, key=lambda c: c.held_out.score)
-        return best if best.held_out.score < _FAR_BETTER * chosen.held_out.score else chosen
+        if best.held_out.score < _FAR_BETTER * chosen.held_out.score:
+            return best
+        missed = self._over_time(chosen.held_out.residual)
+        larger = (c for c in rivals if len(c.effects) > len(chosen.effects))
+        return next((c for c in larger if self._over_time(c.held_out.residual) <= missed), chosen)
 
     def _predicts_as_well(self, contender: Contender, chosen: Contender) -> bool:
         """Return whether a set predicts unseen blocks at least as well as the chosen one, and costs hardly more."""

@@ -2,8 +2,9 @@ r"""A marker shifts on its stick, or the camera is bumped.
 
 .. math:: φ_{read} = φ + s \, H(t − t_s)
 
-s step of the reading (°), t_s its time on the film's clock (s); the step is given half a second of width, so that its
-time can be fitted. Predicted residual: a jump that stays, at no particular angle or temperature. A later record's start
+s step of the reading (°), t_s its time on the film's clock (s). A row is the mean over half a second, or over as far as
+the nearer of its neighbours where rows stand for more: one that the step falls into has a share of it, and that tells
+its time. Predicted residual: a jump that stays, at no particular angle or temperature. A later record's start
 angle holds the step already: it stays. Source: change-point in a measured level, e.g. Basseville and Nikiforov,
 Detection of Abrupt Changes (1993), ch. 2.
 """
@@ -21,12 +22,20 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
-_WIDTH_S: Final = 0.5
+_LEAST_HALF_S: Final = 0.25
 
 
-def step(time_s: Array, *, at_s: float, width_s: float) -> Array:
-    """Return a ramp from 0 to 1 that is centred on the step's time."""
-    return np.clip((time_s - at_s) / width_s + 0.5, 0.0, 1.0)
+def half_widths_s(time_s: Array) -> Array:
+    """Return half of the time (n,) over which each row is a mean, s."""
+    gap = np.diff(time_s)
+    nearer = np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf))
+    return np.maximum(_LEAST_HALF_S, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
+
+
+def step(time_s: Array, *, at_s: float) -> Array:
+    """Return the share of a step at a time that each row (n,) has, 0 to 1."""
+    half_s = half_widths_s(time_s)
+    return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
 def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
@@ -42,20 +51,23 @@ def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
     # A step inside a motion hides behind the motion's error: the largest in every eighth of the record.
     parts = [part for part in np.array_split(np.arange(5, n - 6), 8) if len(part)]
     found = sorted((int(part[np.argmax(gain[part])]) for part in parts), key=lambda i: -gain[i])
-    return tuple(
-        {
-            "slip_time_s": float(0.5 * (time_s[good[i]] + time_s[good[i + 1]])),
-            "slip_deg": float((after[i] - before[i]) / DEG),
-        }
-        for i in found[:4]
-    )
+    found = [i for i in found if after[i] != before[i]]
+    half_s = half_widths_s(time_s)
+
+    def time_of(i: int) -> float:
+        # Of the rows on either side, the one that lies between the levels has the step within it.
+        share = np.clip((residual_rad[good[[i, i + 1]]] - before[i]) / (after[i] - before[i]), 0.0, 1.0)
+        k = int(share[0] <= 1.0 - share[1])
+        return float(time_s[good[i + k]] + half_s[good[i + k]] * (1.0 - 2.0 * share[k]))
+
+    return tuple({"slip_time_s": time_of(i), "slip_deg": float((after[i] - before[i]) / DEG)} for i in found[:4])
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Add the step to what the camera reads; after the record it is there from the start."""
     height = values["slip_deg"] * DEG
     at_s = -np.inf if ports.history.after_record else values["slip_time_s"]
-    return ports.with_reading(lambda phi_rad, time_s: phi_rad + height * step(time_s, at_s=at_s, width_s=_WIDTH_S))
+    return ports.with_reading(lambda phi_rad, time_s: phi_rad + height * step(time_s, at_s=at_s))
 
 
 EFFECT: Final = Effect(

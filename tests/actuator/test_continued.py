@@ -1,0 +1,88 @@
+"""A later log that starts where the record ended goes on from how the record left the springs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import reference_spec
+from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG
+
+FIRST = [(0, [(80.0, 0.2)]), (1, [(80.0, 0.2)]), (0, [(60.0, 0.2)])]
+LATER = [(1, [(58.0, 0.3)]), (0, [(76.0, 0.2)]), (1, [(80.0, 0.3)])]
+START_DEG = 176.0
+
+
+def part_of(log: TemperatureLog, rows: slice) -> TemperatureLog:
+    return TemperatureLog(
+        log.time_s[rows] - log.time_s[rows][0],
+        log.temp_a_c[rows],
+        log.temp_b_c[rows],
+        heat_a=log.heat_a[rows],
+        heat_b=log.heat_b[rows],
+    )
+
+
+def warmed(log: TemperatureLog) -> TemperatureLog:
+    """Return a log in which the other spring gets nearly as warm."""
+    a, b = log.temp_a_c - 23.0, log.temp_b_c - 23.0
+    return replace(log, temp_a_c=23.0 + a + 0.8 * b, temp_b_c=23.0 + b + 0.8 * a)
+
+
+def whole_and_continued(effects: tuple[str, ...], values: dict[str, float], *, warm: bool):
+    """Return the later part of one long simulation, the model of its first part, and the later log."""
+    model = ActuatorModel(reference_spec(), effects)
+    log, temps = programme([*FIRST, *LATER])
+    log = warmed(log) if warm else log
+    split = sum(len(own) for own in temps[: len(FIRST)])
+    whole = model.simulate(model.prepare_log(log, start_angle_rad=START_DEG * DEG), values)
+    first = model.prepare_log(part_of(log, slice(split)), start_angle_rad=START_DEG * DEG)
+    first = replace(first, angle_rad=whole.angle_rad[:split])
+    fitted = fitted_model(model, {**model.nominal(), **values}, first)
+    return whole.angle_rad[split - 1 :], fitted, part_of(log, slice(split - 1, None))
+
+
+@pytest.mark.parametrize(
+    ("effects", "values", "warm"),
+    [
+        ((), {}, False),
+        (("fatigue",), {"fatigue_per_cycle": 0.02}, False),
+        (("heat_crosstalk",), {"passive_share": 1.0, "heat_leak": 0.1}, True),
+        (("stiffening",), {}, False),
+    ],
+)
+def test_a_log_from_the_records_end_goes_on_as_one_long_record(effects, values, warm, tmp_path):
+    whole, fitted, later = whole_and_continued(effects, values, warm=warm)
+    found = fitted.predict(later, start_angle_rad=whole[0])
+    np.testing.assert_allclose(found.angle_rad, whole, atol=1e-6)
+    # The rule for homes knows nothing of a passive spring that had got warm.
+    by_rule = replace(fitted, end=None).predict(later, start_angle_rad=whole[0])
+    assert (np.abs(by_rule.angle_rad - whole).max() > 0.5 * DEG) == warm
+    write_model(tmp_path / "model.json", fitted)
+    again = read_model(tmp_path / "model.json").predict(later, start_angle_rad=whole[0])
+    assert again.angle_rad.tolist() == pytest.approx(found.angle_rad.tolist(), abs=1e-12)
+
+
+def test_a_log_from_the_records_home_or_from_elsewhere_does_not_go_on():
+    whole, fitted, later = whole_and_continued((), {}, warm=False)
+    by_rule = replace(fitted, end=None)
+    for start_rad in (START_DEG * DEG, whole[0] + 3.0 * DEG):
+        found, expected = (m.predict(later, start_angle_rad=start_rad).angle_rad for m in (fitted, by_rule))
+        assert found.tolist() == expected.tolist()
+
+
+def test_a_record_that_ends_hot_leaves_nothing():
+    model = ActuatorModel(reference_spec())
+    log, temps = programme(FIRST[:1])
+    hot = int(np.argmax(temps[0]))
+    drive = model.prepare_log(part_of(log, slice(hot)), start_angle_rad=START_DEG * DEG)
+    drive = replace(drive, angle_rad=model.simulate(drive).angle_rad)
+    fitted = fitted_model(model, model.nominal(), drive)
+    assert isinstance(fitted, FittedModel)
+    assert fitted.end is None
