@@ -2,7 +2,8 @@
 
 Every case is a seed. From it come the rig's values (each off by its declared uncertainty), the protocol (rates, peaks,
 incomplete heatings, holds), the hidden effects with their form and size, and the noise. Seeds below ``REPORT_FROM``
-are for work; the others are looked at for the report only.
+are for work; the others are looked at for the report only. In the part for usual sizes nothing is scaled down: effects
+have the sizes that they usually have on a rig, however many degrees that is.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ Draw = Callable[[np.random.Generator], dict[str, object]]
 
 REPORT_FROM: Final = 10_000
 """Seeds from here on are for the report."""
+USUAL_FROM: Final = 20_000
+"""Seeds from here on are for the report at usual sizes."""
 ROOM_C: Final = 23.4
 _STEP_S: Final = 0.05
 _EVERY: Final = 5
@@ -116,12 +119,16 @@ OUTSIDE: Final[Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One case: kind (``clean``, ``single``, ``double``, ``outside``), seed, ids, and whether the model errs a bit."""
+    """One case: kind (``clean``, ``single``, ``double``, ``outside``), seed, ids, and whether the model errs a bit.
+
+    At usual sizes nothing is scaled down.
+    """
 
     kind: str
     seed: int
     effects: tuple[str, ...] = ()
     model_error: bool = False
+    usual: bool = False
 
     @property
     def name(self) -> str:
@@ -146,14 +153,16 @@ class Record:
 def suite(part: str) -> list[Case]:
     """Return the cases of a part: ``work`` (small), ``report`` (60 clean, 12 × 6 single, 20 double, 20 outside).
 
+    And ``usual``: 12 × 3 single and 30 double at usual sizes.
+
     Kinds and effects alternate, so that any first so many cases are a fair sample of the whole.
     """
-    report = part == "report"
-    seed = REPORT_FROM if report else 0
-    counts = (60, 6, 20, 20) if report else (12, 4, 12, 22)
-    clean = [Case("clean", seed + i, model_error=i % 2 == 1) for i in range(counts[0])]
+    seed = {"work": 0, "report": REPORT_FROM, "usual": USUAL_FROM}[part]
+    usual = part == "usual"
+    counts = {"work": (12, 4, 12, 22), "report": (60, 6, 20, 20), "usual": (0, 3, 30, 0)}[part]
+    clean = [Case("clean", seed + i, model_error=i % 2 == 1, usual=usual) for i in range(counts[0])]
     single = [
-        Case("single", seed + 1000 + 20 * j + i, (name,), model_error=(i + j) % 2 == 1)
+        Case("single", seed + 1000 + 20 * j + i, (name,), model_error=(i + j) % 2 == 1, usual=usual)
         for i in range(counts[1])
         for j, name in enumerate(LIBRARY)
     ]
@@ -162,10 +171,10 @@ def suite(part: str) -> list[Case]:
     double = []
     for i in range(counts[2]):
         pair = tuple(names[k] for k in sorted(rng.choice(len(names), 2, replace=False).tolist()))
-        double.append(Case("double", seed + 2000 + i, pair, model_error=i % 2 == 1))
+        double.append(Case("double", seed + 2000 + i, pair, model_error=i % 2 == 1, usual=usual))
     nameless = list(OUTSIDE)
     outside = [
-        Case("outside", seed + 3000 + i, (nameless[i % len(nameless)],), model_error=i % 2 == 1)
+        Case("outside", seed + 3000 + i, (nameless[i % len(nameless)],), model_error=i % 2 == 1, usual=usual)
         for i in range(counts[3])
     ]
     kinds = (clean, single, double, outside)
@@ -177,8 +186,10 @@ def make_record(case: Case) -> Record:
     """Run the rig of a case.
 
     The size of an effect is how far the plain model with the rig's own values misses the angle at the temperatures that
-    the sensors read (95 % of the time less). Where an effect alone is outside 0.5 to 20°, its strength is scaled.
+    the sensors read (95 % of the time less). Where an effect alone is outside 0.5 to 20°, its strength is scaled; at
+    usual sizes only where it is less.
     """
+    least_deg, most_deg = _SIZE_DEG[0], np.inf if case.usual else _SIZE_DEG[1]
     rng = np.random.default_rng(case.seed)
     values = draw_values(declared_from({}, where="suite"), given={}, rng=rng)
     record, later = _protocols(rng)
@@ -191,7 +202,7 @@ def make_record(case: Case) -> Record:
         for _ in range(4):
             alone = _record(_run(values, record, later, {name: details[name]}, noise_seed), values, {}, noise_seed)
             sizes_deg[name] = alone.size_deg
-            if _SIZE_DEG[0] <= alone.size_deg <= _SIZE_DEG[1]:
+            if least_deg <= alone.size_deg <= most_deg:
                 break
             wanted_deg = _log_uniform(rng, 2.0 * _SIZE_DEG[0], 0.75 * _SIZE_DEG[1])
             details[name] = _scaled(name, details[name], wanted_deg / max(alone.size_deg, 0.1))

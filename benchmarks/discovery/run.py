@@ -5,6 +5,7 @@ Examples
     python benchmarks/discovery/run.py --part work --first 24 --out work.jsonl
     python benchmarks/discovery/run.py --part report --out report.jsonl && \
         python benchmarks/discovery/report.py report.jsonl
+    python benchmarks/discovery/run.py --part usual --match double --out usual.jsonl
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ def _record(case: Case, cache: Path | None) -> Record:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the cases of a part that match and are not in the file yet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--part", choices=("work", "report"), default="work")
+    parser.add_argument("--part", choices=("work", "report", "usual"), default="work")
     parser.add_argument("--match", default="", help="only cases whose name contains one of these, comma-separated")
     parser.add_argument("--first", type=int, default=None, help="only the first so many")
     parser.add_argument("--out", type=Path, required=True)

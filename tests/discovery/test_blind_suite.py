@@ -96,7 +96,7 @@ def test_a_mark_off_its_axis_that_leaves_little_is_named_and_the_later_record_pr
 
 
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
-    work, report = cases.suite("work"), cases.suite("report")
-    assert len({case.seed for case in [*work, *report]}) == len(work) + len(report)
+    work, report, usual = (cases.suite(part) for part in ("work", "report", "usual"))
+    assert len({case.seed for case in [*work, *report, *usual]}) == len(work) + len(report) + len(usual)
     count = {kind: sum(case.kind == kind for case in report) for kind in ("clean", "single", "double", "outside")}
     assert count == {"clean": 60, "single": 72, "double": 20, "outside": 20}

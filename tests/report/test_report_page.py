@@ -175,6 +175,10 @@ def test_the_same_results_make_the_same_bytes(run: Path) -> None:
             "this record cannot tell which: sensor lag, clock offset or viscous friction with fatigue.",
         ),
         (
+            {"verdict": "ambiguous", "alternatives": [["fatigue", "sensor_lag"]]},
+            "this record cannot tell which: sensor lag alone or fatigue with sensor lag.",
+        ),
+        (
             {"verdict": "unknown", "effects": []},
             "It depends on the rate of the temperature, the direction and the driven spring&#39;s temperature.",
         ),

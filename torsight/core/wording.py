@@ -73,11 +73,19 @@ def fixed(value: float | None, decimals: int | None) -> str:
 
 
 def explanations(discovery: Mapping[str, Any]) -> list[str]:
-    """Return the explanations of an ambiguous answer as words, the accepted one first, each once."""
+    """Return the explanations of an ambiguous answer as words, the accepted one first, each once.
+
+    One that is a part of another is that part alone.
+    """
     accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
     sets: list[Sequence[str]] = [accepted] if accepted else []
     sets += [[one] if isinstance(one, str) else list(one) for one in discovery.get("alternatives") or []]
-    return list(dict.fromkeys(" with ".join(effect_name(item) for item in one) for one in sets if one))
+
+    def words(one: Sequence[str]) -> str:
+        alone = " alone" if any(set(one) < set(other) for other in sets) else ""
+        return " with ".join(effect_name(item) for item in one) + alone
+
+    return list(dict.fromkeys(words(one) for one in sets if one))
 
 
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
