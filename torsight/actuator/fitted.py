@@ -248,11 +248,12 @@ def _end_to_json(end: End) -> dict[str, Any]:
     return {"angle_deg": end.angle_rad / DEG, "unwound_deg": unwound_deg}
 
 
-def _end_from(table: Mapping[str, Any]) -> End:
+def _end_from(table: Mapping[str, Any], *, most_deg: float) -> End:
+    """Read how a record left the springs; none is wound further than both together."""
     where = "end"
     check_keys(table, ("angle_deg", "unwound_deg"), where=where)
     unwound = get_table(table, "unwound_deg", where=where, required=True)
-    a, b = (DEG * get_number(unwound, spring, where=where, lower=0.0, upper=2e4) for spring in "ab")
+    a, b = (DEG * get_number(unwound, spring, where=where, lower=0.0, upper=most_deg) for spring in "ab")
     return End(DEG * get_number(table, "angle_deg", where=where, lower=-2e4, upper=2e4), (a, b))
 
 
@@ -291,7 +292,9 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
-    end = _end_from(get_table(content, "end", where=where)) if content.get("end") is not None else None
+    end = None
+    if content.get("end") is not None:
+        end = _end_from(get_table(content, "end", where=where), most_deg=spec.values["theta_p_deg"])
     doubt = None
     if content.get("doubt") is not None:
         doubt = doubt_from(get_table(content, "doubt", where=where), free=[p.name for p in model.parameters])
