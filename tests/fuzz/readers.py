@@ -19,7 +19,7 @@ from calibration.circles import _read as read_circles
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS
 from torsight.actuator.doubt import Alternative, Doubt
-from torsight.actuator.fitted import FittedModel, read_model, write_model
+from torsight.actuator.fitted import End, FittedModel, read_model, write_model
 from torsight.actuator.logs import read_log
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from, read_actuator
@@ -106,7 +106,9 @@ def _model() -> bytes:
         path = Path(name) / "model.json"
         late = ActuatorModel(model.spec, ("clock_offset",))
         doubt = Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.3, (Alternative(("clock_offset",), late.nominal()),))
-        write_model(path, FittedModel(model, model.nominal(), cycles=(1, 1), account={"rmse_deg": 0.3}, doubt=doubt))
+        end = End(3.0, (0.1, 0.2))
+        left = {"cycles": (1, 1), "account": {"rmse_deg": 0.3}, "end": end}
+        write_model(path, FittedModel(model, model.nominal(), doubt=doubt, **left))
         return path.read_bytes()
 
 
