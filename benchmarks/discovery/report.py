@@ -100,7 +100,8 @@ def figures(results: list[Result]) -> list[tuple[str, str]]:
         rows.append((f"{name}: held out after", quartiles([r["after_deg"] for r in group])))
         rows.append((f"{name}: later record", quartiles([r["later_deg"] for r in group])))
         rows.append((f"{name}: its sigma, as predicted", quartiles([r["later_sigma_deg"] for r in group])))
-        rows.append((f"{name}: samples within 1.96 of it", f"{np.mean([r['later_within'] for r in group]):.0%}"))
+        within = f"{np.mean([r['later_within'] for r in group]):.0%}" if group else "–"
+        rows.append((f"{name}: samples within 1.96 of it", within))
     rows.append(("noise floor, °, median", quartiles([r["floor_deg"] for r in results])))
     covered = [hit for r in results if r["kind"] == "clean" or is_named(r) for hit in r["covered"].values()]
     rows.append(("95 % intervals that hold the rig's value", f"{np.mean(covered):.0%} of {len(covered)}"))
