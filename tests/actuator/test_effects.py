@@ -67,6 +67,11 @@ TRUTH = {
     "backlash": ({"gap_deg": 4.0}, {"play_deg": (4.0, 0.03, 0.0)}),
     "creep": ({"relaxation": 0.03}, {}),
     "direction_friction": ({"asymmetry": 0.25}, {"friction_asymmetry": (0.25, 0.1, 0.0)}),
+    "local_torque": (
+        {"height_mnm": 0.2, "angle_deg": 50.0, "form": "magnet"},
+        {"local_angle_deg": (50.0, 0.0, 5.0), "local_mnm": (0.0, 0.0, 0.03)},
+    ),
+    "reading_drift": ({"rate_deg_h": 8.0}, {"reading_drift_deg_h": (8.0, 0.05, 0.0)}),
     "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
     "static_friction": ({"excess": 0.6, "ageing_s": 60.0}, {"static_excess": (0.6, 0.1, 0.0)}),
     "thermistor_curve": ({"bulge_c": 1.5}, {"curve_bulge_c": (1.5, 0.1, 0.0)}),
@@ -181,6 +186,15 @@ def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
     for name in ("heating_bend", "cooling_bend"):
         assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
+
+
+@pytest.mark.parametrize(("form", "lower", "upper"), [("saturating", 0.0, 0.35), ("plastic", 0.65, 1.0)])
+def test_fatigue_that_takes_an_angle_is_told_from_one_that_takes_a_share(form, lower, upper):
+    # The fourth half-cycle starts from an incomplete one: its spring has been wound less.
+    made = made_with({"fatigue": {"loss": 0.1, "cycles": 1.5, "form": form}}, seed=13)
+    found = fitted_to(made, ("fatigue",))
+    assert found.rmse_deg < 0.35
+    assert lower <= found.values["fatigue_plastic_share"] <= upper
 
 
 def test_creep_with_the_rigs_own_values_takes_most_of_the_residual():

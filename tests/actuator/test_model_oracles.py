@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -190,10 +191,22 @@ def test_finer_sampling_changes_nothing_at_common_instants():
     assert simulated(fine, 160.0).phi_rad[::4] == pytest.approx(simulated(log, 160.0).phi_rad, abs=1e-8)
 
 
-def test_small_dips_of_the_temperature_do_not_undo_a_transformation():
-    log, _ = programme([(0, [(60.0, 0.2), (59.4, 0.2), (70.0, 0.2)])])
-    straight, _ = programme([(0, [(60.0, 0.2), (60.0, 0.2), (70.0, 0.2)])])
-    assert simulated(log, 170.0).phi_rad.min() == pytest.approx(simulated(straight, 170.0).phi_rad.min(), abs=1e-9)
+@pytest.mark.parametrize("low_c", [49.4, 47.5])
+def test_dips_of_the_temperature_do_not_undo_a_transformation(low_c):
+    # A controller that overshoots: at 50 °C a spring that is led down would transform back at once.
+    log, (temps,) = programme([(0, [(50.0, 0.2), (low_c, 0.2), (70.0, 0.2)])])
+    highest = int(np.argmax(temps)) + 1
+    held = np.concatenate([np.maximum.accumulate(log.temp_a_c[:highest]), log.temp_a_c[highest:]])
+    straight = replace(log, temp_a_c=held)
+    assert simulated(log, 170.0).phi_rad == pytest.approx(simulated(straight, 170.0).phi_rad, abs=1e-9)
+
+
+def test_a_spring_that_is_led_down_far_transforms_back():
+    log, _ = programme([(0, [(50.0, 0.2), (40.0, 0.2), (70.0, 0.2)])])
+    xi = simulated(log, 170.0).xi_a
+    first = int(np.argmax(log.temp_a_c >= 50.0))
+    assert xi[first] < 0.98
+    assert xi[first + int(np.argmin(log.temp_a_c[first : first + 150]))] > xi[first] + 0.01
 
 
 def test_tanaka_reaches_one_percent_where_liang_rogers_is_complete():

@@ -130,7 +130,7 @@ def test_controller_holds_the_reference(reference_values: RigValues) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(HIDDEN) - {"clock_offset"}))
 def test_every_effect_shows_in_angle_or_reading(reference_values: RigValues, name: str) -> None:
-    keys = {"time_s": 40.0} if name == "marker_slip" else {}
+    keys = {"marker_slip": {"time_s": 40.0}, "reading_drift": {"rate_deg_h": 20.0}}.get(name, {})
     protocol = {**SHORT, "repeat": 2}
     plain, other = run(reference_values, protocol), run(reference_values, protocol, effects={name: keys})
     effect = {name: HIDDEN[name](**keys)}
@@ -158,6 +158,7 @@ NULLS = {
     "thermistor_curve": {"bulge_c": 0.0},
     "end_stop": {"stiffness_mnm_per_rad": 0.0},
     "imbalance": {"excess": 0.0},
+    "local_torque": {"height_mnm": 0.0},
     "kinetics_shape": {"bend": 0.0},
 }
 

@@ -154,15 +154,17 @@ def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array) -> Ar
 
 
 @inlined
-def _recoverable(wound: float, scale: float, p: Array) -> float:
-    if p[FIXED_THETA_L] > 0.0:
-        return p[FIXED_THETA_L] * scale
-    return max(0.0, wound - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * scale
+def _recoverable(wound: float, left: Array, p: Array) -> float:
+    """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
+    whole = p[FIXED_THETA_L]
+    if not whole > 0.0:
+        whole = max(0.0, wound - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
+    return max(0.0, whole * left[0] - left[1])
 
 
 @compiled
-def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: float, own: float, g: Array, q: Array,
-                      w: Array, wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: float, g: Array, q: Array, w: Array,
+                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
@@ -182,13 +184,13 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, theta_l_scale: flo
         g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE] - side_torque(x, p, tables))
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
-    q[THETA_L] = _recoverable(wound[who], theta_l_scale, p)
+    q[THETA_L] = _recoverable(wound[who], left, p)
     w[0], w[1], w[2] = 1.0, 1.0, 0.0
 
 
 @compiled
-def _turn(heating: bool, theta_l_scale: float, own: float, g: Array, q: Array, w: Array, saved_q: Array,
-          saved_w: Array, wound: Array, p: Array) -> None:  # fmt: skip
+def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
+          wound: Array, p: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -201,12 +203,12 @@ def _turn(heating: bool, theta_l_scale: float, own: float, g: Array, q: Array, w
         if heating:
             # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
             # martensite and not yet wound that far, what it recovered before is what it recovers again.
-            left = _recoverable(q[FLOOR], theta_l_scale, p)
+            most = _recoverable(q[FLOOR], left, p)
             if g[XI_NOW] > 1.0 - 1e-9:
                 wound[int(g[WHO])] = q[FLOOR]
-                q[THETA_L] = left
+                q[THETA_L] = most
             else:
-                q[THETA_L] = min(q[THETA_L], left / max(g[XI_NOW], 1e-9))
+                q[THETA_L] = min(q[THETA_L], most / max(g[XI_NOW], 1e-9))
     else:
         for i in range(q.size):
             q[i], saved_q[i] = saved_q[i], q[i]
@@ -301,7 +303,7 @@ def run(
     active: Flags,
     half: Counts,
     directions: NDArray[np.int8],
-    theta_l_scale: Array,
+    recoverable: Array,
     friction_scale: Array,
     load_change: Array,
     p: Array,
@@ -323,8 +325,8 @@ def run(
         Number of the half-cycle, from 0.
     directions : (2, n) int8
         From :func:`torsight.actuator.turns.turning_points`, for either row of ``temps``.
-    theta_l_scale : (halves,) float64
-        Factor on the recoverable angle in each half-cycle.
+    recoverable : (halves, 2) float64
+        In each half-cycle: factor on the recoverable angle, and what is lost of it whatever the winding (rad).
     friction_scale : (n,) float64
         Factor on the friction at each sample.
     load_change : (3, n) float64
@@ -358,11 +360,11 @@ def run(
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
         if starts or turns:
-            own, scale = beside(g[X_NOW], c, p, tables), theta_l_scale[half[k]]
+            own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
             if starts:
-                _start_half_cycle(active[k], theta_a, friction_scale[k], scale, own, g, q, w, wound, p, tables)
+                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, g, q, w, wound, p, tables)
             else:
-                _turn(directions[0, k] > 0, scale, own, g, q, w, saved_q, saved_w, wound, p)
+                _turn(directions[0, k] > 0, left, own, g, q, w, saved_q, saved_w, wound, p)
         fresh = starts or turns
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]

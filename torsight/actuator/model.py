@@ -15,10 +15,9 @@ from torsight.actuator import kernel_laws as laws
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import Effect, chosen_effects
 from torsight.actuator.ports import History, Ports
-from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
-from torsight.actuator.turns import turning_points
+from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -152,6 +151,7 @@ class ActuatorModel:
             sensors=drive.sensors,
             history=history,
             theta_l_scale=np.ones(len(counts)),
+            theta_l_loss_rad=np.zeros(len(counts)),
             friction_scale=np.ones(len(drive)),
         )
         for effect in self.chosen:
@@ -187,7 +187,7 @@ def run_ports(
     temps = np.stack([np.where(is_a, ports.temp_a_c, ports.temp_b_c), np.where(is_a, ports.temp_b_c, ports.temp_a_c)])
     directions = np.ones((2, len(is_a)), np.int8)
     for row in (0, 1) if ports.passive_share > 0.0 else (0,):
-        directions[row] = turning_points(temps[row], ports.half, TURN_C)
+        directions[row] = turning_points(temps[row], ports.half, REVERSAL_C)
     per_s = np.zeros(len(ports.time_s))
     per_s[1:] = 1.0 / np.diff(ports.time_s)
     half_turn = 0.5 * ports.rig.theta_p_rad
@@ -197,7 +197,7 @@ def run_ports(
         ports.active,
         ports.half,
         directions,
-        ports.theta_l_scale,
+        np.stack([ports.theta_l_scale, ports.theta_l_loss_rad], axis=1),
         ports.friction_scale,
         ports.load_change(),
         scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),

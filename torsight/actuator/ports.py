@@ -71,8 +71,8 @@ class Ports:
         Sections of the wire: share, and how much cooler than the sensor: absolute, and of the excess over the room.
     passive_share : float
         Share of the passive spring that transforms at its own temperature and stress.
-    theta_l_scale : (halves,) float64
-        Factor on the recoverable angle.
+    theta_l_scale, theta_l_loss_rad : (halves,) float64
+        Factor on the recoverable angle, and what is lost of it whatever the winding.
     friction_scale : (n,) float64
         Factor on the friction torque.
     passive_scale : (n,) float64 or None
@@ -116,6 +116,7 @@ class Ports:
     section_drop_share: Array = field(default_factory=lambda: np.zeros(1))
     passive_share: float = 0.0
     theta_l_scale: Array = field(default_factory=lambda: np.ones(1))
+    theta_l_loss_rad: Array = field(default_factory=lambda: np.zeros(1))
     friction_scale: Array = field(default_factory=lambda: np.ones(1))
     passive_scale: Array | None = None
     side_a_nm: Array | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,13 @@ from torsight.actuator.compiled import compiled
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]
 Counts = NDArray[np.int64]
+
+REVERSAL_C: Final = 3.0
+"""A temperature must go back by so much before the other transformation begins, °C.
+
+The hysteresis of the alloy is several times wider; a controller overshoots its reference by a degree or two and comes
+back, and the heating goes on from there.
+"""
 
 
 @compiled

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, load_effects, load_nameless
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
-from torsight.actuator.segments import TURN_C
 from torsight.actuator.spec import ActuatorSpec
-from torsight.actuator.turns import turning_points
+from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
@@ -206,7 +205,7 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
         way[1:] = np.maximum(way[1:], np.abs(np.diff(values)) / step)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(np.cumsum(way)))) + 1] = True
-    turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, TURN_C)) < 0)
+    turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (3.0, 15.0, 1.0))
     for place in [*turn, *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True

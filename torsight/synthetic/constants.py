@@ -89,6 +89,10 @@ class Constants(NamedTuple):
     stop_angle: float
     stop_stiffness: float
     imbalance: float
+    local: float
+    local_angle: float
+    local_width: float
+    local_form: int
     bend: float
     tanaka: float
 
@@ -132,6 +136,10 @@ _NULLS: Final[Mapping[str, float]] = {
     "stop_angle": 1e9,
     "stop_stiffness": 0.0,
     "imbalance": 0.0,
+    "local": 0.0,
+    "local_angle": 0.0,
+    "local_width": 1.0,
+    "local_form": 0,
     "bend": 0.0,
     "tanaka": 0.0,
 }
@@ -139,7 +147,7 @@ _NULLS: Final[Mapping[str, float]] = {
 
 _WHOLE: Final = frozenset(
     {"lag_stages", "sensor_form", "crosstalk", "zone_form", "coil_form", "viscous_form"}
-    | {"position_form", "stiff_form", "fatigue_form"}
+    | {"position_form", "stiff_form", "fatigue_form", "local_form"}
 )
 
 

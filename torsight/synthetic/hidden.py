@@ -152,11 +152,15 @@ class Fatigue(HiddenEffect):
 
     loss: float = key(0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9)
     cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4)
-    form: str = key("geometric", "law", choices=("geometric", "saturating"))
+    form: str = key(
+        "geometric",
+        "law; 'plastic' saturates, and an angle is lost: that share of what a winding by 0.66 of both leaves",
+        choices=("geometric", "saturating", "plastic"),
+    )
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        form = int(self.form == "saturating")
+        form = ("geometric", "saturating", "plastic").index(self.form)
         return {"fatigue": self.loss, "fatigue_cycles": self.cycles, "fatigue_form": form}
 
 
@@ -292,6 +296,33 @@ class Imbalance(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class LocalTorque(HiddenEffect):
+    """A torque at one place of the turn, alike for both directions."""
+
+    height_mnm: float = key(0.3, "largest torque; of a magnet, towards it", lower=-20.0, upper=20.0)
+    angle_deg: float = key(40.0, "the place", lower=-1e4, upper=1e4)
+    width_deg: float = key(25.0, "half of its width at half height, about", lower=1.0, upper=90.0)
+    form: str = key("bump", "law; 'magnet' pulls from either side", choices=("bump", "magnet"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {
+            "local": self.height_mnm * MNM,
+            "local_angle": self.angle_deg * DEG,
+            "local_width": self.width_deg * DEG,
+            "local_form": int(self.form == "magnet"),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingDrift(HiddenEffect):
+    """The camera's mount or the stick's glue gives way from the film's start on."""
+
+    rate_deg_h: float = key(4.0, "at the film's start", lower=-1e3, upper=1e3)
+    settles_h: float = key(1e6, "time constant with which it comes to rest", lower=0.01, upper=1e6)
+
+
+@dataclass(frozen=True, slots=True)
 class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 
@@ -327,6 +358,8 @@ HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
     "thermistor_curve": ThermistorCurve,
     "end_stop": EndStop,
     "imbalance": Imbalance,
+    "local_torque": LocalTorque,
+    "reading_drift": ReadingDrift,
     "kinetics_shape": KineticsShape,
 }
 """Effects by id; the first twelve are those of the public contract."""

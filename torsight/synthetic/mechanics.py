@@ -62,6 +62,10 @@ def stray_torque(c: Constants, phi: float) -> float:
     tau = c.bias
     if c.gravity != 0.0:
         tau -= c.gravity * math.sin(phi + c.gravity_phase)
+    if c.local != 0.0:
+        x = ((phi - c.local_angle + math.pi) % (2.0 * math.pi) - math.pi) / c.local_width
+        # A dipole's pull is largest at x = 1/√3.
+        tau -= c.local * (x / (1.0 + x * x) ** 2 * 16.0 / math.sqrt(27.0) if c.local_form == 1 else -1.0 / (1.0 + x**4))
     if abs(phi) > c.stop_angle:
         tau -= c.stop_stiffness * (phi - math.copysign(c.stop_angle, phi))
     return tau

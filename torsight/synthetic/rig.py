@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import DEG
 from torsight.synthetic.constants import Constants, pack, to_record, zones
-from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip
+from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip, ReadingDrift
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
 from torsight.synthetic.protocol import Commands, Protocol, commands
@@ -245,7 +245,7 @@ def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> 
 def reading_angle(
     angle_rad: NDArray[np.float64], time_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]
 ) -> NDArray[np.float64]:
-    """Return the angle that a perfect camera would read, rad: play, eccentricity and a slipped stick on top of φ.
+    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip and drift on top of φ.
 
     Parameters
     ----------
@@ -269,6 +269,9 @@ def reading_angle(
     for effect in effects.values():
         if isinstance(effect, MarkerSlip):
             read = read + np.where(time_s >= effect.time_s, effect.step_deg * DEG, 0.0)
+        if isinstance(effect, ReadingDrift):
+            settles_s = effect.settles_h * 3600.0
+            read = read - effect.rate_deg_h / 3600.0 * DEG * settles_s * np.expm1(-np.maximum(time_s, 0.0) / settles_s)
     return read
 
 

@@ -286,9 +286,13 @@ def start_heating(
     """Switch a cold spring on: it recovers what its last winding left, less what fatigue took."""
     set_martensite(c, s, xi0, xi, theta, temp_c)
     left = (1.0 - c.fatigue) ** cycle
-    if c.fatigue_form == 1:
+    if c.fatigue_form != 0:
         left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
-    s[THETA_L] = recoverable(c, s[THETA_MAX]) * left
+    whole = recoverable(c, s[THETA_MAX])
+    if c.fatigue_form == 2:
+        s[THETA_L] = max(0.0, whole - (1.0 - left) * recoverable(c, 0.66 * c.theta_p))
+    else:
+        s[THETA_L] = whole * left
     retake_reference(c, s, theta, temp_c)
     s[MODE] = HEATING
 

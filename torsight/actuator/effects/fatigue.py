@@ -1,11 +1,12 @@
 r"""The recoverable angle falls from cycle to cycle.
 
-.. math:: θ_L(n) = θ_L (1 − r)^{1 + q + … + q^{n−1}}
+.. math:: θ_L(n) = θ_L \, (1 − (1 − p) \, l_n) − p \, l_n θ_{L,0}, \quad l_n = 1 − (1 − r)^{1 + q + … + q^{n−1}}
 
 n how often this spring had been heated before, r loss in the first cycle, q what each further cycle loses as a share
-of the one before (1: without end; less: towards a limit). Predicted residual: changes with the number of the
-cycle, not within one; the stroke gets shorter. Later records go on counting. Source: functional fatigue of NiTi,
-e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
+of the one before (1: without end; less: towards a limit), p share of the loss that is an angle whatever the winding
+(plastic strain), θ_{L,0} recoverable angle after winding by two thirds of θ_P. Predicted residual: changes with the
+number of the cycle, not within one; the stroke gets shorter. Later records go on counting. Source: functional fatigue
+of NiTi, e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 
+_WOUND: Final = 2.0 / 3.0
+"""Share of θ_P to which a spring is wound in a complete cycle, about."""
+
 
 def recoverable_share(cycle: NDArray[np.int64], *, loss: float, persistence: float) -> NDArray[np.float64]:
     """Return (1 − r)^(1 + q + … + q^(n−1))."""
@@ -29,9 +33,15 @@ def recoverable_share(cycle: NDArray[np.int64], *, loss: float, persistence: flo
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Scale the recoverable angle of every half-cycle."""
+    """Scale the recoverable angle of every half-cycle, and take from it what is plastic."""
     share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"], persistence=values["fatigue_persistence"])
-    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+    rig, plastic = ports.rig, values["fatigue_plastic_share"]
+    whole_rad = max(0.0, _WOUND * rig.theta_p_rad - rig.theta_cr_rad) * (1.0 - rig.k_stress_induced / rig.k_martensite)
+    return replace(
+        ports,
+        theta_l_scale=ports.theta_l_scale * (1.0 - (1.0 - plastic) * (1.0 - share)),
+        theta_l_loss_rad=ports.theta_l_loss_rad + plastic * (1.0 - share) * whole_rad,
+    )
 
 
 EFFECT: Final = Effect(
@@ -42,6 +52,7 @@ EFFECT: Final = Effect(
     parameters=(
         Parameter(name="fatigue_per_cycle", value=0.005, unit="", lower=0.0, upper=0.4, null=0.0),
         Parameter(name="fatigue_persistence", value=1.0, unit="", lower=0.0, upper=1.2, sigma=0.3),
+        Parameter(name="fatigue_plastic_share", value=0.0, unit="", lower=0.0, upper=1.0, sigma=0.5),
     ),
     apply=apply,
     starts=({"fatigue_per_cycle": 0.03},),
