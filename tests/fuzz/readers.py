@@ -107,7 +107,7 @@ def _model() -> bytes:
         late = ActuatorModel(model.spec, ("clock_offset",))
         doubt = Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.3, (Alternative(("clock_offset",), late.nominal()),))
         end = End(3.0, (0.1, 0.2))
-        left = {"cycles": (1, 1), "account": {"rmse_deg": 0.3}, "end": end}
+        left = {"cycles": (1, 1), "account": {"rmse_deg": 0.3}, "end": end, "duration_s": 900.0}
         write_model(path, FittedModel(model, model.nominal(), doubt=doubt, **left))
         return path.read_bytes()
 

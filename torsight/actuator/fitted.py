@@ -88,6 +88,8 @@ class FittedModel:
     start_angle_rad : float or None
         The actuator's own angle at the record's start: how the springs were wound there holds for logs that start
         there too. None where it is not known.
+    duration_s : float
+        Length of the record.
     end : End or None
         How the record left the springs: logs that start there go on from it. None where it is not known.
     doubt : Doubt or None
@@ -101,6 +103,7 @@ class FittedModel:
     account: Mapping[str, Any] = field(default_factory=dict)
     turns: int = 0
     start_angle_rad: float | None = None
+    duration_s: float = 0.0
     end: End | None = None
     doubt: Doubt | None = None
 
@@ -115,7 +118,7 @@ class FittedModel:
             began_rad = np.inf if self.start_angle_rad is None else self.start_angle_rad
             if off_rad <= min(_SAME_HOME_RAD, abs(start_angle_rad - began_rad)):
                 unwound_rad = self.end.unwound_rad
-        return History(cycles=self.cycles, after_record=True, unwound_rad=unwound_rad)
+        return History(self.cycles, after_record=True, unwound_rad=unwound_rad, elapsed_s=self.duration_s)
 
     def predict(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Prediction:
         """Predict a later temperature log at its own instants.
@@ -206,6 +209,7 @@ def fitted_model(
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
+        duration_s=float(drive.time_s[-1] - drive.time_s[0]),
         end=_end(model, values, drive),
         doubt=doubt,
     )
@@ -235,6 +239,7 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "cycles": {"a": fitted.cycles[0], "b": fitted.cycles[1]},
             "turns": fitted.turns,
             "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
+            "duration_s": fitted.duration_s,
             "end": None if fitted.end is None else _end_to_json(fitted.end),
             "closure": fitted.closure,
             "account": dict(fitted.account),
@@ -308,6 +313,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
         start_angle_rad=start_rad,
+        duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
         end=end,
         doubt=doubt,
     )
