@@ -19,6 +19,7 @@ from tracker.lone import lone_direction
 from tracker.noise import LengthWitness, witness
 from tracker.steady import steady_direction
 from tracker.tilt import KNOWN, Tilt, fit_tilt, rectify
+from tracker.unmoved import Unmoved, unmoved
 from tracker.unwrap import unwrap
 
 _PLANES: Final = (0, 0, 1, 1)
@@ -73,7 +74,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         When the camera file is for another picture size, or its axis points away from the camera.
     """
     if camera is None:
-        return _without_camera(tracks, pixel_aspect)
+        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), pixel_aspect)
     require_size(camera.intrinsics, tracks.size_px, where="the film")
     if camera.pose is not None:
         _check_pose(camera.pose)
@@ -82,11 +83,13 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         found = from_plane(tracks, plane, position_mm=position_mm, method=method)
         found.report["tilt"] = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
         return found
+    still = unmoved(tracks, camera.intrinsics)
+    tracks = still.tracks
     try:
-        axis = axis_in_picture(tracks.position_px[:, 2:], tracks.covariance_px2[:, 2:], camera.intrinsics)
+        axis = axis_in_picture(still.paths.position_px[:, 2:], tracks.covariance_px2[:, 2:], camera.intrinsics)
     except NoResultError:
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
-        return _without_camera(tracks, pixel_aspect, intrinsics=camera.intrinsics)
+        return _without_camera(still, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = _in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
     open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
     method = "lens file, axis from the markers' own ellipses"
@@ -128,27 +131,19 @@ def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
 
 
-def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
+def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
     """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
-    width, height = tracks.size_px
-    half = 0.5 * pixel_aspect * width
-    flat: list[Points] = []
-    for marker in range(4):
-        if intrinsics is None:
-            flat.append(_picture_plane(tracks, marker, pixel_aspect))
-        else:
-            flat.append(_lens_plane(tracks, marker, intrinsics))
-            half = 0.5 * width / float(intrinsics.matrix[0, 0])
-    middle = np.array([0.5 * pixel_aspect * (width - 1), -0.5 * (height - 1)]) if intrinsics is None else np.zeros(2)
-    flat = [((points - middle) / half, covariance / half**2) for points, covariance in flat]
+    flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
+    paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
     scale = witness(flat[2][0], flat[3][0], flat[2][1], flat[3][1]).scale
-    tilt = fit_tilt(flat[2][0], flat[3][0], flat[2][1] * scale**2, flat[3][1] * scale**2, half_px=0.5 * width)
+    inner, outer = (_scaled(points, scale) for points in paths)
+    tilt = fit_tilt(inner[0], outer[0], inner[1], outer[1], half_px=0.5 * still.tracks.size_px[0])
     plane = []
     for points, covariance in flat:
         seen, slopes = rectify(points, tilt.values)
         plane.append((seen, _carried(covariance, slopes)))
     found = from_plane(
-        tracks,
+        still.tracks,
         plane,
         position_mm=None,
         method="no camera file: the picture's plane, corrected for tilt"
@@ -158,6 +153,19 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
     )
     found.report["tilt"] = tilt.report()
     return found
+
+
+def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:
+    """Return the markers from the picture's middle in units of half its width, without the lens where it is known."""
+    width, height = tracks.size_px
+    half, middle = 0.5 * pixel_aspect * width, np.zeros(2)
+    if intrinsics is None:
+        middle = np.array([0.5 * pixel_aspect * (width - 1), -0.5 * (height - 1)])
+        flat = [_picture_plane(tracks, marker, pixel_aspect) for marker in range(4)]
+    else:
+        half = 0.5 * width / float(intrinsics.matrix[0, 0])
+        flat = [_lens_plane(tracks, marker, intrinsics) for marker in range(4)]
+    return [((points - middle) / half, covariance / half**2) for points, covariance in flat]
 
 
 def _tilt_variance(flat: list[Points], tilt: Tilt) -> NDArray[np.float64]:

@@ -6,9 +6,12 @@ is fitted: a stretch (e1, e2), ψ²/4 for a tilt ψ, the perspective (l1, l2), a
 circles' centre, radii, and the angle between both markers.
 
 How much a camera is tilted nobody knows beforehand, so several priors of the tilt compete, from none that matters to
-30 degrees, and count by how well they explain the paths (the evidence in Laplace's form). Paths that show no tilt leave
-the first of them: then nothing is taken out. The paths' errors hang together over many frames (see
-:mod:`torsight.core.hanging`): over a short arc they look like an ellipse, and what is not known is in the covariance.
+30 degrees, and count by how well they explain the paths (the evidence in Laplace's form). The paths' errors hang
+together over many frames (see :mod:`torsight.core.hanging`): over a short arc they look like an ellipse, and what is
+not known is in the covariance.
+
+Nothing is taken out but what the motion tells: a tilt that is no larger than what is not known of it stays in, and in
+the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
 """
 
 from __future__ import annotations
@@ -35,7 +38,11 @@ _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _FEWEST: Final = 12
 KNOWN: Final = 1.0 / 300.0
-"""The tilt counts as known where what is left of it can make less than 0.2 degrees."""
+"""A tilt of which no more is left than can make 0.2 degrees is taken out, be it none."""
+_SHOWN: Final = (4.0, 9.0)
+"""χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
+_TURNED_RAD: Final = np.deg2rad(3.0)
+"""Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
 _FAR: Final = 6.0
 """Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
 _ENOUGH: Final = 1e-3
@@ -54,14 +61,19 @@ class Tilt:
         Their covariance, with the priors.
     arc_rad : float
         How much of a turn the paths cover.
-    known : bool
-        Whether the paths tell the tilt, or the priors stand alone.
+    share : float
+        How much of the tilt that explains the paths best is in ``values``: 1 where they tell it, 0 where they do not.
     """
 
     values: Floats
     covariance: Floats
     arc_rad: float
-    known: bool
+    share: float
+
+    @property
+    def known(self) -> bool:
+        """Whether the paths tell the tilt; else the picture's plane stands."""
+        return self.share > 0.0
 
     @property
     def sigma(self) -> float:
@@ -75,6 +87,7 @@ class Tilt:
             "known": self.known,
             "from": "the markers' own ellipses" if self.known else "nothing: the track covers too little of a turn",
             "tilt_deg": float(np.rad2deg(2.0 * np.sqrt(stretch))) if self.known else None,
+            "share_taken_out": self.share,
             "arc_deg": float(np.rad2deg(self.arc_rad)),
             "error_it_can_make_deg": float(np.rad2deg(self.sigma)),
         }
@@ -98,8 +111,9 @@ def fit_tilt(
     stick = outer - inner
     direction = np.arctan2(stick[:, 1], stick[:, 0])
     rows = spread_rows(direction, known)
-    if len(rows) < _FEWEST:
-        return _blended([(0.0, np.zeros(5), np.diag(_prior(stretch) ** 2)) for stretch in _STRETCHES], 0.0)
+    turned = _turned(direction[known])
+    if len(rows) < _FEWEST or turned < _TURNED_RAD:
+        return _blended([(0.0, np.zeros(5), np.diag(_prior(stretch) ** 2)) for stretch in _STRETCHES], turned)
     points = np.stack([inner[rows], outer[rows]], axis=1)
     spread = np.stack([covariance_inner[rows], covariance_outer[rows]], axis=1)
     paths = _Paths(points, 0.5 * np.trace(spread, axis1=2, axis2=3), direction[rows])
@@ -182,7 +196,7 @@ def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
 
 
 def _blended(found: list[tuple[float, Floats, Floats]], arc_rad: float) -> Tilt:
-    """Return what all priors say together, each by its evidence."""
+    """Return what all priors say together, each by its evidence, as far as the motion tells it."""
     evidence = np.array([item[0] for item in found]) + np.log(_BELIEF)
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
@@ -190,8 +204,17 @@ def _blended(found: list[tuple[float, Floats, Floats]], arc_rad: float) -> Tilt:
     covariance = np.zeros((5, 5))
     for w, (_, own, spread) in zip(weight, found, strict=True):
         covariance += w * (spread + np.outer(own - values, own - values))
-    sigma = float(np.sqrt(0.5 * np.trace(covariance[:2, :2])))
-    return Tilt(values, covariance, arc_rad, known=sigma < KNOWN)
+    share = _told(values[:2], covariance[:2, :2])
+    left = (1.0 - share) * values
+    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share)
+
+
+def _told(stretch: Floats, covariance: Floats) -> float:
+    """Return how much of a stretch (2,) is to be taken out: without a jump from all of it to none."""
+    sigma = float(np.sqrt(0.5 * np.trace(covariance)))
+    chi_squared = float(stretch @ np.linalg.solve(covariance, stretch))
+    shown = (chi_squared - _SHOWN[0]) / (_SHOWN[1] - _SHOWN[0])
+    return float(np.clip(max(shown, 2.0 - sigma / KNOWN), 0.0, 1.0))
 
 
 def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -236,6 +259,14 @@ def _circles(points: Floats) -> Floats:
     arms = found[2:].reshape(2, 2)
     angles = np.arctan2(arms[:, 1], arms[:, 0])
     return np.concatenate([found[:2], np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])
+
+
+def _turned(direction_rad: Floats) -> float:
+    """Return the arc that holds all directions."""
+    if len(direction_rad) == 0:
+        return 0.0
+    turn = np.sort(direction_rad % (2.0 * np.pi))
+    return float(2.0 * np.pi - np.diff(turn, append=turn[0] + 2.0 * np.pi).max())
 
 
 def _arc(direction_rad: Floats) -> float:

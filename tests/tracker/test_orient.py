@@ -95,6 +95,39 @@ def test_without_a_camera_and_with_little_motion_the_sigma_says_so() -> None:
     assert (np.abs(error) < 3.0 * sigma).all()
 
 
+@pytest.mark.parametrize("range_deg", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("angle_deg", [-100.0, 30.0, 70.0, 110.0])
+def test_a_tilt_that_is_not_known_is_not_taken_out(angle_deg: float, range_deg: float) -> None:
+    rig = replace(TILTED, tilt_deg=(0.0, 0.0), k1=0.0, angle_deg=lambda t: angle_deg + 0.5 * range_deg * np.sin(t))
+    tracks = tracks_of(rig)
+    found = orient(tracks, None)
+    assert not found.report["tilt"]["known"]
+    assert found.report["tilt"]["tilt_deg"] is None
+    base, moving = (tracks.position_px[:, i + 1] - tracks.position_px[:, i] for i in (0, 2))
+    still = np.mean(base, axis=0)
+    plain = np.arctan2(-moving[:, 1], moving[:, 0]) - np.arctan2(-still[1], still[0])
+    away = np.angle(np.exp(1j * (found.angles.angle_rad - plain)))
+    # The base's direction is averaged over the film: both averages of it differ by less than one frame's noise.
+    assert np.abs(away).max() < SIGMA_PX / 85.0
+    # A tilt of 20 degrees, which nothing speaks against, makes up to 1.8.
+    assert (np.rad2deg(found.angles.sigma_rad) > 0.9).all()
+
+
+def test_a_tilt_is_taken_out_as_far_as_the_motion_tells_it() -> None:
+    shares = []
+    for range_deg in (2.0, 12.0, 60.0):
+        rig = replace(TILTED, angle_deg=lambda t, wide=range_deg: 100.0 + 0.5 * wide * np.sin(t))
+        found = orient(tracks_of(rig), None)
+        told = found.report["tilt"]
+        shares.append(told["share_taken_out"])
+        assert told["known"] == (told["share_taken_out"] > 0.0)
+        error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+        assert (np.abs(error) < 3.0 * np.rad2deg(found.angles.sigma_rad)).all()
+    assert shares[0] == 0.0
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
 def hanging(angle_deg: np.ndarray, size_px: float, rng: np.random.Generator) -> np.ndarray:
     """Errors of the four markers that follow the stick's direction, as compression and a stick's edges make them."""
     turn = np.deg2rad(angle_deg)

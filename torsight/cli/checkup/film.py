@@ -25,6 +25,7 @@ from tracker.sample import Clip, Stamps, read_stamps
 from tracker.source import open_source
 from tracker.start import find_start
 from tracker.sticks import choose_sticks
+from tracker.tilt import KNOWN
 from tracker.track import TrackResult, track_film
 
 Picture = NDArray[np.uint8]
@@ -219,7 +220,7 @@ def _look_at_tilt(check: FilmCheck, about: str, told: Mapping[str, Any], camera:
     tilt = told.get("tilt", {})
     if camera is not None and camera.pose is not None:
         return
-    if not tilt.get("known", False):
+    if not tilt.get("known", False) or tilt.get("error_it_can_make_deg", 0.0) > KNOWN / DEG:
         text = (
             "without a camera file the tilt is learned from the markers' own circles, and this stretch does not show "
             "it; a tilt of 10° that stays unknown bends the angle by 0.4°."
