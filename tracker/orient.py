@@ -78,6 +78,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     require_size(camera.intrinsics, tracks.size_px, where="the film")
     if camera.pose is not None:
         _check_pose(camera.pose)
+        tracks = unmoved(tracks, camera.intrinsics).tracks
         plane, position_mm = _in_planes(tracks, camera.intrinsics, camera.pose)
         method = "camera file: rays met with each stick's plane"
         found = from_plane(tracks, plane, position_mm=position_mm, method=method)

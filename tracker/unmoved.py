@@ -27,6 +27,8 @@ _MOVED: Final = 1.5
 """Motion (rms over the film) over the noise of one frame from which it is taken out."""
 _FELT_PX: Final = 5.0 * USUAL_PX
 """Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
+_START: Final = 0.1
+"""Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -56,7 +58,7 @@ class Shift:
     Attributes
     ----------
     step : (n, 2) float64
-        From its usual place; interpolated where the base is not seen.
+        From its place at the start; interpolated where the base is not seen.
     loose : (n,) float64
         Variance of the step where the base is not seen; nought elsewhere.
     """
@@ -101,7 +103,7 @@ def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
-    """Return by how much the base stick is off its usual place; None where that is no more than noise.
+    """Return by how much the base stick is off its place at the start; None where that is no more than noise.
 
     A camera that moves takes both markers along: where one alone goes astray it was misread.
 
@@ -120,9 +122,10 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
         return None
     scale = witness(base[:, 0], base[:, 1], covariance[:, 0], covariance[:, 1]).scale
     noise = _noise(base, covariance) * max(scale, 1.0) ** 2
+    first = np.flatnonzero(known)[: max(1, round(_START * known.sum()))]
     step, loose = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
-        away = place[:, axis] - np.median(place[known, axis])
+        away = place[:, axis] - np.median(place[first, axis])
         step[:, axis], spread = _followed(away, noise[:, axis])
         loose = np.maximum(loose, np.where(known, 0.0, spread))
     usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
