@@ -3,6 +3,9 @@
 The fit of a dot tells its error for noise that is independent from pixel to pixel. Compression makes errors that hang
 together over the whole dot, which the fit cannot see. The distance between the two markers of a stick is constant, so
 its scatter over the film is the true error along the stick, whatever its cause.
+
+A codec repeats a picture that stands still, noise and all: at rest the length does not scatter, however wrong it is. So
+what motion does is learned from motion, and rest is held against it.
 """
 
 from __future__ import annotations
@@ -11,10 +14,19 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 _LEAST_FRAMES: Final = 30
+_FEW_FRAMES: Final = 8
+"""Frames of a kind that at least tell how far the kind may be off."""
 _CLIP: Final = 4.0
+_STILL_FRAMES: Final = 11
+_STILL_PX: Final = 0.2
+"""A stick rests while its markers keep within so many pixels over so many frames."""
+_EDGE_FRAMES: Final = 3
+_REST_SHARE: Final = 0.01
+"""Weight of all rest together, against motion, in the curve of the length: where the stick rested only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +40,10 @@ class LengthWitness:
     residual : (n,) float64
         Length less what tilt and lens make of it, NaN where not known.
     scale : float
-        Standard deviation of the length over what the fits' covariances predict.
+        Standard deviation of the length over what the fits' covariances predict, while the stick moves in the picture
+        (at rest, where it does not move enough to tell).
+    still : float
+        The same at rest (in motion, where it does not rest enough to tell).
     outlier : (n,) bool
         Frames in which the length is impossible.
     """
@@ -36,7 +51,27 @@ class LengthWitness:
     length: float
     residual: NDArray[np.float64]
     scale: float
+    still: float
     outlier: NDArray[np.bool_]
+
+
+def in_motion(position_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return the frames (n,) in which a stick moves in the picture, from its markers (n, 2, 2), NaN where not seen."""
+    n = len(position_px)
+    side = min(_STILL_FRAMES, n)
+    if side == 0:
+        return np.zeros(0, bool)
+    seen = np.isfinite(position_px)
+    high = sliding_window_view(np.where(seen, position_px, -np.inf), side, axis=0).max(axis=-1)
+    low = sliding_window_view(np.where(seen, position_px, np.inf), side, axis=0).min(axis=-1)
+    # A marker that is not seen at all in a window has nothing to say: its extent is −∞.
+    extent = (high - low).max(axis=(1, 2))
+    moves = np.ones(n, bool)
+    for first in np.flatnonzero((extent >= 0.0) & (extent < _STILL_PX)):
+        moves[first : first + side] = False
+    # The first and last of a motion are within the limit, but no longer frozen.
+    around = np.convolve(moves, np.ones(2 * _EDGE_FRAMES + 1), mode="full")
+    return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
 
 def witness(
@@ -44,6 +79,8 @@ def witness(
     outer: NDArray[np.float64],
     covariance_inner: NDArray[np.float64],
     covariance_outer: NDArray[np.float64],
+    *,
+    moves: NDArray[np.bool_],
 ) -> LengthWitness:
     """Compare a stick's length over the film with what its markers' covariances predict.
 
@@ -53,6 +90,8 @@ def witness(
         Positions in one plane, any unit; NaN where not known.
     covariance_inner, covariance_outer : (n, 2, 2) float64
         Their covariances from the fits.
+    moves : (n,) bool
+        Where the stick moves in the picture, see :func:`in_motion`.
     """
     offset = outer - inner
     length = np.hypot(offset[:, 0], offset[:, 1])
@@ -62,29 +101,63 @@ def witness(
     residual = np.full(len(length), np.nan)
     outlier = np.zeros(len(length), bool)
     if known.sum() < _LEAST_FRAMES:
-        return LengthWitness(float(np.nanmean(length)) if known.any() else np.nan, residual, 1.0, outlier)
+        return LengthWitness(float(np.nanmean(length)) if known.any() else np.nan, residual, 1.0, 1.0, outlier)
     angle = np.arctan2(offset[known, 1], offset[known, 0])
+    kinds = [kind for kind in (moves[known], ~moves[known]) if kind.any()]
+    weight = _weights(moves[known])
     use = np.ones(int(known.sum()), bool)
     left = np.zeros(len(use))
+    spreads = [0.0]
     for _ in range(3):
-        left = length[known] - _smooth(angle, length[known], use)
-        spread = 1.4826 * float(np.median(np.abs(left[use])))
-        use = np.abs(left) < max(_CLIP * spread, 1e-9)
-        if not use.any():
-            use[:] = True
-            break
+        left = length[known] - _smooth(angle, length[known], weight * use)
+        spreads = [1.4826 * float(np.median(np.abs(left[kind & use]))) for kind in kinds]
+        for kind, spread in zip(kinds, spreads, strict=True):
+            use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
+            if not use[kind].any():
+                use[kind] = True
     residual[known] = left
-    outlier[known] = np.abs(left) > max(8.0 * spread, 6.0 * float(np.sqrt(np.median(variance[known]))))
-    scale = float(np.sqrt(np.mean(left[use] ** 2) / np.mean(variance[known][use])))
-    return LengthWitness(float(np.mean(length[known][use])), residual, scale, outlier)
+    # Rest does not show how large an error may be, nor do a few frames.
+    told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
+    outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * float(np.sqrt(np.median(variance[known]))))
+    scale, still = _scales(left**2, variance[known], use, moves[known])
+    return LengthWitness(float(np.mean(length[known][use])), residual, scale, still, outlier)
 
 
-def _smooth(angle: NDArray[np.float64], length: NDArray[np.float64], use: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _weights(moves: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the frames' weights in the curve of the length: rest is the same frozen error many times over."""
+    moving, resting = int(moves.sum()), int((~moves).sum())
+    if moving < _LEAST_FRAMES:
+        return np.ones(len(moves))
+    return np.where(moves, 1.0, min(1.0, _REST_SHARE * moving / max(resting, 1)))
+
+
+def _scales(
+    square: NDArray[np.float64], variance: NDArray[np.float64], use: NDArray[np.bool_], moves: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Return the errors' scale in motion and at rest, from squares of what is left of the length and their variance."""
+
+    def over(part: NDArray[np.bool_]) -> float:
+        return float(np.sqrt(np.mean(square[part]) / np.mean(variance[part])))
+
+    motion, rest = use & moves, use & ~moves
+    overall = over(use)
+    scale = over(motion) if motion.sum() >= _LEAST_FRAMES else overall
+    if _FEW_FRAMES <= motion.sum() < _LEAST_FRAMES:
+        scale = max(overall, over(motion))
+    if rest.sum() < _LEAST_FRAMES:
+        return scale, scale
+    # That it does not scatter makes a frozen error no smaller than the noise which was frozen.
+    return scale, max(over(rest), min(1.0, scale))
+
+
+def _smooth(
+    angle: NDArray[np.float64], length: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the part of the length that follows the direction: tilt and lens change it once and twice per turn."""
     basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
-    weight = basis[use]
-    ridge = 1e-4 * len(weight) * np.diag([0.0, 1.0, 1.0, 1.0, 1.0])
+    weighted = weight[:, None] * basis
+    ridge = 1e-4 * float(weight.sum()) * np.diag([0.0, 1.0, 1.0, 1.0, 1.0])
     # Around the mean, so that the weak ridge pulls the terms, not the length, towards zero.
-    middle = float(np.median(length[use]))
-    found = np.linalg.solve(weight.T @ weight + ridge, weight.T @ (length[use] - middle))
+    middle = float(np.median(length[weight > 0.0]))
+    found = np.linalg.solve(weighted.T @ basis + ridge, weighted.T @ (length - middle))
     return np.asarray(middle + basis @ found, dtype=np.float64)

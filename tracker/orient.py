@@ -16,7 +16,7 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.lone import lone_direction
-from tracker.noise import LengthWitness, witness
+from tracker.noise import LengthWitness, in_motion, witness
 from tracker.steady import steady_direction
 from tracker.tilt import KNOWN, Tilt, fit_tilt, rectify
 from tracker.unmoved import Unmoved, unmoved
@@ -39,18 +39,18 @@ class Orientation:
         Markers in space, where a camera file tells scale.
     report : dict
         For ``track.json``: method, noise, tilt.
-    error_scale : (float, float)
-        Errors of base and moving markers over those that their covariances from the fits say.
+    error_scale : (n, 2) float64
+        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
     """
 
     angles: StickAngles
     position_mm: NDArray[np.float64] | None
+    error_scale: NDArray[np.float64]
     report: dict[str, Any] = field(default_factory=dict)
-    error_scale: tuple[float, float] = (1.0, 1.0)
 
     def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
         """Return tracks whose covariances are those of the errors that the sticks' lengths show."""
-        scale = np.repeat(np.array(self.error_scale), 2)[:, None, None] ** 2
+        scale = np.repeat(self.error_scale, 2, axis=1)[..., None, None] ** 2
         return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + _FLOOR_PX**2 * np.eye(2))
 
 
@@ -136,7 +136,7 @@ def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsi
     """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
     flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
     paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
-    scale = witness(flat[2][0], flat[3][0], flat[2][1], flat[3][1]).scale
+    scale = _witnesses(still.tracks, flat)[1].scale
     inner, outer = (_scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner[0], outer[0], inner[1], outer[1], half_px=0.5 * still.tracks.size_px[0])
     plane = []
@@ -201,9 +201,9 @@ def from_plane(
 
     ``systematic_rad2`` (n,) is variance of the angle that positions do not show, such as by an unknown tilt.
     """
-    base = witness(plane[0][0], plane[1][0], plane[0][1], plane[1][1])
-    moving = witness(plane[2][0], plane[3][0], plane[2][1], plane[3][1])
-    scale = moving.scale
+    base, moving = _witnesses(tracks, plane)
+    error_scale = _error_scale(tracks, base, moving)
+    base_scale, scale = error_scale.T
     floor = _floor(tracks)
     base_rad, base_variance = _direction(plane[0], plane[1])
     moving_rad, moving_variance = _direction(plane[2], plane[3])
@@ -213,7 +213,7 @@ def from_plane(
     one = np.isfinite(lone.angle_rad)
     moving_rad = np.where(one, lone.angle_rad, moving_rad)
     base_rad = _continuous(base_rad)
-    steady_rad, steady_variance = steady_direction(base_rad, base_variance * max(scale, base.scale) ** 2)
+    steady_rad, steady_variance = steady_direction(base_rad, base_variance * base_scale**2)
     variance = np.where(one, lone.variance_rad2, moving_variance * scale**2) + steady_variance + floor[0] + floor[1]
     if systematic_rad2 is not None:
         variance = variance + systematic_rad2
@@ -231,12 +231,34 @@ def from_plane(
     noise = _noise_report(base, moving)
     noise["angle_bound_deg"] = float(np.sqrt(np.nanmedian(moving_variance))) / DEG if valid.any() else None
     report = {"method": method, "noise": noise, "from_one_marker": int((valid & one).sum())}
-    return Orientation(angles, position_mm, report, (max(scale, base.scale), scale))
+    return Orientation(angles, position_mm, error_scale, report)
 
 
-def _scaled(points: Points, scale: float) -> Points:
+def _witnesses(tracks: MarkerTracks, plane: list[Points]) -> tuple[LengthWitness, LengthWitness]:
+    """Return what the lengths of base and moving stick say."""
+    base, moving = (
+        witness(*(plane[first + k][part] for part in (0, 1) for k in (0, 1)), moves=moves)
+        for first, moves in zip((0, 2), _motion(tracks), strict=True)
+    )
+    return base, moving
+
+
+def _motion(tracks: MarkerTracks) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where base and moving stick move in the picture."""
+    return in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
+
+
+def _error_scale(tracks: MarkerTracks, base: LengthWitness, moving: LengthWitness) -> NDArray[np.float64]:
+    """Return errors of base and moving stick over those that the fits say (n, 2), each as it moves or rests."""
+    base_moves, moves = _motion(tracks)
+    # The base's noise is frozen longest of all: the other stick tells what it hides.
+    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, moving.still))
+    return np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1)
+
+
+def _scaled(points: Points, scale: NDArray[np.float64]) -> Points:
     """Return positions with the errors that the stick's length shows."""
-    return points[0], points[1] * scale**2
+    return points[0], points[1] * scale[:, None, None] ** 2
 
 
 def _floor(tracks: MarkerTracks) -> tuple[float, float]:

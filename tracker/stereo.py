@@ -16,6 +16,7 @@ from torsight.core.geometry import triangulate
 from torsight.core.scale import check_scale
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MARKERS, MarkerTracks
+from tracker.noise import in_motion
 from tracker.orient import Orientation, Points, from_plane
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,8 @@ Floats = NDArray[np.float64]
 _OFF_LINE: Final = 30.0
 """χ² above which a marker in both pictures is not the same point (one degree of freedom)."""
 _PARALLEL: Final = 0.2
+_FEWEST: Final = 30
+"""Readings that tell a usual misfit."""
 
 
 @one_thread()
@@ -61,9 +64,9 @@ def orient_pair(
     )
     position = np.where((other >= 0)[:, None, None], space.position_mm, np.nan)
     # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
-    usual = np.nanmedian(space.chi_squared) if np.isfinite(space.chi_squared).any() else np.nan
+    usual = _usual(space.chi_squared, in_motion(left.position_px[:, 2:]))
     _require_same_points(space.chi_squared)
-    off = space.chi_squared > _OFF_LINE * max(1.0, float(usual) / 0.455)
+    off = space.chi_squared > _OFF_LINE * max(1.0, usual / 0.455)
     position[off] = np.nan
     direction, point, report = _axis(position, space.covariance_mm2)
     u, v = axis_basis(direction)
@@ -76,9 +79,19 @@ def orient_pair(
     found = from_plane(left, plane, position_mm=in_frame, method="two cameras: points in space, axis from the tracks")
     found.report["axis"] = report
     # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
-    errors = np.repeat(found.error_scale, 2)[:, None, None] ** 2
+    errors = np.repeat(found.error_scale, 2, axis=1)[..., None, None] ** 2
     found.report["scale"] = check_scale(in_frame, space.covariance_mm2 * errors, known_mm=known_mm).to_json()
     return found
+
+
+def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:
+    """Return the usual of the misfits (n, 4); that of motion where it is larger, for at rest a codec freezes noise."""
+    known = np.isfinite(chi_squared)
+    if not known.any():
+        return np.nan
+    usual = float(np.median(chi_squared[known]))
+    known[~moves] = known[:, :2] = False
+    return max(usual, float(np.median(chi_squared[known]))) if known.sum() >= _FEWEST else usual
 
 
 def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:
