@@ -194,3 +194,15 @@ def test_compression_is_seen_in_the_sigma(crf: int) -> None:
     assert 0.5 < outcome.ratio < 1.6
     assert np.nanmedian(outcome.sigma_deg) > 1.2 * bound_deg(SLOW)
     nothing_wrong(outcome)
+
+
+def test_motion_after_a_rest_is_judged_by_motion() -> None:
+    # H.264 repeats what stands still, noise and all: the rest looks better than any moving frame can be.
+    rest_s = 4.0
+    rig = Rig(lambda t: 40.0 + 60.0 * (1.0 - np.cos(2.0 * np.pi * np.maximum(t - rest_s, 0.0) / 4.0)), frames=200)
+    outcome = run(rig, codec="libx264", crf=20)
+    assert outcome.valid.all()
+    moves = rig.times > rest_s
+    ratio = (outcome.error_deg / outcome.sigma_deg)[moves]
+    assert 0.5 < np.sqrt(np.mean(ratio**2)) < 1.5
+    assert np.mean(np.abs(ratio) < 1.96) > 0.85
