@@ -14,6 +14,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.checkpoint import RowStore, source_key
+from tracker.covered import cover_base
 from tracker.follow import Follower
 from tracker.hints import MarkerHints
 from tracker.rows import CODE, ROW
@@ -124,6 +125,8 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
+    radius_px = float(np.median([marker.radius_px for marker in follower.markers]))
+    cover_base(rows, radius_px=radius_px)
     flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
@@ -139,7 +142,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             "kind": start.kind,
             "given": start.moving is not None,
             "first_frame": start.frame,
-            "radius_px": float(np.median([marker.radius_px for marker in follower.markers])),
+            "radius_px": radius_px,
             "stick_length_px": float(np.median([pair.length_px for pair in follower.pairs])),
             "shutter_share_of_frame": follower.shutter.share,
         },
