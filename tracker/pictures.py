@@ -1,10 +1,14 @@
-"""A row of pictures as a source of frames."""
+"""A row of pictures as a source of frames.
+
+Cameras of 10, 12 and 14 bits write their numbers into the low bits of 16. The depth in use is read off pictures from
+all over the row, and all pictures are scaled alike: a scale of its own for every picture would flicker.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -13,9 +17,27 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, time_from_table
 
+_DEPTHS: Final = (8, 10, 12, 14, 16)
+"""Bits per pixel of cameras."""
+_LOOKED_AT: Final = 24
+"""Pictures, from the first to the last, of which the depth is read."""
+
 
 class PictureSource:
     """Pictures in the order of their names, all of one size.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The pictures.
+    name : str
+        What messages call them.
+    fps : float, optional
+        Pictures per second.
+    times_s : (n,) float64, optional
+        Time of every picture, in place of ``fps``.
+    bits : int, optional
+        Depth of pictures with two bytes per pixel; read off the pictures otherwise.
 
     Raises
     ------
@@ -30,6 +52,7 @@ class PictureSource:
         name: str,
         fps: float | None = None,
         times_s: NDArray[np.float64] | None = None,
+        bits: int | None = None,
     ) -> None:
         self.name = name
         self.paths = tuple(paths)
@@ -48,6 +71,7 @@ class PictureSource:
         if first is None:
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
         self._size_px = (first.shape[1], first.shape[0])
+        self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)
 
     def files(self) -> list[Path]:
         """Return the files that the frames come from."""
@@ -74,7 +98,8 @@ class PictureSource:
             time_s = (
                 index / self._fps if self._times_s is None else time_from_table(self._times_s, index, name=self.name)
             )
-            luma = _read(path)
+            picture = _read(path)
+            luma = None if picture is None else self._to_bytes(picture, index, time_s)
             if luma is None:
                 self.damage.add(index, time_s, f"{path.name} is not a readable picture")
             elif (luma.shape[1], luma.shape[0]) != self._size_px:
@@ -87,6 +112,26 @@ class PictureSource:
                 )
             yield Frame(index, time_s, luma, damaged=luma is None)
 
+    def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
+        """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""
+        if picture.dtype == np.uint8:
+            return picture.astype(np.uint8, copy=False)
+        bits = self.bits or _DEPTHS[-1]
+        top = int(picture.max())
+        if top >= 1 << bits and not self._overflown(index):
+            self.damage.add(
+                index,
+                time_s,
+                f"picture {index} holds values up to {top}, but those looked at need {bits} bits only, up to "
+                f"{(1 << bits) - 1}: from here on what is brighter is clipped; pictures of one camera setting belong "
+                "into a folder of their own",
+                kind="clipped",
+            )
+        return np.asarray(np.minimum(picture >> (bits - 8), 255), dtype=np.uint8)
+
+    def _overflown(self, index: int) -> bool:
+        return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
+
     def describe(self) -> dict[str, Any]:
         """Return what is known of the pictures."""
         content: dict[str, Any] = {
@@ -97,12 +142,26 @@ class PictureSource:
             "height_px": self._size_px[1],
             "fps": None if self._times_s is not None else self._fps,
         }
+        if self.bits is not None:
+            content["bits_in_use"] = self.bits
         if not self.fps_given:
             content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} pictures per second are taken"
         return content
 
 
-def _read(path: Path) -> NDArray[np.uint8] | None:
+Picture = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+def _bits_in_use(paths: Sequence[Path]) -> int:
+    """Return the depth of a camera, in bits, that holds the brightest value of pictures from all over the row."""
+    chosen = np.unique(np.linspace(0, len(paths) - 1, _LOOKED_AT).astype(np.int64))
+    pictures = [_read(paths[index]) for index in chosen]
+    top = max(int(picture.max()) for picture in pictures if picture is not None and picture.dtype == np.uint16)
+    return next(bits for bits in _DEPTHS if top < 1 << bits)
+
+
+def _read(path: Path) -> Picture | None:
+    """Return the brightness of a picture, of one byte per pixel or two; None where it cannot be read."""
     try:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError:
@@ -110,7 +169,11 @@ def _read(path: Path) -> NDArray[np.uint8] | None:
     if data.size == 0:
         return None
     try:
-        picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+        picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+        if picture is not None and picture.dtype not in (np.uint8, np.uint16):
+            picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
     except cv2.error:
         return None
-    return None if picture is None else np.asarray(picture, dtype=np.uint8)
+    if picture is None:
+        return None
+    return np.asarray(picture, dtype=np.uint16) if picture.dtype == np.uint16 else np.asarray(picture, dtype=np.uint8)

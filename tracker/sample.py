@@ -105,7 +105,10 @@ class Clip:
             yield Frame(index, float(self._stamps.time_s[number]), luma)
 
     def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
-        for frame in PictureSource(source.paths[self.first : self.first + self.count], name=self.name):
+        # The depth of the whole row: a few pictures of it may be darker than the rest.
+        for frame in PictureSource(
+            source.paths[self.first : self.first + self.count], name=self.name, bits=source.bits
+        ):
             yield self.first + frame.index, frame.luma
 
     def _decoded(self, source: FilmSource) -> Iterator[tuple[int, NDArray[np.uint8]]]:

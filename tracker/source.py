@@ -60,10 +60,10 @@ class Damage:
 
     entries: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, frame: int, time_s: float, text: str) -> None:
-        """Note one place, unless the same text already stands at the same frame."""
-        if not any(entry["frame"] == frame for entry in self.entries):
-            self.entries.append({"frame": frame, "time_s": time_s, "kind": "damage", "text": text})
+    def add(self, frame: int, time_s: float, text: str, *, kind: str = "damage") -> None:
+        """Note one place, unless something of this kind already stands at the same frame."""
+        if not any(entry["frame"] == frame and entry["kind"] == kind for entry in self.entries):
+            self.entries.append({"frame": frame, "time_s": time_s, "kind": kind, "text": text})
 
 
 class FrameSource(Protocol):

@@ -11,6 +11,7 @@ import pytest
 from films import Rig, write_film, write_pictures
 
 from torsight.core.errors import ConfigError, InputError
+from tracker.sample import Clip, read_stamps
 from tracker.source import open_source
 
 RIG = Rig(lambda t: 40.0 * t, frames=12, size=(160, 120), base_px=(15, 40), moving_px=(13, 38), noise=1.0)
@@ -46,6 +47,49 @@ def test_a_picture_that_cannot_be_read_is_a_frame_without_one(tmp_path: Path) ->
     assert len(frames) == RIG.frames
     assert [frame.index for frame in frames if frame.luma is None] == [4]
     assert source.damage.entries[0]["frame"] == 4
+
+
+def write_deep(folder: Path, *, bits: int, gain: tuple[float, ...]) -> list[np.ndarray]:
+    """Write one picture per gain, of a camera with this depth in the low bits of 16; return them as bytes."""
+    folder.mkdir()
+    bright = next(RIG.pictures()).astype(np.float64) / 255.0
+    deep = [np.floor(np.minimum(one * bright, 1.0) * (2**bits - 1)).astype(np.uint16) for one in gain]
+    for number, picture in enumerate(deep):
+        cv2.imwrite(str(folder / f"picture_{number:05d}.png"), picture)
+    return [(picture // 2 ** (bits - 8)).astype(np.uint8) for picture in deep]
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_deep_pictures_are_scaled_by_the_depth_in_use_whatever_the_first_one_is_like(tmp_path: Path, bits: int) -> None:
+    # The first picture is dark and would fit into a smaller depth by itself.
+    expected = write_deep(tmp_path / "deep", bits=bits, gain=(0.02, 1.3, 1.3, 0.4))
+    source = open_source(tmp_path / "deep")
+    for frame, picture in zip(source, expected, strict=True):
+        np.testing.assert_array_equal(frame.luma, picture)
+    assert source.describe()["bits_in_use"] == bits
+    assert source.damage.entries == []
+
+
+def test_a_part_of_deep_pictures_is_scaled_as_the_whole(tmp_path: Path) -> None:
+    expected = write_deep(tmp_path / "deep", bits=12, gain=(0.05, 0.05, 1.3))
+    source = open_source(tmp_path / "deep")
+    frames = list(Clip(source, read_stamps(source), first=0, count=2))
+    assert len(frames) == 2
+    for frame, picture in zip(frames, expected[:2], strict=True):
+        np.testing.assert_array_equal(frame.luma, picture)
+
+
+def test_a_deep_picture_brighter_than_those_looked_at_is_clipped_and_told_once(tmp_path: Path) -> None:
+    expected = write_deep(tmp_path / "deep", bits=10, gain=(1.0,) * 60)
+    brightest = np.minimum(expected[1].astype(np.uint16) * 16, 65535)
+    for number in (1, 4):
+        cv2.imwrite(str(tmp_path / "deep" / f"picture_{number:05d}.png"), brightest)
+    source = open_source(tmp_path / "deep")
+    frames = [frame.luma for frame in source]
+    np.testing.assert_array_equal(frames[1], np.minimum(brightest // 4, 255))
+    np.testing.assert_array_equal(frames[2], expected[2])
+    assert [(entry["frame"], entry["kind"]) for entry in source.damage.entries] == [(1, "clipped")]
+    assert "1023" in source.damage.entries[0]["text"]
 
 
 def test_pictures_of_two_sizes_are_refused(tmp_path: Path) -> None:
