@@ -8,6 +8,7 @@ and the fit asks how much of what is seen in the window a dot explains.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,6 +20,9 @@ from tracker.dot import DotFit, fit_dot, window_for
 
 SMALLEST_PX: Final = 2.6
 LARGEST_PX: Final = 23.0
+"""Radius up to which dots are looked for at first: larger ones are mostly of the background."""
+HUGE_PX: Final = 46.0
+"""Radius of the largest dots that are found at all."""
 _RATIO: Final = 1.22
 """From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
 _LIKELY: Final = 0.5
@@ -62,19 +66,37 @@ class Dot:
         return self.fit.shape.radius_px
 
 
-def find_dots(luma: NDArray[np.uint8]) -> list[Dot]:
-    """Return the dots in a picture, the clearest first."""
-    dots: list[Dot] = []
-    for _, x, y, radius, light_dot in _places(luma):
+def find_dots(
+    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
+) -> list[Dot]:
+    """Return the dots in a picture, the clearest first.
+
+    Parameters
+    ----------
+    luma : (h, w) uint8
+        The picture.
+    radii_px : (float, float)
+        Smallest and largest radius that is looked for.
+    known : sequence of Dot
+        Dots that were found already: they are returned as well.
+    """
+    dots = list(known)
+    smallest_px, largest_px = radii_px
+    for _, x, y, radius, light_dot in _places(luma, smallest_px, largest_px):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
         dot = measure_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
-        if dot is None or not SMALLEST_PX <= dot.radius_px <= LARGEST_PX:
+        if dot is None or not smallest_px <= dot.radius_px <= largest_px:
             continue
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
         dots.append(dot)
     return sorted(dots, key=lambda dot: -dot.fit.explained)
+
+
+def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
+    """Return known dots and those that are larger than :func:`find_dots` looks for, the clearest first."""
+    return find_dots(luma, radii_px=(0.8 * LARGEST_PX, HUGE_PX), known=known)
 
 
 def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
@@ -100,13 +122,20 @@ def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px:
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float = 12.0) -> Dot | None:
     """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
+    near = _dot_near(luma, x_px, y_px, reach_px, (SMALLEST_PX, LARGEST_PX))
+    return near or _dot_near(luma, x_px, y_px, reach_px, (0.8 * LARGEST_PX, HUGE_PX))
+
+
+def _dot_near(
+    luma: NDArray[np.uint8], x_px: float, y_px: float, reach_px: float, radii_px: tuple[float, float]
+) -> Dot | None:
     best: tuple[float, Dot] | None = None
-    half = math.ceil(reach_px + 2.5 * LARGEST_PX)
+    half = math.ceil(reach_px + 2.5 * radii_px[1])
     height, width = luma.shape
     left, top = max(0, math.floor(x_px) - half), max(0, math.floor(y_px) - half)
     right, bottom = min(width, math.floor(x_px) + half + 1), min(height, math.floor(y_px) + half + 1)
     part = np.ascontiguousarray(luma[top:bottom, left:right])
-    for _, x, y, radius, light_dot in _places(part):
+    for _, x, y, radius, light_dot in _places(part, *radii_px):
         if math.hypot(x + left - x_px, y + top - y_px) > max(reach_px, 1.2 * radius) + 3.0:
             continue
         dot = measure_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
@@ -159,12 +188,12 @@ Place = tuple[float, float, float, float, bool]
 """Merit, x, y, radius, whether the dot is the lighter one."""
 
 
-def _places(luma: NDArray[np.uint8]) -> list[Place]:
+def _places(luma: NDArray[np.uint8], smallest_px: float, largest_px: float) -> list[Place]:
     """Return places that look like a dot of some radius, the likeliest first."""
     found: list[Place] = []
-    radius = SMALLEST_PX
+    radius = smallest_px
     level, scale = luma, 1.0
-    while radius < LARGEST_PX:
+    while radius < largest_px:
         while radius * scale > 7.5:
             level = np.asarray(cv2.pyrDown(level), dtype=np.uint8)
             scale *= 0.5

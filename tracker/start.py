@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
-from tracker.detect import Dot, dot_near, find_dots
+from tracker.detect import HUGE_PX, Dot, dot_near, find_dots, find_large_dots
 from tracker.gauge import Gauge
 from tracker.hints import MarkerHints
 from tracker.marker import Marker
 from tracker.source import Frame, FrameSource
-from tracker.sticks import Stick, choose_sticks, half_width
+from tracker.sticks import Stick, choose_sticks, clearness, half_width
 from tracker.template import DotTemplate
 from tracker.texture import TextureTemplate
 
@@ -26,6 +26,8 @@ _CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
 _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
+_CLEARER: Final = 2.0
+"""Four other dots that stand out by this factor more than the markers do are what the markers should be."""
 _LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
 _SNAP_PX: Final = 12.0
@@ -47,12 +49,15 @@ class Start:
         Which stick moves; None where motion has yet to tell.
     kind : str
         ``"dot"`` or ``"texture"``.
+    doubtful : bool
+        True where the markers are so faint that only their motion can tell them from background.
     """
 
     markers: list[Marker]
     frame: int
     moving: int | None
     kind: str
+    doubtful: bool = False
 
 
 def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
@@ -79,7 +84,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
         if frame.index not in _LOOKED_AT or frame.luma is None:
             continue
         progress("looking for the markers", frame.index, _LOOKED_AT[-1])
-        found = choose_sticks(frame.luma, find_dots(frame.luma))
+        found = sticks_in(frame.luma)
         if found is None:
             continue
         score = min(found[0].score, found[1].score)
@@ -94,12 +99,29 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, _LOOKED_AT[-1])}",
-            limit="round dots of 3 to 20 px radius, dark on a light stick or light on a dark one",
+            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
+            "of one stick no more than 3 times as large as those of the other",
             do="give their positions with --markers MARKERS.toml, or light the sticks better",
         )
-    _, index, luma, sticks = best
+    score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in _on_stick(luma, stick)]
-    return Start(markers, index, None, "dot")
+    return Start(markers, index, None, "dot", doubtful=score <= _CLEAR)
+
+
+def sticks_in(luma: NDArray[np.uint8]) -> tuple[Stick, Stick] | None:
+    """Return the sticks in a picture; None also where four dots that are no sticks stand out far more than they do."""
+    dots = find_dots(luma)
+    found = choose_sticks(luma, dots)
+    if found is not None and min(stick.score for stick in found) > _CLEAR:
+        return found
+    dots = find_large_dots(luma, dots)
+    found = choose_sticks(luma, dots)
+    if found is None or min(stick.score for stick in found) > _CLEAR:
+        return found
+    chosen = [dot for stick in found for dot in (stick.inner, stick.outer)]
+    limit = _CLEARER * min(clearness(dot) for dot in chosen)
+    clearer = [dot for dot in dots if clearness(dot) > limit and not any(dot is other for other in chosen)]
+    return None if len(clearer) >= len(chosen) else found
 
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:
@@ -118,7 +140,7 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
                 "there is no round dot next to this position",
                 where=f"{hints.where}, {name.replace('_', ', ')} marker",
                 value=f"[{x:g}, {y:g}]",
-                limit=f"a dot of 3 to 20 px radius within {_SNAP_PX:g} px, in frame {frame.index}",
+                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {_SNAP_PX:g} px, in frame {frame.index}",
                 do='mend the position, or set kind = "texture" for a point without a dot',
             )
         for other, before in zip(MARKERS, dots, strict=False):

@@ -15,6 +15,8 @@ from tracker.detect import Dot
 
 _LIKE: Final = 1.6
 """Markers are of one make: size, brightness step and light differ by less than this factor."""
+_SIZES: Final = (1.8, 3.0)
+"""Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
 _MOST: Final = 24
 """Dots among which the sticks are looked for."""
 _STRIP: Final = 0.8
@@ -42,7 +44,7 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, 
     along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner
     from outer.
     """
-    chosen = sorted(dots, key=_clearness, reverse=True)[:_MOST]
+    chosen = sorted(dots, key=clearness, reverse=True)[:_MOST]
     pairs = [
         Stick(a, b, score) for a, b in itertools.combinations(chosen, 2) if (score := _pair_score(luma, a, b)) > 0.0
     ]
@@ -143,7 +145,8 @@ def _step(dot: Dot) -> float:
     return abs(dot.fit.shape.contrast) * dot.fit.light
 
 
-def _clearness(dot: Dot) -> float:
+def clearness(dot: Dot) -> float:
+    """Return how clearly a dot stands out, by its fit and its step in brightness."""
     return dot.fit.explained**4 * math.sqrt(_step(dot))
 
 
@@ -181,17 +184,19 @@ def _couple_score(one: Stick, two: Stick) -> float:
     """Return how well two pairs go together as the sticks of one rig; negative where they cannot."""
     radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
     steps = [_step(dot) for dot in (one.inner, one.outer, two.inner, two.outer)]
-    if max(radii) > 1.8 * min(radii) or max(steps) > 2.5 * min(steps):
+    unlike = max(radii) / min(radii)
+    if unlike > _SIZES[1] or max(steps) > 2.5 * min(steps):
         return -math.inf
     if max(one.length_px, two.length_px) > 3.0 * min(one.length_px, two.length_px):
         return -math.inf
+    unlikely = max(0.0, 1.0 - _SIZES[0] / unlike) * (one.score + two.score)
     axis = crossing(one, two)
     if axis is None:
-        return 0.0
+        return -unlikely
     # The axis lies beyond the inner end of both sticks, not between a stick's markers.
     beyond = 0.0
     for stick in (one, two):
         ux, uy = stick.outer.x_px - stick.inner.x_px, stick.outer.y_px - stick.inner.y_px
         along = ((axis[0] - stick.inner.x_px) * ux + (axis[1] - stick.inner.y_px) * uy) / (ux * ux + uy * uy)
         beyond += 1.0 if not 0.0 < along < 1.0 and -4.0 < along < 5.0 else -1.0
-    return beyond
+    return beyond - unlikely

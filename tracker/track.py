@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,17 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.checkpoint import RowStore, source_key
 from tracker.covered import cover_base
+from tracker.detect import HUGE_PX
 from tracker.follow import Follower
 from tracker.hints import MarkerHints
+from tracker.pair import Pair
 from tracker.rows import CODE, ROW
 from tracker.source import FrameSource
 from tracker.start import Start, find_start
 
 _REPORT_EVERY = 100
+_DOUBTFUL_RAD = math.radians(3.0)
+"""Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,12 +119,36 @@ def _unseen(time_s: float) -> NDArray[np.void]:
     return row
 
 
+def _moves(table: NDArray[np.void], moving: Pair) -> bool:
+    """Return whether a stick's direction goes to and fro by more than faint dots of the background seem to."""
+    inner, outer = (table["position_px"][:, index] for index in moving.indices)
+    seen = (table["state"][:, list(moving.indices)] == CODE["seen"]).all(axis=1)
+    offset = (outer - inner)[seen]
+    if not len(offset):
+        return False
+    turn = np.unwrap(np.arctan2(offset[:, 1], offset[:, 0]))
+    low, high = np.percentile(turn, (5.0, 95.0))
+    return bool(high - low > _DOUBTFUL_RAD)
+
+
+def _followed(table: NDArray[np.void], start: Start) -> str:
+    """Return in words which dots were taken for the markers."""
+    radii = sorted(marker.radius_px for marker in start.markers)
+    seen = np.abs(table["step"][table["state"] == CODE["seen"]])
+    places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
+    contrast = f" and {np.median(seen):.0f} grey levels of contrast" if len(seen) else ""
+    return f"dots of {radii[0]:.0f} to {radii[-1]:.0f} px radius{contrast} were followed, last at {places}"
+
+
 def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
-    if follower.moving is None or follower.base is None:
+    if follower.moving is None or follower.base is None or (start.doubtful and not _moves(table, follower.moving)):
         raise NoResultError(
             "no stick moves, so the moving one cannot be told from the base",
             where=source.name,
-            do="give the markers with --markers MARKERS.toml, or film a motion of 1 degree and more",
+            value=_followed(table, start),
+            limit=f"a motion of 1 degree and more; dots of 3 to {HUGE_PX:g} px radius",
+            do="film a motion if these four dots are the markers; give the markers' positions with --markers "
+            "MARKERS.toml if they are not",
         )
     order = [*follower.base.indices, *follower.moving.indices]
     rows = table.copy()

@@ -42,6 +42,7 @@ class Rig:
     moving_px: tuple[float, float] = (26.0, 76.0)
     off_deg: tuple[float, float] = (0.0, 0.0)
     radius_px: float = 5.0
+    base_radius_px: float | None = None
     half_width_px: float = 8.5
     overhang_px: float = 14.0
     stick: float = 185.0
@@ -225,13 +226,13 @@ class Rig:
         columns, rows = self._part()
         picture = np.repeat(np.repeat(whole[rows, columns].astype(np.float32), s, axis=0), s, axis=1)
         layers = [
-            (planes[0], self.base_deg, self.base_px, self.stick),
-            (planes[1], self.base_deg + angle, self.moving_px, 0.97 * self.stick),
+            (planes[0], self.base_deg, self.base_px, self.stick, self.base_radius_px or self.radius_px),
+            (planes[1], self.base_deg + angle, self.moving_px, 0.97 * self.stick, self.radius_px),
         ]
         if self.base_on_top:
             layers.reverse()
-        for (x, y), turn, radii, brightness in layers:
-            self._draw_stick(picture, x, y, turn, radii, brightness)
+        for (x, y), turn, radii, brightness, dot_px in layers:
+            self._draw_stick(picture, x, y, turn, radii, brightness, dot_px)
         x, y = planes[1]
         if self.hub_px:
             self._blend(picture, x * x + y * y, self.hub_px, self.ground * 0.9)
@@ -245,14 +246,14 @@ class Rig:
         whole[rows, columns] = sum(fine[:, i, :, j] for i in range(s) for j in range(s)) / (s * s)
         return whole
 
-    def _draw_stick(self, picture, x, y, turn_deg, radii, brightness) -> None:
+    def _draw_stick(self, picture, x, y, turn_deg, radii, brightness, dot_px) -> None:
         c, d = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
         along, across = c * x + d * y, -d * x + c * y
         on = np.abs(across) < self.half_width_px
         on &= (along > -self.overhang_px) & (along < radii[1] + self.overhang_px)
         picture[on] = brightness
         for radius in radii:
-            self._blend(picture, (along - radius) ** 2 + across**2, self.radius_px, self.dot)
+            self._blend(picture, (along - radius) ** 2 + across**2, dot_px, self.dot)
 
     def _blend(self, picture, square, radius: float, brightness: float) -> None:
         """Draw a disc; samples on its rim take the share of their own area that it covers."""

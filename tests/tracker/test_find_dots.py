@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from films import Rig
 
-from tracker.detect import find_dots
-from tracker.sticks import choose_sticks
+from tracker.start import sticks_in
 
 STILL = Rig(lambda t: np.full_like(t, 75.0), frames=1)
 CASES = {
@@ -25,6 +24,19 @@ CASES = {
         moving_px=(56.0, 140.0),
         hub_px=18.0,
     ),
+    "very large": replace(
+        STILL,
+        radius_px=36.0,
+        half_width_px=44.0,
+        size=(800, 760),
+        base_px=(110.0, 290.0),
+        moving_px=(104.0, 270.0),
+        hub_px=30.0,
+        overhang_px=50.0,
+    ),
+    "one stick's dots over twice as large": replace(
+        STILL, radius_px=4.5, base_radius_px=10.5, half_width_px=13.0, base_px=(45.0, 110.0), size=(400, 320)
+    ),
     "uneven light": replace(STILL, uneven=0.9),
     "textured ground": replace(STILL, texture=28.0, ground=110.0),
     "noisy and faint": replace(STILL, noise=5.0, stick=150.0, dot=95.0),
@@ -38,7 +50,7 @@ CASES = {
 def test_the_four_markers_are_found(name: str) -> None:
     rig = CASES[name]
     picture = next(rig.pictures())
-    sticks = choose_sticks(picture, find_dots(picture))
+    sticks = sticks_in(picture)
     assert sticks is not None
     truth = rig.marker_px(75.0)
     found = np.array([[dot.x_px, dot.y_px] for stick in sticks for dot in (stick.inner, stick.outer)])
@@ -52,4 +64,4 @@ def test_the_four_markers_are_found(name: str) -> None:
 def test_a_picture_without_markers_has_none() -> None:
     rig = replace(STILL, texture=20.0)
     picture = next(replace(rig, base_px=(5000.0, 5100.0), moving_px=(5000.0, 5100.0)).pictures())
-    assert choose_sticks(picture, find_dots(picture)) is None
+    assert sticks_in(picture) is None

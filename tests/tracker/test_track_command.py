@@ -18,6 +18,7 @@ import pytest
 from films import Rig, write_film
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
+from tracker.source import open_source
 
 ROOT = Path(__file__).parents[2]
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=24)
@@ -134,6 +135,21 @@ def test_a_film_in_which_nothing_moves(tmp_path: Path) -> None:
     error = failing(tmp_path, tmp_path, video=tmp_path / "still.mkv")
     assert isinstance(error, NoResultError)
     assert "no stick moves" in str(error)
+    # Which dots were followed, so that a person sees whether they are the markers.
+    assert "dots of 5 to 5 px radius and 1" in str(error)
+
+
+def test_faint_dots_that_hardly_move_give_no_angle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tracker import track
+
+    # A motion of 2 degrees is one of clear dots, but not of dots that may as well be background.
+    write_film(replace(RIG, angle_deg=lambda t: 60.0 + 2.0 * np.sin(9.0 * t), frames=12), tmp_path / "film.mkv")
+    found = track.track_film(open_source(tmp_path / "film.mkv"))
+    assert found.tracks.valid.all()
+    seen = track.find_start
+    monkeypatch.setattr(track, "find_start", lambda *given, **named: replace(seen(*given, **named), doubtful=True))
+    with pytest.raises(NoResultError, match=r"no stick moves.*were followed, last at \["):
+        track.track_film(open_source(tmp_path / "film.mkv"))
 
 
 def start(film: Path, markers: Path, out: Path) -> subprocess.Popen[bytes]:

@@ -18,13 +18,11 @@ from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from tracker.account import account
-from tracker.detect import find_dots
 from tracker.hints import MarkerHints
 from tracker.orient import Orientation, orient
 from tracker.sample import Clip, Stamps, read_stamps
 from tracker.source import open_source
-from tracker.start import find_start
-from tracker.sticks import choose_sticks
+from tracker.start import find_start, sticks_in
 from tracker.tilt import KNOWN
 from tracker.track import TrackResult, track_film
 
@@ -135,7 +133,7 @@ def _first_frame(source: Any, stamps: Stamps, check: FilmCheck, about: str, prog
             continue
         seen[place] = _small(luma)
         if number in _LOOKED_AT:
-            found.append(choose_sticks(luma, find_dots(luma)) is not None)
+            found.append(sticks_in(luma) is not None)
     progress("sampling frames", PLACES, PLACES)
     check.content["sampled"] = {"frames": len(found), "with_markers": sum(found)}
     if not all(found):

@@ -148,7 +148,7 @@ class Session:
             raise NoResultError(
                 "four markers, two dots on each of two sticks, were not seen",
                 where=self._intake.pictures.name,
-                limit="round dots of 3 to 20 px radius",
+                limit="round dots of 3 to 46 px radius",
                 do="give their positions with --markers MARKERS.toml, or light the sticks better",
             )
         return self.outcome
