@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
+from tracker.doubts import doubts
 from tracker.events import find_events
 from tracker.orient import Orientation
 from tracker.rows import CODE, STATES
@@ -36,7 +37,8 @@ def account(result: TrackResult, orientation: Orientation, *, remarks: Sequence[
     }
     events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
     markers = result.report["markers"]
-    content["advice"] = advice(
+    # What makes the angles doubtful comes before what would make them better.
+    content["advice"] = doubts(result) + advice(
         content, length_px=markers["stick_length_px"], radius_px=markers["radius_px"], events=events
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])

@@ -98,6 +98,7 @@ def track_to_folder(
     StickAngles
         What stands in ``angle.csv``.
     """
+    from torsight.cli.console import say
     from torsight.core.camera import read_camera
     from torsight.core.lock import only_writer
     from torsight.core.paths import require_apart
@@ -105,6 +106,7 @@ def track_to_folder(
     from torsight.core.tables import marker_columns, write_angles
     from tracker.account import account
     from tracker.checkpoint import drop
+    from tracker.doubts import doubts
     from tracker.hints import read_markers
     from tracker.orient import orient
     from tracker.stereo import orient_pair
@@ -131,6 +133,8 @@ def track_to_folder(
         )
         write_angles(out / "angle.csv", orientation.angles)
         write_json(out / "track.json", account(result, orientation, remarks=remarks))
+        for doubt in doubts(result):
+            say(f"warning: {video}: {doubt}")
         for folder in kept:
             drop(folder)
     return orientation.angles

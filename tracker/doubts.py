@@ -1,0 +1,129 @@
+"""What makes a track doubtful though angles came out: sticks or markers exchanged."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.tracks import MarkerTracks
+from torsight.core.wording import counted
+from tracker.rows import CODE
+from tracker.track import TrackResult
+
+_STICKS: Final = ("base", "moving")
+_TURNED_RAD: Final = np.deg2rad(1.0)
+_ARC_RAD: Final = np.deg2rad(20.0)
+"""Turn of the moving stick from which its markers' circles tell where the axis is."""
+_CLEAR_SIGMA: Final = 10.0
+_GONE: Final = 0.5
+"""Share of frames without the base from which it is doubted."""
+_FEW: Final = 2
+"""Frames of both sticks that prove which one turns."""
+
+
+def doubts(result: TrackResult) -> list[str]:
+    """Return sentences that a person has to read before the angles are used; most tracks have none."""
+    given = bool(result.report["markers"]["given"])
+    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
+    # Circles of a stick that rests tell nothing of the axis.
+    return found or _exchanged_markers(result.tracks, given=given)
+
+
+def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
+    """Tell that the stick given as base turns while the one given as moving rests."""
+    base, moving = (_direction(tracks, first) for first in (0, 2))
+    both = np.flatnonzero(np.isfinite(base) & np.isfinite(moving))
+    if len(both) <= _FEW:
+        return []
+    turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn in (base, moving)]
+    limit = max(float(_TURNED_RAD), _CLEAR_SIGMA * _direction_sigma(tracks, both))
+    against = int((turned[0] > limit + 3.0 * turned[1]).sum())
+    if against < _FEW or (turned[1] > limit + 3.0 * turned[0]).any():
+        return []
+    words = (
+        f"The sticks seem to be exchanged: in {counted(against, 'frame')} the base has turned, by up to "
+        f"{np.rad2deg(turned[0].max()):.1f} degrees, while the moving stick has turned by no more than "
+        f"{np.rad2deg(turned[1].max()):.1f}; the angles are wrong if so. Exchange base and moving in the marker file."
+    )
+    return [words]
+
+
+def _missing_base(result: TrackResult) -> list[str]:
+    """Tell that the base is hardly ever where it was given, though it should rest: what was given may turn."""
+    state = result.rows["state"]
+    usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
+    gone = usable & np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).all(axis=1)
+    if not usable.any() or gone.sum() < _GONE * usable.sum():
+        return []
+    words = (
+        f"The base is not where it was given in {gone.sum()} of {counted(int(usable.sum()), 'frame')}, so the angles "
+        "rest on few frames. Exchange base and moving in the marker file if the base given is the stick that turns."
+    )
+    return [words]
+
+
+def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
+    """Tell which stick's inner marker is the one further from the axis."""
+    axis = _axis_px(tracks)
+    if axis is None:
+        return []
+    found: list[str] = []
+    for stick, name in enumerate(_STICKS):
+        part = slice(2 * stick, 2 * stick + 2)
+        points = np.where(tracks.valid[:, part, None], tracks.position_px[:, part], np.nan)
+        away = np.hypot(*np.moveaxis(points - axis, -1, 0))
+        length = np.hypot(*(points[:, 1] - points[:, 0]).T)
+        if not np.isfinite(length).any():
+            continue
+        inner, outer = (float(np.nanmedian(away[:, marker])) for marker in (0, 1))
+        # An axis between a stick's markers leaves open which one is meant as the inner one.
+        if inner - outer > 0.5 * float(np.nanmedian(length)):
+            found.append(
+                f"The markers of the {name} stick are exchanged: its inner marker is {inner:.0f} px from the axis, "
+                f"its outer one {outer:.0f} px."
+            )
+    if not found:
+        return []
+    do = "exchange the two positions in the marker file" if given else "give the positions with --markers MARKERS.toml"
+    what = "Every angle is off by 180 degrees" if len(found) == 1 else "The angles hold, but not the markers' names"
+    return [" ".join([*found, f"{what}: {do}."])]
+
+
+def _axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
+    """Return the common centre (2,) of both moving markers' circles; None where they turn too little."""
+    turn = _direction(tracks, 2)
+    seen = np.isfinite(turn)
+    if seen.sum() < 5:
+        return None
+    unit = np.exp(1j * turn[seen])
+    if np.ptp(np.angle(unit / unit[0])) < _ARC_RAD:
+        return None
+    rows, sides = [], []
+    for marker in (0, 1):
+        points = tracks.position_px[seen, 2 + marker]
+        which = np.zeros((len(points), 2))
+        which[:, marker] = 1.0
+        # |p|² = 2 p · centre + (radius² − |centre|²), linear in centre and a number per marker.
+        rows.append(np.hstack([2.0 * points, which]))
+        sides.append(np.sum(points**2, axis=1))
+    solved = np.linalg.lstsq(np.vstack(rows), np.concatenate(sides), rcond=None)[0]
+    return np.asarray(solved[:2], dtype=np.float64)
+
+
+def _direction(tracks: MarkerTracks, first: int) -> NDArray[np.float64]:
+    """Return a stick's direction in the picture (n,), y down; NaN where one of its markers is not valid."""
+    offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
+    both = tracks.valid[:, first] & tracks.valid[:, first + 1]
+    return np.where(both, np.arctan2(offset[:, 1], offset[:, 0]), np.nan)
+
+
+def _direction_sigma(tracks: MarkerTracks, frames: NDArray[np.int64]) -> float:
+    """Return the larger usual error of both sticks' directions as the fits of the markers tell it, rad."""
+    found: list[float] = []
+    for first in (0, 2):
+        offset = tracks.position_px[frames, first + 1] - tracks.position_px[frames, first]
+        variance = 0.5 * np.trace(tracks.covariance_px2[frames, first : first + 2], axis1=2, axis2=3).sum(axis=1)
+        found.append(float(np.median(np.sqrt(variance) / np.hypot(offset[:, 0], offset[:, 1]))))
+    return max(found)
