@@ -12,6 +12,7 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.doubts import doubts
 from tracker.events import find_events
+from tracker.gaps import gap_advice
 from tracker.orient import Orientation
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
@@ -39,7 +40,11 @@ def account(result: TrackResult, orientation: Orientation, *, remarks: Sequence[
     markers = result.report["markers"]
     # What makes the angles doubtful comes before what would make them better.
     content["advice"] = doubts(result) + advice(
-        content, length_px=markers["stick_length_px"], radius_px=markers["radius_px"], events=events
+        content,
+        length_px=markers["stick_length_px"],
+        radius_px=markers["radius_px"],
+        events=events,
+        gaps=gap_advice(content["frames"], result, angles),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events
@@ -116,23 +121,23 @@ def compression_account(source: Mapping[str, Any], noise: Mapping[str, Any]) -> 
 
 
 def advice(
-    account: Mapping[str, Any], *, length_px: float, radius_px: float, events: list[dict[str, Any]]
+    account: Mapping[str, Any],
+    *,
+    length_px: float,
+    radius_px: float,
+    events: list[dict[str, Any]],
+    gaps: Sequence[str] = (),
 ) -> list[str]:
-    """Return what would make the next film better, the most important first."""
+    """Return what would make the next film better, the most important first; ``gaps`` is of frames without an angle."""
     words: list[str] = []
-    compression, noise, frames = account["compression"], account["noise"], account["frames"]
+    compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
     if ratio is not None and ratio > _COMPRESSED and not compression["lossless"]:
         words.append(
             f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless FFV1."
         )
-    if frames["total"] and frames["without_angle"] > 0.02 * frames["total"]:
-        why = ", ".join(f"{count} {name}" for name, count in frames["why"].items())
-        words.append(
-            f"{frames['without_angle']} of {frames['total']} frames have no angle ({why}): keep hands and wires off "
-            "the markers."
-        )
+    words += gaps
     if radius_px < _SMALL_PX:
         words.append(f"The dots are small (radius {radius_px:.1f} px): dots of 6 px and more halve the error.")
     if length_px < _SHORT_PX:

@@ -1,8 +1,9 @@
-"""What makes a track doubtful though angles came out: sticks or markers exchanged."""
+"""What makes a track doubtful though angles came out: sticks or markers exchanged, and a file that is not whole."""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,8 @@ def doubts(result: TrackResult) -> list[str]:
     given = bool(result.report["markers"]["given"])
     found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
     # Circles of a stick that rests tell nothing of the axis.
-    return found or _exchanged_markers(result.tracks, given=given)
+    found = found or _exchanged_markers(result.tracks, given=given)
+    return found + _file_faults(result)
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
@@ -127,3 +129,20 @@ def _direction_sigma(tracks: MarkerTracks, frames: NDArray[np.int64]) -> float:
         variance = 0.5 * np.trace(tracks.covariance_px2[frames, first : first + 2], axis1=2, axis2=3).sum(axis=1)
         found.append(float(np.median(np.sqrt(variance) / np.hypot(offset[:, 0], offset[:, 1]))))
     return max(found)
+
+
+def _file_faults(result: TrackResult) -> list[str]:
+    """Tell what is wrong with the film, the pictures or the table of times, from what the source noted."""
+    found = [_sentence(entry) for entry in result.damage if entry["kind"] != "damage"]
+    damage = [entry for entry in result.damage if entry["kind"] == "damage"]
+    if damage:
+        lost = int((result.rows["state"] == CODE["damaged"]).any(axis=1).sum())
+        frames = f" {counted(lost, 'frame')} could not be used." if lost else ""
+        more = f" (and {len(damage) - 1} more)" if len(damage) > 1 else ""
+        found.append(f"The file is damaged: {damage[0]['text']}{more}.{frames} Copy it from the camera again.")
+    return found
+
+
+def _sentence(entry: Mapping[str, Any]) -> str:
+    text = str(entry["text"])
+    return f"{text[0].upper()}{text[1:]}."

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from tracker.source import DEFAULT_FPS, Damage, Frame, time_from_table
+from tracker.source import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
 
 # Formats whose first plane is the luma, one byte per pixel.
 _PLANAR: Final = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24")
@@ -166,6 +166,7 @@ class FilmSource:
         self.damage.add(index, time_s, f"frame {index} {text}{more}; nothing is taken from here to the next key frame")
 
     def _note_end(self, count: int, last_s: float, reader: _Reader) -> None:
+        note_rows_left(self.damage, self._times_s, count)
         if reader.fatal:
             self.damage.add(
                 count,

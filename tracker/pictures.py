@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, time_from_table
+from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, note_rows_left, time_from_table
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
 """Bits per pixel of cameras."""
@@ -111,6 +111,7 @@ class PictureSource:
                     do="keep one size per folder",
                 )
             yield Frame(index, time_s, luma, damaged=luma is None)
+        note_rows_left(self.damage, self._times_s, len(self.paths))
 
     def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
         """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""

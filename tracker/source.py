@@ -152,6 +152,20 @@ def _read_times(path: Path) -> NDArray[np.float64]:
     return times
 
 
+def note_rows_left(damage: Damage, times_s: NDArray[np.float64] | None, count: int) -> None:
+    """Note that a table of times goes on after the last frame: it may be of another film, or frames may be missing."""
+    if times_s is None or len(times_s) <= count:
+        return
+    rows = int(np.isfinite(times_s[count:]).sum())
+    damage.add(
+        max(count - 1, 0),
+        float(times_s[count - 1]) if count else 0.0,
+        f"the table of --timestamps has {int(np.isfinite(times_s).sum())} rows for {count} frames: the last {rows} are "
+        "not used; if frames were lost while filming, every time after the first lost one is wrong",
+        kind="timestamps",
+    )
+
+
 def time_from_table(times_s: NDArray[np.float64], index: int, *, name: str) -> float:
     """Return the time of a frame from a table of times.
 

@@ -1,4 +1,4 @@
-"""Angles that come out and are wrong all the same: what is said of them."""
+"""Angles that come out and are wrong all the same, and files that are not whole: what is said of them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Rig, write_film
+from films import Cover, Rig, write_film, write_pictures
 
 from torsight.cli.track import track_to_folder
+from torsight.core.tracks import MarkerTracks, StickAngles
+from tracker.gaps import gap_advice, smear_around_gaps_px
+from tracker.rows import ROW
+from tracker.track import TrackResult
 
 RIG = Rig(lambda t: 60.0 + 40.0 * (np.cos(5.0 * t) - 1.0), frames=30)
 SLOW = replace(RIG, angle_deg=lambda t: 60.0 + 12.0 * (np.cos(1.5 * t) - 1.0))
@@ -65,3 +69,63 @@ def test_base_and_moving_exchanged(rig: Rig, words: str, tmp_path: Path, capsys:
     assert first.startswith(words)
     assert "Exchange base and moving" in first
     assert first in capsys.readouterr().err
+
+
+def test_a_smear_is_told_as_a_shutter_too_long() -> None:
+    result, angles = made_gap(share=0.5)
+    frames = {"total": 40, "without_angle": 10, "why": {"hidden": 10}}
+    # 10 degrees per frame at 76 px from the axis, half of it with the shutter open.
+    expected_px = 0.5 * 2.0 * 76.0 * np.sin(np.deg2rad(5.0))
+    assert smear_around_gaps_px(result, angles) == pytest.approx(expected_px, rel=1e-6)
+    (words,) = gap_advice(frames, result, angles)
+    assert "shutter" in words
+    assert "hands" not in words
+    result, angles = made_gap(share=0.0)
+    assert "keep hands" in gap_advice(frames, result, angles)[0]
+
+
+def made_gap(*, share: float) -> tuple[TrackResult, StickAngles]:
+    """Return positions of a stick that turns by 10 degrees per frame and is not seen in ten of them."""
+    n = 40
+    turn = np.deg2rad(10.0 * np.arange(n))
+    seen = (np.arange(n) < 15) | (np.arange(n) >= 25)
+    position = np.zeros((n, 4, 2))
+    position[:, 3] = 76.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    position[~seen] = np.nan
+    valid = np.repeat(seen[:, None], 4, axis=1)
+    frame, time_s = np.arange(n), np.arange(n) / 30.0
+    tracks = MarkerTracks(frame, time_s, position, np.tile(np.eye(2), (n, 4, 1, 1)), valid, (320, 240))
+    report = {"markers": {"shutter_share_of_frame": share, "radius_px": 5.0}}
+    sigma = np.where(seen, 0.01, np.nan)
+    angles = StickAngles(frame, time_s, np.where(seen, turn, np.nan), sigma, seen, np.ones(n, bool))
+    return TrackResult(tracks, np.zeros(n, ROW), [], report), angles
+
+
+def test_a_table_of_times_that_is_too_long(film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "times.csv"
+    table.write_text("frame,time_s\n" + "".join(f"{i},{i / 30.0:.6f}\n" for i in range(32)))
+    pictures = write_pictures(RIG, tmp_path / "pictures")
+    for number, source in enumerate((film, pictures)):
+        first = advice_of(source, tmp_path / str(number), timestamps=table)[0]
+        assert "32 rows for 30 frames" in first
+        assert first in capsys.readouterr().err
+
+
+def test_a_damaged_film_is_not_put_down_to_hands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = replace(RIG, frames=60, noise=4.0)
+    film = write_film(rig, tmp_path / "film.mp4", codec="libx264", crf=12, options={"g": "20", "bf": "0"})
+    content = bytearray(film.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 1500] = b"\xff" * 1500
+    film.write_bytes(bytes(content))
+    advice = advice_of(film, tmp_path / "out")
+    assert advice[0].startswith("The file is damaged: frame ")
+    assert advice[0] in capsys.readouterr().err
+    about = next(text for text in advice if "have no angle" in text)
+    assert "file is damaged there" in about
+    assert "hands" not in about
+
+
+def test_hands_are_told_as_hands(tmp_path: Path) -> None:
+    film = write_film(replace(RIG, covers=[Cover(0.4, 0.7, "moving")]), tmp_path / "film.mkv")
+    assert "keep hands" in next(text for text in advice_of(film, tmp_path / "out") if "have no angle" in text)

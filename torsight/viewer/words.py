@@ -9,7 +9,7 @@ import numpy as np
 from torsight.core.results import RunResults
 from torsight.core.wording import effect_name, estimate, fixed, number, verdict_sentence
 
-WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "jump", "bump", "light")
+WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "timestamps", "jump", "bump", "light")
 """Kinds of events that a person should look at."""
 
 
