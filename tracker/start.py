@@ -27,7 +27,7 @@ _CLEAR: Final = 2.0
 _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
 _CLEARER: Final = 2.0
-"""Four other dots that stand out by this factor more than the markers do are what the markers should be."""
+"""Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 _LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
 _SNAP_PX: Final = 12.0
@@ -109,7 +109,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 
 def sticks_in(luma: NDArray[np.uint8]) -> tuple[Stick, Stick] | None:
-    """Return the sticks in a picture; None also where four dots that are no sticks stand out far more than they do."""
+    """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs."""
     dots = find_dots(luma)
     found = choose_sticks(luma, dots)
     if found is not None and min(stick.score for stick in found) > _CLEAR:
@@ -121,7 +121,7 @@ def sticks_in(luma: NDArray[np.uint8]) -> tuple[Stick, Stick] | None:
     chosen = [dot for stick in found for dot in (stick.inner, stick.outer)]
     limit = _CLEARER * min(clearness(dot) for dot in chosen)
     clearer = [dot for dot in dots if clearness(dot) > limit and not any(dot is other for other in chosen)]
-    return None if len(clearer) >= len(chosen) else found
+    return None if len(clearer) >= 2 else found
 
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:

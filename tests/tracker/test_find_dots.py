@@ -65,3 +65,20 @@ def test_a_picture_without_markers_has_none() -> None:
     rig = replace(STILL, texture=20.0)
     picture = next(replace(rig, base_px=(5000.0, 5100.0), moving_px=(5000.0, 5100.0)).pictures())
     assert sticks_in(picture) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_background_is_not_taken_where_clear_dots_are_of_no_use(seed: int) -> None:
+    # Sizes 4:1 are no markers of one rig; what else looks like sticks is texture, however well it fits.
+    rig = replace(
+        STILL,
+        radius_px=4.0,
+        base_radius_px=16.0,
+        half_width_px=20.0,
+        base_px=(60.0, 150.0),
+        moving_px=(56.0, 140.0),
+        size=(480, 400),
+        texture=28.0,
+        seed=seed,
+    )
+    assert sticks_in(next(rig.pictures())) is None
