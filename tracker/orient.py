@@ -256,9 +256,9 @@ def _error_scale(tracks: MarkerTracks, base: LengthWitness, moving: LengthWitnes
     return np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1)
 
 
-def _scaled(points: Points, scale: NDArray[np.float64]) -> Points:
-    """Return positions with the errors that the stick's length shows."""
-    return points[0], points[1] * scale[:, None, None] ** 2
+def _scaled(points: Points, scale: float | NDArray[np.float64]) -> Points:
+    """Return positions with the errors that the stick's length shows, in every frame or in each (n,)."""
+    return points[0], points[1] * np.reshape(scale, (-1, 1, 1)) ** 2
 
 
 def _floor(tracks: MarkerTracks) -> tuple[float, float]:

@@ -120,7 +120,7 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
     known = np.isfinite(place[:, 0])
     if not known.any():
         return None
-    scale = witness(base[:, 0], base[:, 1], covariance[:, 0], covariance[:, 1]).scale
+    scale = _base_scale(base, covariance)
     noise = _noise(base, covariance) * max(scale, 1.0) ** 2
     first = np.flatnonzero(known)[: max(1, round(_START * known.sum()))]
     step, loose = np.zeros_like(place), np.zeros(len(place))
@@ -150,7 +150,7 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floa
     known = _seen(offset)
     if not known.any():
         return position
-    scale = witness(position[:, 0], position[:, 1], covariance[:, 0], covariance[:, 1]).scale
+    scale = _base_scale(position, covariance)
     usual = np.median(offset[known], axis=0)
     along, across = offset @ usual, offset @ np.array([-usual[1], usual[0]])
     noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / float(usual @ usual)
@@ -185,6 +185,12 @@ def _one_astray(base: Floats) -> Floats:
     """Return the variance of the middle along both axes (2,) that one marker alone would give it."""
     offset = base[:, 1] - base[:, 0]
     return np.asarray(0.25 * np.var(offset[_seen(offset)], axis=0))
+
+
+def _base_scale(base: Floats, covariance: Floats) -> float:
+    """Return by how much the length of the base stick errs more than the fits say, in all frames alike."""
+    together = np.ones(len(base), np.bool_)
+    return witness(base[:, 0], base[:, 1], covariance[:, 0], covariance[:, 1], moves=together).scale
 
 
 def _noise(base: Floats, covariance: Floats) -> Floats:
