@@ -73,6 +73,12 @@ TRUTH = {
     ),
     "reading_drift": ({"rate_deg_h": 8.0}, {"reading_drift_deg_h": (8.0, 0.05, 0.0)}),
     "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
+    "latent_heat": ({"latent_c_s": 60.0}, {"latent_c_s": (60.0, 0.06, 0.0)}),
+    "room_drift": ({"rate_c_h": 3.0}, {"room_drift_c_h": (3.0, 0.0, 0.8)}),
+    "end_stop": (
+        {"angle_deg": 205.0, "stiffness_mnm_per_rad": 10.0, "side": "negative"},
+        {"stop_deg": (-205.0, 0.0, 0.5), "stop_mnm_per_rad": (10.0, 0.15, 0.0)},
+    ),
     "static_friction": ({"excess": 0.6, "ageing_s": 60.0}, {"static_excess": (0.6, 0.1, 0.0)}),
     "thermistor_curve": ({"bulge_c": 1.5}, {"curve_bulge_c": (1.5, 0.1, 0.0)}),
 }
@@ -108,6 +114,12 @@ def fitted_to(made, effects: tuple[str, ...]):
     model = ActuatorModel(spec_of(made), (*effects, "home_torque"))
     drive = model.prepare(made.table)
     starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
+    starts += [
+        dict(start)
+        for effect in model.chosen
+        if effect.starts_from is not None
+        for start in effect.starts_from(drive.angle_rad)
+    ]
     if effects and DECLARED[effects[0]].propose is not None:
         plain = ActuatorModel(spec_of(made)).simulate(drive)
         starts = [
@@ -195,6 +207,26 @@ def test_fatigue_that_takes_an_angle_is_told_from_one_that_takes_a_share(form, l
     found = fitted_to(made, ("fatigue",))
     assert found.rmse_deg < 0.35
     assert lower <= found.values["fatigue_plastic_share"] <= upper
+
+
+def test_stops_at_both_ends_are_no_spring_that_stiffens():
+    made = made_with({"end_stop": {"angle_deg": 200.0, "stiffness_mnm_per_rad": 60.0}}, seed=14)
+    stops, spring = fitted_to(made, ("end_stops",)), fitted_to(made, ("stiffening",))
+    assert stops.values["stops_high_deg"] == pytest.approx(200.0, abs=0.7)
+    assert stops.values["stops_low_deg"] == pytest.approx(-200.0, abs=0.7)
+    # Nothing that winds is stiffer than austenite.
+    assert spring.rmse_deg > 3.0 * stops.rmse_deg
+
+
+def test_nothing_is_held_back_without_latent_heat_and_all_of_it_comes_in_the_end():
+    log, _ = programme([(0, [(90.0, 0.5)]), (1, [(90.0, 0.5)])])
+    model = ActuatorModel(reference_spec(), ("latent_heat",))
+    drive = model.prepare_log(log, start_angle_rad=2.9)
+    plain, late = (model.simulate(drive, {"latent_c_s": c_s}) for c_s in (0.0, 100.0))
+    moving = np.abs(np.gradient(plain.phi_rad, drive.time_s)) > math.radians(0.2)
+    assert np.abs(late.phi_rad - plain.phi_rad)[moving].max() > math.radians(5.0)
+    ends = np.flatnonzero(np.diff(drive.cycles.half))
+    assert late.phi_rad[ends] == pytest.approx(plain.phi_rad[ends], abs=math.radians(0.01))
 
 
 def test_creep_with_the_rigs_own_values_takes_most_of_the_residual():

@@ -130,7 +130,7 @@ def test_controller_holds_the_reference(reference_values: RigValues) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(HIDDEN) - {"clock_offset"}))
 def test_every_effect_shows_in_angle_or_reading(reference_values: RigValues, name: str) -> None:
-    keys = {"marker_slip": {"time_s": 40.0}, "reading_drift": {"rate_deg_h": 20.0}}.get(name, {})
+    keys = {"marker_slip": {"time_s": 40.0}, "reading_drift": {"rate_deg_h": 20.0}, "room_drift": {"rate_c_h": 10.0}}.get(name, {})
     protocol = {**SHORT, "repeat": 2}
     plain, other = run(reference_values, protocol), run(reference_values, protocol, effects={name: keys})
     effect = {name: HIDDEN[name](**keys)}
@@ -159,6 +159,8 @@ NULLS = {
     "end_stop": {"stiffness_mnm_per_rad": 0.0},
     "imbalance": {"excess": 0.0},
     "local_torque": {"height_mnm": 0.0},
+    "room_drift": {"rate_c_h": 0.0},
+    "latent_heat": {"latent_c_s": 0.0},
     "kinetics_shape": {"bend": 0.0},
 }
 

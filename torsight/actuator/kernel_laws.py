@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.compiled import inlined
+from torsight.actuator.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,8 @@ COOLING_BEND: Final = 28
 VISCOUS_POWER: Final = 29
 UNWOUND_A: Final = 30
 UNWOUND_B: Final = 31
-N_SCALARS: Final = 32
+LATENT: Final = 32
+N_SCALARS: Final = 33
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0
@@ -93,6 +94,41 @@ def share_done(heating: bool, place: float, p: Array) -> float:
     if place >= 1.0:
         return 1.0
     return 0.5 - 0.5 * np.cos(np.pi * bent(place, bend(heating, p)))
+
+
+@inlined
+def done_slope(heating: bool, place: float, p: Array) -> float:
+    """Return the derivative of :func:`share_done` by Liang and Rogers."""
+    if place <= 0.0 or place >= 1.0:
+        return 0.0
+    ahead = bend(heating, p)
+    return 0.5 * np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * np.sin(np.pi * bent(place, ahead))
+
+
+@compiled
+def held_back(heating: bool, place: float, furthest: float, part: float, per_s: float, p: Array) -> float:
+    """Return the place in the window that latent heat lets a section reach from the furthest one so far.
+
+    s + λ (done(s) − done(s_0)) = s_T, λ = ℓ Δξ/(Δt w): s_T the place by the sensor, ``part`` Δξ the fraction that the
+    whole window changes, w its width.
+    """
+    delay = p[LATENT] * part * per_s / (p[A_WIDTH] if heating else p[M_WIDTH])
+    low, high = furthest, place
+    before = share_done(heating, furthest, p)
+    reached = high
+    for _ in range(60):
+        over = reached + delay * (share_done(heating, reached, p) - before) - place
+        if over > 0.0:
+            high = reached
+        else:
+            low = reached
+        following = reached - over / (1.0 + delay * done_slope(heating, reached, p))
+        if abs(following - reached) < 1e-14:
+            break
+        reached = following if low < following < high else 0.5 * (low + high)
+        if high - low < 1e-14:
+            break
+    return reached
 
 
 @inlined

@@ -31,6 +31,7 @@ from torsight.actuator.kernel_laws import (
     K_A,
     K_M,
     K_S,
+    LATENT,
     M_WIDTH,
     PASSIVE_SHARE,
     ROOM_C,
@@ -48,8 +49,10 @@ from torsight.actuator.kernel_laws import (
     bend,
     bent,
     cold_torque,
+    done_slope,
     friction_torque,
     from_table,
+    held_back,
     share_done,
     side_torque,
     table_and_slope,
@@ -79,6 +82,8 @@ def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) 
         place = window_place(heating, own, torque, p)
         xi = w[0, j]
         if place > w[2, j]:
+            if p[LATENT] > 0.0:
+                place = held_back(heating, place, w[2, j], w[1, j] if heating else 1.0 - w[1, j], c[PER_S], p)
             done = share_done(heating, place, p)
             xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
         total += sections[0, j] * xi
@@ -94,6 +99,8 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
         own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
         place = window_place(heating, own, torque, p)
         if place > w[2, j]:
+            if p[LATENT] > 0.0:
+                place = held_back(heating, place, w[2, j], w[1, j] if heating else 1.0 - w[1, j], c[PER_S], p)
             done = share_done(heating, place, p)
             w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
             w[2, j] = place
@@ -257,18 +264,22 @@ def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: A
     for j in range(w.shape[1]):
         own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
         place = window_place(heating, own, torque, p)
-        xi = w[0, j]
-        w[4, j] = max(place, w[2, j])
+        xi, follows = w[0, j], 1.0
         if place > w[2, j]:
             advances = True
+            if p[LATENT] > 0.0:
+                part = w[1, j] if heating else 1.0 - w[1, j]
+                place = held_back(heating, place, w[2, j], part, c[PER_S], p)
+                width = p[A_WIDTH] if heating else p[M_WIDTH]
+                follows = 1.0 / (1.0 + p[LATENT] * part * c[PER_S] / width * done_slope(heating, place, p))
             xi = 0.0 if heating else 1.0
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))
                 half = 0.5 * (w[1, j] if heating else w[1, j] - 1.0)
                 xi += half * (1.0 + cosine)
                 steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * per_torque
-                slope -= sections[0, j] * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
-        w[3, j] = xi
+                slope -= sections[0, j] * follows * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
+        w[3, j], w[4, j] = xi, max(place, w[2, j])
         total += sections[0, j] * xi
     return total, slope, advances
 

@@ -88,6 +88,8 @@ class Ports:
         Share of the friction that is taken to have stopped the springs before the record.
     heating_bend, cooling_bend : float
         By how much the transformation runs ahead of the phase law in the middle of its window.
+    latent_c_s : float
+        By how much a wire is warmer than its sensor says per rate of its ξ.
     viscous_nms, viscous_power : float
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
     static_excess, static_time_s : float
@@ -128,6 +130,7 @@ class Ports:
     home_hold: float = 1.0
     heating_bend: float = 0.0
     cooling_bend: float = 0.0
+    latent_c_s: float = 0.0
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
     static_excess: float = 0.0

@@ -84,8 +84,13 @@ class ActuatorProblem:
         effects = [effect for effect in load_effects().values() if effect.family not in ALWAYS]
         if self.clock_sigma_s is not None:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
-        named = [_candidate(effect) for effect in effects]
-        return (*named, *(_candidate(effect, named=False) for effect in load_nameless().values()))
+        named = [self._candidate(effect) for effect in effects]
+        return (*named, *(self._candidate(effect, named=False) for effect in load_nameless().values()))
+
+    def _candidate(self, effect: Effect, *, named: bool = True) -> Candidate:
+        if effect.starts_from is not None:
+            effect = replace(effect, starts=(*effect.starts, *effect.starts_from(self.drive.angle_rad)))
+        return _candidate(effect, named=named)
 
     @cached_property
     def once(self) -> tuple[str, ...]:

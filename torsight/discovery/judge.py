@@ -70,8 +70,16 @@ class Judge:
         self._input_floor = np.sqrt(np.maximum(0.0, field.floor**2 - reading**2))
 
     def earned(self, contender: Contender) -> bool:
-        """Return whether each member gains more than chance and predicts unseen blocks (backward elimination)."""
-        return all(part is not None and self._better(contender, part) for part in self._parts(contender))
+        """Return whether each member gains more than chance and predicts unseen blocks (backward elimination).
+
+        Members may each help the others and all of them together predict worse than none.
+        """
+        if not all(part is not None and self._better(contender, part) for part in self._parts(contender)):
+            return False
+        if not self._can_hold_out:
+            return True
+        missed = self._over_time(self._field.base.held_out.residual)
+        return self._over_time(contender.held_out.residual) <= missed + self._field.fitter.problem.resolution**2
 
     def shows(self, contender: Contender) -> bool:
         """Return whether the residual shrinks by what is worth a name with each effect of a set."""
@@ -224,7 +232,15 @@ class Judge:
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
-        return near or self.share(contender) >= self._settings.share_explained
+        return near or (self.share(contender) >= self._settings.share_explained and self._explains_unseen(contender))
+
+    def _explains_unseen(self, contender: Contender) -> bool:
+        """Return whether no more than a share of what the base model misses of unseen blocks is left with a set."""
+        if not self._can_hold_out:
+            return True
+        floor = self._over_time(self._field.floor)
+        left = self._over_time(contender.held_out.residual) - floor
+        return left <= self._settings.unseen_left * (self._over_time(self._field.base.held_out.residual) - floor)
 
     def _stands(self, contender: Contender) -> bool:
         return self.earned(contender) and self.adequate(contender)

@@ -86,7 +86,9 @@ class Constants(NamedTuple):
     r_step: float
     r_start: float
     r_width: float
-    stop_angle: float
+    latent: float
+    stop_low: float
+    stop_high: float
     stop_stiffness: float
     imbalance: float
     local: float
@@ -133,7 +135,9 @@ _NULLS: Final[Mapping[str, float]] = {
     "r_step": 0.0,
     "r_start": 0.0,
     "r_width": 1.0,
-    "stop_angle": 1e9,
+    "latent": 0.0,
+    "stop_low": -1e9,
+    "stop_high": 1e9,
     "stop_stiffness": 0.0,
     "imbalance": 0.0,
     "local": 0.0,

@@ -274,14 +274,20 @@ class ThermistorCurve(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class EndStop(HiddenEffect):
-    """A soft stop that pushes back beyond an angle on either side."""
+    """A stop, soft or hard, that pushes back beyond an angle."""
 
     angle_deg: float = key(215.0, "where it begins", lower=0.0, upper=3000.0)
     stiffness_mnm_per_rad: float = key(3.0, "its stiffness", lower=0.0, upper=1e4)
+    side: str = key("both", "where it stands", choices=("both", "positive", "negative"))
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        return {"stop_angle": self.angle_deg * DEG, "stop_stiffness": self.stiffness_mnm_per_rad * MNM}
+        low, high = self.side != "positive", self.side != "negative"
+        return {
+            "stop_low": -self.angle_deg * DEG if low else -1e9,
+            "stop_high": self.angle_deg * DEG if high else 1e9,
+            "stop_stiffness": self.stiffness_mnm_per_rad * MNM,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,6 +329,26 @@ class ReadingDrift(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class RoomDrift(HiddenEffect):
+    """The room warms up or swings, and with it what the sensors read beside the wires' temperature."""
+
+    rate_c_h: float = key(1.0, "drift of the readings", lower=-100.0, upper=100.0)
+    swing_c: float = key(0.0, "half of a swing of the readings beside it", lower=-20.0, upper=20.0)
+    period_h: float = key(0.7, "period of the swing", lower=0.01, upper=100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LatentHeat(HiddenEffect):
+    """The core of a wire that transforms is cooler or warmer than its surface, where the sensor is."""
+
+    latent_c_s: float = key(80.0, "difference per rate of the martensite fraction", lower=0.0, upper=1e4)
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"latent": self.latent_c_s}
+
+
+@dataclass(frozen=True, slots=True)
 class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 
@@ -360,6 +386,8 @@ HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
     "imbalance": Imbalance,
     "local_torque": LocalTorque,
     "reading_drift": ReadingDrift,
+    "room_drift": RoomDrift,
+    "latent_heat": LatentHeat,
     "kinetics_shape": KineticsShape,
 }
 """Effects by id; the first twelve are those of the public contract."""

@@ -166,11 +166,12 @@ def integrate(
     motion = np.array([start[0], 0.0, 0.0, 0.0])
     temps_c = start[1:].copy()
     lagged_c = np.column_stack((temps_c[:2], temps_c[:2]))
+    before_xi, pace = np.ones(2), np.zeros(2)
     current, reading, work, furthest = np.zeros(2), np.zeros(2), np.zeros((3, 3)), np.zeros(2)
     integral, since_s, active, sliding, before = 0.0, 0.0, -1, 0, 0
     for k in range(command.size):
         for i in range(2):
-            reading[i] = sense(c, lagged_c[i, c.lag_stages - 1], noise_c[k, i])
+            reading[i] = sense(c, lagged_c[i, c.lag_stages - 1] - c.latent * pace[i], noise_c[k, i])
         if command[k] != before:
             before, sliding = command[k], 0
             active = switch(c, springs, motion[PHI], temps_c, active, before, cycle[k])
@@ -192,5 +193,7 @@ def integrate(
             since_s += step_s
             if active >= 0:
                 passive_step(c, springs, temps_c, 1 - active, since_s)
+            before_xi[:] = s[:, XI]
             sliding = move(c, springs, motion, temps_c, step_s, active, sliding)
+            pace[:] = (s[:, XI] - before_xi) / step_s
     return out

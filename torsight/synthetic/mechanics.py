@@ -66,8 +66,10 @@ def stray_torque(c: Constants, phi: float) -> float:
         x = ((phi - c.local_angle + math.pi) % (2.0 * math.pi) - math.pi) / c.local_width
         # A dipole's pull is largest at x = 1/√3.
         tau -= c.local * (x / (1.0 + x * x) ** 2 * 16.0 / math.sqrt(27.0) if c.local_form == 1 else -1.0 / (1.0 + x**4))
-    if abs(phi) > c.stop_angle:
-        tau -= c.stop_stiffness * (phi - math.copysign(c.stop_angle, phi))
+    if phi > c.stop_high:
+        tau -= c.stop_stiffness * (phi - c.stop_high)
+    elif phi < c.stop_low:
+        tau -= c.stop_stiffness * (phi - c.stop_low)
     return tau
 
 

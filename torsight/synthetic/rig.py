@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import DEG
 from torsight.synthetic.constants import Constants, pack, to_record, zones
-from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip, ReadingDrift
+from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip, ReadingDrift, RoomDrift
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
 from torsight.synthetic.protocol import Commands, Protocol, commands
@@ -164,6 +164,11 @@ def simulate_rig(
     orders = commands(protocol, sample_s=sensor.sample_s, room_c=thermal.room_c, before_s=before_s, after_s=after_s)
     count = len(orders.command)
     noise_c = np.zeros((count, 2)) if rng is None else sensor.noise_c * rng.standard_normal((count, 2))
+    for effect in effects.values():
+        if isinstance(effect, RoomDrift):
+            since_h = np.maximum(np.arange(count) - orders.recorded, 0)[:, None] * sensor.sample_s / 3600.0
+            noise_c = noise_c + effect.rate_c_h * since_h
+            noise_c += effect.swing_c * (np.cos(2.0 * math.pi * since_h / effect.period_h) - 1.0)
     start_rad = home_angle(values)
     weight, cooler_c = zones(effects)
     rows = integrate(

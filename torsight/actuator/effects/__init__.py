@@ -68,6 +68,8 @@ class Effect:
         Pure function from ports and values (public units) to ports.
     starts : tuple of mappings
         Further starting points of a fit, by parameter name.
+    starts_from : callable or None
+        From the measured angle (rad, NaN where there is none) to still further ones.
     derived : tuple of Derived
         Further values for people, made of the fitted ones (amplitude and phase of a sine and a cosine).
     propose : callable or None
@@ -87,6 +89,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     apply: Callable[[Ports, Values], Ports]
     starts: tuple[Values, ...] = ()
+    starts_from: Callable[[Array], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
     is_clock: bool = False

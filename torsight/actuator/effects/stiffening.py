@@ -3,7 +3,8 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 .. math:: τ = τ_0(θ) + k_3 R^3 \left(\frac{(θ − θ_{on})_+}{R}\right)^p
 
 θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3: the usual
-cubic; 1: a third slope); for either spring, beside what its phase makes. Predicted residual: stroke is lost at both
+cubic; 1: a third slope); for either spring, beside what its phase makes. No steeper than austenite's stiffness: what
+is, is no spring. Predicted residual: stroke is lost at both
 ends, alike for both directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory
 Alloys (2008), ch. 1.
 """
@@ -24,16 +25,20 @@ Array = NDArray[np.float64]
 _REACH_RAD: Final = 100.0 * DEG
 
 
-def extra_torque(theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponent: float) -> Array:
-    """Return k_3 R³ ((θ − θ_on)₊ / R)^p, N·m."""
-    return cubic_nm * _REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / _REACH_RAD) ** exponent
+def extra_torque(
+    theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponent: float, steepest_nm: float = np.inf
+) -> Array:
+    """Return k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, N·m, nowhere steeper than ``steepest_nm`` (N·m/rad)."""
+    law_nm = cubic_nm * _REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / _REACH_RAD) ** exponent
+    rise_nm = np.minimum(np.diff(law_nm), steepest_nm * np.diff(theta_rad))
+    return np.concatenate([law_nm[:1], law_nm[0] + np.cumsum(rise_nm)])
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen."""
     cubic_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
     law = {"cubic_nm": cubic_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
-    return ports.with_side(extra_torque(ports.grid_rad(), **law))
+    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=ports.rig.k_austenite))
 
 
 EFFECT: Final = Effect(

@@ -1,0 +1,59 @@
+r"""A stop at one end of the stroke: disk, stick or lead wire comes up against something.
+
+.. math:: τ_b − τ_a − τ_f − k \, s \, (s \, (φ − φ_s))_+ = 0, \quad s = \mathrm{sign} \, φ_s
+
+φ_s where the stop stands (°), k its stiffness (mN·m/rad), alike for both directions. Predicted residual: strokes to one
+side end early, all at the same angle, however far the spring would go. Source: unilateral contact by a stiff spring,
+e.g. Brogliato, Nonsmooth Mechanics (2016), ch. 2.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG, MNM
+
+_BEFORE_DEG: Final = 2.0
+
+
+def stop_torque(phi_rad: Array, *, stop_rad: float, stiffness_nm: float) -> Array:
+    """Return the torque of a stop that stands at an angle and keeps what is nearer to zero free, N·m."""
+    side = 1.0 if stop_rad >= 0.0 else -1.0
+    return -stiffness_nm * side * np.maximum(0.0, side * (phi_rad - stop_rad))
+
+
+def ends_deg(angle_rad: Array) -> tuple[float, float]:
+    """Return where stops may be: a little before the lowest and the highest angle that was measured."""
+    low_deg, high_deg = np.nanquantile(angle_rad / DEG, [0.005, 0.995])
+    return float(low_deg) + _BEFORE_DEG, float(high_deg) - _BEFORE_DEG
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Add the stop's torque along φ."""
+    stop_rad, stiffness_nm = values["stop_deg"] * DEG, values["stop_mnm_per_rad"] * MNM
+    return ports.with_stray(stop_torque(ports.phi_grid_rad(), stop_rad=stop_rad, stiffness_nm=stiffness_nm))
+
+
+def starts_from(angle_rad: Array) -> tuple[Values, ...]:
+    """Return a stop at either end."""
+    return tuple({"stop_deg": end_deg} for end_deg in ends_deg(angle_rad))
+
+
+EFFECT: Final = Effect(
+    id="end_stop",
+    family="unnamed",
+    acts_on="torque",
+    title="a stop at one end",
+    parameters=(
+        Parameter(name="stop_mnm_per_rad", value=3.0, unit="mN·m/rad", lower=0.0, upper=200.0, null=0.0),
+        Parameter(name="stop_deg", value=160.0, unit="°", lower=-400.0, upper=400.0),
+    ),
+    apply=apply,
+    starts_from=starts_from,
+    drivers=("angle_deg",),
+)

@@ -1,0 +1,48 @@
+r"""Stops at both ends of the stroke, as stiff as each other.
+
+.. math:: τ_b − τ_a − τ_f − k \, ((φ − φ_+)_+ − (φ_- − φ)_+) = 0
+
+φ_+ and φ_- where the stops stand (°), k their stiffness (mN·m/rad). Predicted residual and source:
+:mod:`torsight.actuator.nameless.end_stop`, for the strokes to both sides.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.nameless.end_stop import ends_deg, stop_torque
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG, MNM
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Add the stops' torques along φ."""
+    stiffness_nm = values["stops_mnm_per_rad"] * MNM
+    for name in ("stops_high_deg", "stops_low_deg"):
+        torque_nm = stop_torque(ports.phi_grid_rad(), stop_rad=values[name] * DEG, stiffness_nm=stiffness_nm)
+        ports = ports.with_stray(torque_nm)
+    return ports
+
+
+def starts_from(angle_rad: Array) -> tuple[Values, ...]:
+    """Return stops at the ends."""
+    low_deg, high_deg = ends_deg(angle_rad)
+    return ({"stops_low_deg": low_deg, "stops_high_deg": high_deg},)
+
+
+EFFECT: Final = Effect(
+    id="end_stops",
+    family="unnamed",
+    acts_on="torque",
+    title="stops at both ends",
+    parameters=(
+        Parameter(name="stops_mnm_per_rad", value=3.0, unit="mN·m/rad", lower=0.0, upper=200.0, null=0.0),
+        Parameter(name="stops_high_deg", value=215.0, unit="°", lower=0.0, upper=400.0),
+        Parameter(name="stops_low_deg", value=-215.0, unit="°", lower=-400.0, upper=0.0),
+    ),
+    apply=apply,
+    starts_from=starts_from,
+    drivers=("angle_deg",),
+)

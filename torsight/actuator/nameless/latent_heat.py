@@ -1,0 +1,33 @@
+r"""A wire that transforms takes up heat or sets it free: its core is cooler or warmer than where the sensor is.
+
+.. math:: T = T_m + ℓ \, dξ/dt
+
+T wire temperature, T_m measured, ξ martensite fraction of the same spring, ℓ difference per rate of it (°C s).
+Predicted residual: late while it transforms, in proportion to how fast, and nothing at rest. Source: Leo, Shield and
+Bruno, Acta Metall. Mater. 41 (1993) 2477.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Set what a transformation's pace does to the temperatures."""
+    return replace(ports, latent_c_s=ports.latent_c_s + values["latent_c_s"])
+
+
+EFFECT: Final = Effect(
+    id="latent_heat",
+    family="unnamed",
+    acts_on="temperature",
+    title="latent heat",
+    parameters=(Parameter(name="latent_c_s", value=30.0, unit="°C s", lower=0.0, upper=2000.0, null=0.0),),
+    apply=apply,
+    drivers=("angle_rate_deg_s", "temp_rate_c_s"),
+)
