@@ -130,7 +130,12 @@ def test_controller_holds_the_reference(reference_values: RigValues) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(HIDDEN) - {"clock_offset"}))
 def test_every_effect_shows_in_angle_or_reading(reference_values: RigValues, name: str) -> None:
-    keys = {"marker_slip": {"time_s": 40.0}, "reading_drift": {"rate_deg_h": 20.0}, "room_drift": {"rate_c_h": 10.0}}.get(name, {})
+    strong = {
+        "marker_slip": {"time_s": 40.0},
+        "reading_drift": {"rate_deg_h": 20.0},
+        "room_drift": {"rate_c_h": 10.0},
+    }
+    keys = strong.get(name, {})
     protocol = {**SHORT, "repeat": 2}
     plain, other = run(reference_values, protocol), run(reference_values, protocol, effects={name: keys})
     effect = {name: HIDDEN[name](**keys)}

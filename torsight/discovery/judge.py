@@ -235,12 +235,13 @@ class Judge:
         return near or (self.share(contender) >= self._settings.share_explained and self._explains_unseen(contender))
 
     def _explains_unseen(self, contender: Contender) -> bool:
-        """Return whether no more than a share of what the base model misses of unseen blocks is left with a set."""
+        """Return whether a set takes most of what the base model misses of unseen blocks, or leaves little of it."""
         if not self._can_hold_out:
             return True
         floor = self._over_time(self._field.floor)
-        left = self._over_time(contender.held_out.residual) - floor
-        return left <= self._settings.unseen_left * (self._over_time(self._field.base.held_out.residual) - floor)
+        before, after = (self._over_time(c.held_out.residual) for c in (self._field.base, contender))
+        little = self._settings.over_floor_unknown**2 * floor
+        return after <= max(little, floor + self._settings.unseen_left * (before - floor))
 
     def _stands(self, contender: Contender) -> bool:
         return self.earned(contender) and self.adequate(contender)

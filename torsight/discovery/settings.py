@@ -26,7 +26,7 @@ class Settings:
     share_explained : float
         A set is named where it explains this share of what was to explain ...
     unseen_left : float
-        ... and leaves no more than this share of what the base model misses of unseen blocks, ...
+        ... and leaves no more than this share of the squared error of the base model on unseen blocks, or little, ...
     near_floor : float
         ... or leaves less than this many times the floor.
     share_of_rest : float
@@ -54,7 +54,7 @@ class Settings:
     rival_gain: float = 12.0
     rival_share: float = 0.5
     share_explained: float = 0.8
-    unseen_left: float = 0.5
+    unseen_left: float = 0.25
     near_floor: float = 2.0
     share_of_rest: float = 0.6
     share_of_all: float = 0.05
