@@ -113,8 +113,39 @@ OUTSIDE: Final[Mapping[str, tuple[Draw, tuple[str, ...]]]] = {
         ("angle_deg",),
     ),
     "imbalance": (lambda g: {"excess": _either(g, g.uniform(0.03, 0.1))}, ("direction", "angle_deg")),
+    "hard_stop": (
+        lambda g: {
+            "angle_deg": g.uniform(185, 220),
+            "stiffness_mnm_per_rad": _log_uniform(g, 3, 100),
+            "side": g.choice(["both", "positive", "negative"]),
+        },
+        ("angle_deg",),
+    ),
+    "room_drift": (
+        lambda g: {
+            "rate_c_h": _either(g, g.uniform(0.5, 3)),
+            "swing_c": g.uniform(0, 0.4),
+            "period_h": g.uniform(0.4, 2),
+        },
+        ("time_s",),
+    ),
+    "latent_heat": (lambda g: {"latent_c_s": g.uniform(20, 200)}, ("angle_rate_deg_s", "temp_rate_c_s")),
+    "local_torque": (
+        lambda g: {
+            "height_mnm": _either(g, g.uniform(0.1, 0.4)),
+            "angle_deg": g.uniform(-150, 150),
+            "width_deg": g.uniform(10, 40),
+            "form": g.choice(["bump", "magnet"]),
+        },
+        ("angle_deg",),
+    ),
+    "reading_drift": (
+        lambda g: {"rate_deg_h": _either(g, g.uniform(2, 10)), "settles_h": _log_uniform(g, 0.2, 10)},
+        ("time_s",),
+    ),
 }
 """Effects outside the library, each with the variables that are right answers for its first driver."""
+_RIG_NAME: Final = {"hard_stop": "end_stop"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +182,7 @@ class Record:
 
 
 def suite(part: str) -> list[Case]:
-    """Return the cases of a part: ``work`` (small), ``report`` (60 clean, 12 × 6 single, 20 double, 20 outside).
+    """Return the cases of a part: ``work`` (small), ``report`` (60 clean, 12 × 6 single, 20 double, 32 outside).
 
     And ``usual``: 12 × 3 single and 30 double at usual sizes.
 
@@ -159,7 +190,7 @@ def suite(part: str) -> list[Case]:
     """
     seed = {"work": 0, "report": REPORT_FROM, "usual": USUAL_FROM}[part]
     usual = part == "usual"
-    counts = {"work": (12, 4, 12, 22), "report": (60, 6, 20, 20), "usual": (0, 3, 30, 0)}[part]
+    counts = {"work": (12, 4, 12, 32), "report": (60, 6, 20, 32), "usual": (0, 3, 30, 0)}[part]
     clean = [Case("clean", seed + i, model_error=i % 2 == 1, usual=usual) for i in range(counts[0])]
     single = [
         Case("single", seed + 1000 + 20 * j + i, (name,), model_error=(i + j) % 2 == 1, usual=usual)
@@ -235,7 +266,7 @@ def _scaled(name: str, details: Mapping[str, object], factor: float) -> dict[str
     strength = next(iter(details))
     if name == "marker_slip":
         strength = "step_deg"
-    elif name == "end_stop":
+    elif name in {"end_stop", "hard_stop"}:
         strength = "stiffness_mnm_per_rad"
     null = 1.0 if name == "sensor_gain" else 0.0
     limited = min(max(factor, 0.1), 5.0)
@@ -276,7 +307,10 @@ def _run(
     noise_seed: int,
 ) -> _Run:
     """Run record and later protocol in one go, so that what the rig remembers goes on."""
-    made: dict[str, HiddenEffect] = {name: HIDDEN[name](**details) for name, details in effects.items()}  # type: ignore[arg-type]
+    made: dict[str, HiddenEffect] = {
+        name: HIDDEN[_RIG_NAME.get(name, name)](**details)  # type: ignore[arg-type]
+        for name, details in effects.items()
+    }
     whole = Protocol((*record.half_cycles, *later.half_cycles), record.rest_s, 1.0, home=True)
     rng = np.random.default_rng(noise_seed)
     run: RigRecord = simulate_rig(values, whole, effects=made, sensor=Sensor(sample_s=_STEP_S, noise_c=0.02), rng=rng)
