@@ -33,6 +33,8 @@ class Decision:
         The set that is named, or the base model.
     best : Contender
         The best set that earned its place, whether or not it is adequate.
+    nearest : Contender or None
+        The mechanism without a name that comes nearest, where nothing explains the record.
     rivals : tuple of Contender
         Other sets that explain the record as well as ``chosen``.
     probability : dict
@@ -49,6 +51,7 @@ class Decision:
 
     chosen: Contender
     best: Contender
+    nearest: Contender | None
     rivals: tuple[Contender, ...]
     probability: dict[EffectSet, float]
     threshold: float
@@ -84,6 +87,7 @@ def decide(
     return Decision(
         chosen=chosen,
         best=best,
+        nearest=None if chosen.effects else judge.nearest(),
         rivals=tuple(rivals),
         probability=_weights([chosen, *rivals]),
         threshold=threshold,

@@ -8,7 +8,7 @@ a name, learn a stand-in and say what it depends on (:mod:`.stand_in`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from torsight.discovery.decide import Decision, decide, much_left
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.search import Search
 from torsight.discovery.settings import Settings
+from torsight.discovery.solver import Array
 from torsight.discovery.stand_in import LEAST_GAIN, declared_drivers, learn_closure, likely_driver
 from torsight.discovery.validate import HeldOut, block_labels
 
@@ -88,6 +89,11 @@ def find_missing(
         if not decision.chosen.effects:
             much = much_left(field, field.base, settings=chosen_settings)
             closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)
+            if much and closure is not None and _nearer(field, before.residual, closure.residual):
+                closure = None
+            nearest = decision.nearest if much else None
+            if nearest is not None and (closure is None or _nearer(field, nearest.held_out.residual, closure.residual)):
+                decision, after, closure = replace(decision, chosen=nearest), nearest.held_out, None
     unnamed = closure is not None or much_left(field, field.base, settings=chosen_settings)
     drivers: tuple[tuple[str, float], ...] = ()
     if not decision.chosen.named:
@@ -97,6 +103,14 @@ def find_missing(
     elif unnamed and can_hold_out and not decision.chosen.effects:
         drivers = likely_driver(field, field.base, seed=seed)
     return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure, drivers)
+
+
+def _nearer(field: Field, residual: Array, other: Array) -> bool:
+    """Return whether the first of two residuals of unseen blocks is less, over time."""
+    valid = field.fitter.problem.valid
+    lasts = np.gradient(field.fitter.problem.time_s)[valid]
+    first, second = (float(np.average(each[valid] ** 2, weights=lasts)) for each in (residual, other))
+    return first < second
 
 
 def _verdict(decision: Decision, *, unnamed: bool) -> Verdict:

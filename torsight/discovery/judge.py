@@ -29,6 +29,8 @@ _NEAR: Final = 0.01
 """Share of what the chosen set gains by which a rival may cost more that predicts unseen blocks as well."""
 _FAR_BETTER: Final = 0.5
 """Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
+_HALF: Final = 0.5
+"""Share of the squared error on unseen blocks that a mechanism may leave which stands in and explains not enough."""
 _DOUBT: Final = 2.0
 """Standard deviations of what the inputs' noise does within which a residual is no sign of anything."""
 _MOST_PLAIN: Final = 2
@@ -232,7 +234,8 @@ class Judge:
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
-        return near or (self.share(contender) >= self._settings.share_explained and self._explains_unseen(contender))
+        whole = self.share(contender) >= self._settings.share_explained
+        return near or (whole and (not contender.named or self._explains_unseen(contender)))
 
     def _explains_unseen(self, contender: Contender) -> bool:
         """Return whether a set takes most of what the base model misses of unseen blocks, or leaves little of it."""
@@ -261,6 +264,17 @@ class Judge:
         as_good = [c for c in nameless if best.cost <= c.cost <= best.cost + self._settings.rival_gain]
         simplest_first = sorted(as_good, key=lambda c: len(c.fit.parameters))
         return next(c for c in simplest_first if c is best or self._stands(c))
+
+    def nearest(self) -> Contender | None:
+        """Return the mechanism without a name that takes most of what the base model misses of unseen blocks, if any.
+
+        It need not explain the record: it may stand in for what nothing explains.
+        """
+        if not self._can_hold_out:
+            return None
+        least = _HALF * self._over_time(self._field.base.held_out.residual)
+        nameless = (c for c in self._field.of_size(1) if not c.named and self._over_time(c.held_out.residual) < least)
+        return next((c for c in nameless if self.earned(c)), None)
 
     def worth_telling(self, contender: Contender) -> bool:
         """Return whether what is chosen removes so much that something must be missing, or is the only one that does.
