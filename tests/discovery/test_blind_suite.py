@@ -95,6 +95,26 @@ def test_a_mark_off_its_axis_that_leaves_little_is_named_and_the_later_record_pr
     assert np.sqrt(np.mean((later - record.later_angle_rad) ** 2)) < 0.3 * DEG
 
 
+@pytest.mark.parametrize(
+    ("effects", "driver"),
+    [
+        ({"end_stop": {"angle_deg": 198.0, "stiffness_mnm_per_rad": 60.0}}, "angle_deg"),
+        ({"room_drift": {"rate_c_h": 1.0, "swing_c": 0.8, "period_h": 0.5}}, "time_s"),
+    ],
+    ids=["stops", "room"],
+)
+def test_neither_a_stop_nor_a_room_that_swings_gets_a_name(effects: dict[str, dict[str, float]], driver: str) -> None:
+    """The one had been called a spring that stiffens, the other a mark off its axis."""
+    full, less = {"peak_c": 74.0, "ramp_s": 300.0, "heat_s": 320.0, "cool_s": 280.0}, {"peak_c": 61.0}
+    heated = [{"spring": s, **full, **(less if k == 2 else {})} for k, s in enumerate("ababab")]
+    made = make_record({"protocol": {"half_cycle": heated}, "effects": effects}, seed=5, sigma_deg=0.1)
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    report = discover(made.table, spec, seed=0)
+    assert report.verdict == "unknown"
+    assert report.effects == ()
+    assert report.drivers[0][0] == driver
+
+
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
     work, report, usual = (cases.suite(part) for part in ("work", "report", "usual"))
     assert len({case.seed for case in [*work, *report, *usual]}) == len(work) + len(report) + len(usual)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidates
@@ -159,3 +161,21 @@ def test_more_can_be_asked_of_a_name() -> None:
     extra = 0.3 * np.sign(signals()["speed"])
     strict = Settings(share_explained=1.1, near_floor=0.0)
     assert find_missing(machine(extra, seed=6), settings=strict).decision.chosen.effects == ()
+
+
+def test_what_nothing_explains_is_stood_in_for_by_the_mechanism_that_comes_nearest() -> None:
+    resting = np.tile(np.arange(LENGTH) < 30, BLOCKS)
+    # Neither is a function of anything that is known; the mechanism without a name is the larger part.
+    half, rest = (np.where(resting, 0.0, noise(seed, size=1.0, tau=25.0)) for seed in (21, 22))
+    made = machine(0.5 * half + 0.25 * rest, seed=4, candidates={"half": {"half_n": half}}, sigma=0.05, tau=1.0)
+    nameless = tuple(replace(c, named=False, drivers=("warm",)) for c in made.candidates)
+    findings = find_missing(replace(made, candidates=nameless, rest=resting))
+    assert findings.verdict == "unknown"
+    assert findings.decision.chosen.effects == ("half",)
+    assert [name for name, _ in findings.drivers] == ["warm"]
+    assert findings.closure is None
+    index = [p.name for p in findings.decision.chosen.fit.parameters].index("half_n")
+    assert findings.decision.chosen.fit.solution.x[index] == pytest.approx(0.5, abs=0.1)
+    assert findings.after is not None
+    left = [np.sqrt(np.nanmean(each.residual**2)) for each in (findings.before, findings.after) if each is not None]
+    assert left[1] < 0.7 * left[0]
