@@ -164,11 +164,8 @@ def simulate_rig(
     orders = commands(protocol, sample_s=sensor.sample_s, room_c=thermal.room_c, before_s=before_s, after_s=after_s)
     count = len(orders.command)
     noise_c = np.zeros((count, 2)) if rng is None else sensor.noise_c * rng.standard_normal((count, 2))
-    for effect in effects.values():
-        if isinstance(effect, RoomDrift):
-            since_h = np.maximum(np.arange(count) - orders.recorded, 0)[:, None] * sensor.sample_s / 3600.0
-            noise_c = noise_c + effect.rate_c_h * since_h
-            noise_c += effect.swing_c * (np.cos(2.0 * math.pi * since_h / effect.period_h) - 1.0)
+    since_s = sensor.sample_s * np.maximum(np.arange(count) - orders.recorded, 0)
+    noise_c += _room_drift(since_s, effects)[:, None]
     start_rad = home_angle(values)
     weight, cooler_c = zones(effects)
     rows = integrate(
@@ -232,6 +229,17 @@ def home_state(c: Constants, angle_rad: float) -> NDArray[np.float64]:
         # K_S (θ_max − θ) − K_M (θ_max − θ) = −excess
         state[0, THETA_MAX] = theta_a + excess / (c.k_m - c.k_s)
     return state
+
+
+def _room_drift(since_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]) -> NDArray[np.float64]:
+    """Return what the room adds to both readings, °C, so long after the record began."""
+    drift_c = np.zeros_like(since_s)
+    for effect in effects.values():
+        if isinstance(effect, RoomDrift):
+            since_h = since_s / 3600.0
+            swing = np.cos(2.0 * math.pi * since_h / effect.period_h) - 1.0
+            drift_c += effect.rate_c_h * since_h + effect.swing_c * swing
+    return drift_c
 
 
 def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> RigRecord:
