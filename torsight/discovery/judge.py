@@ -30,7 +30,8 @@ _NEAR: Final = 0.01
 _FAR_BETTER: Final = 0.5
 """Share of the chosen set's score on unseen blocks below which a rival is gone on with in its place."""
 _HALF: Final = 0.5
-"""Share of the squared error on unseen blocks that a mechanism may leave which stands in and explains not enough."""
+"""Share of the squared error on unseen blocks that may be left by what explains the record, whatever it is in
+information, and by a mechanism that stands in where nothing explains it."""
 _DOUBT: Final = 2.0
 """Standard deviations of what the inputs' noise does within which a residual is no sign of anything."""
 _MOST_PLAIN: Final = 2
@@ -174,7 +175,9 @@ class Judge:
         as_well = after <= before + problem.resolution**2
         if by_priors and as_well and returned >= self._settings.share_of_rest * moved:
             return True
-        if contender.held_out.score >= keep * without.held_out.score:
+        # In information one block may outweigh all others: what explains the record and halves the error is better.
+        clearly = not without.effects and after <= _HALF * before and self._explains(contender)
+        if contender.held_out.score >= keep * without.held_out.score and not clearly:
             return False
         rest = before - self._over_time(self._field.floor)
         if after >= before * keep:
@@ -234,8 +237,10 @@ class Judge:
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
-        whole = self.share(contender) >= self._settings.share_explained
-        return near or (whole and (not contender.named or self._explains_unseen(contender)))
+        return near or (self._explains(contender) and (not contender.named or self._explains_unseen(contender)))
+
+    def _explains(self, contender: Contender) -> bool:
+        return self.share(contender) >= self._settings.share_explained
 
     def _explains_unseen(self, contender: Contender) -> bool:
         """Return whether a set takes most of what the base model misses of unseen blocks, or leaves little of it."""

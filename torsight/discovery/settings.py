@@ -54,7 +54,7 @@ class Settings:
     rival_gain: float = 12.0
     rival_share: float = 0.5
     share_explained: float = 0.8
-    unseen_left: float = 0.25
+    unseen_left: float = 0.33
     near_floor: float = 2.0
     share_of_rest: float = 0.6
     share_of_all: float = 0.05
