@@ -218,6 +218,15 @@ def test_stops_at_both_ends_are_no_spring_that_stiffens():
     assert spring.rmse_deg > 3.0 * stops.rmse_deg
 
 
+@pytest.mark.parametrize(("form", "lower", "upper"), [("third_slope", 0.0, 0.2), ("loading", 0.8, 1.0)])
+def test_a_third_slope_of_the_loading_curve_is_told_from_a_torque_beside_it(form, lower, upper):
+    made = made_with({"stiffening": {"rise_mnm": 0.2, "onset_deg": 660.0, "form": form}}, seed=15)
+    without, found = fitted_to(made, ()), fitted_to(made, ("stiffening",))
+    assert found.rmse_deg < 0.35 * without.rmse_deg
+    assert lower <= found.values["stiffening_loading_share"] <= upper
+    assert found.values["stiffening_onset_deg"] == pytest.approx(660.0, abs=5.0)
+
+
 def test_nothing_is_held_back_without_latent_heat_and_all_of_it_comes_in_the_end():
     log, _ = programme([(0, [(90.0, 0.5)]), (1, [(90.0, 0.5)])])
     model = ActuatorModel(reference_spec(), ("latent_heat",))

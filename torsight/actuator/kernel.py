@@ -34,6 +34,7 @@ from torsight.actuator.kernel_laws import (
     FIXED_THETA_L,
     HAS_STRAY,
     HOME_HOLD,
+    K_3,
     K_M,
     K_S,
     PASSIVE_SHARE,
@@ -43,6 +44,7 @@ from torsight.actuator.kernel_laws import (
     STEADY,
     STRAY,
     TANAKA,
+    THETA_3,
     THETA_CR,
     THETA_P,
     UNWOUND_A,
@@ -51,6 +53,7 @@ from torsight.actuator.kernel_laws import (
     cold_torque,
     friction_torque,
     from_table,
+    left_by_winding,
     loading_torque,
     side_torque,
     window_place,
@@ -117,9 +120,13 @@ def _wound_for(x: float, limit: float, p: Array) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
     if loading_torque(x, p) <= limit:
         return x
-    # Where the loading curve has its second slope, unwinding from further off leaves less torque: linear in θ_max.
+    # Past the loading curve's first slope, unwinding from further off leaves less torque: linear in θ_max by pieces.
     start = max(x, p[THETA_CR])
-    return start + max(0.0, cold_torque(x, start, p) - limit) / (p[K_M] - p[K_S])
+    over = max(0.0, cold_torque(x, start, p) - limit)
+    second = max(0.0, p[THETA_3] - start) * (p[K_M] - p[K_S])
+    if over <= second:
+        return start + over / (p[K_M] - p[K_S])
+    return max(start, p[THETA_3]) + (over - second) / (p[K_M] - p[K_S] - p[K_3])
 
 
 @compiled
@@ -158,7 +165,7 @@ def _recoverable(wound: float, left: Array, p: Array) -> float:
     """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
     whole = p[FIXED_THETA_L]
     if not whole > 0.0:
-        whole = max(0.0, wound - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
+        whole = left_by_winding(wound, p)
     return max(0.0, whole * left[0] - left[1])
 
 

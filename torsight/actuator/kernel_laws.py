@@ -53,7 +53,9 @@ VISCOUS_POWER: Final = 29
 UNWOUND_A: Final = 30
 UNWOUND_B: Final = 31
 LATENT: Final = 32
-N_SCALARS: Final = 33
+THETA_3: Final = 33
+K_3: Final = 34
+N_SCALARS: Final = 35
 
 # Rows of the tables.
 FRICTION_DOWN: Final = 0
@@ -168,10 +170,28 @@ def side_torque(x: float, p: Array, tables: Array) -> float:
 
 @inlined
 def loading_torque(theta: float, p: Array) -> float:
-    """Return the martensite's loading curve."""
+    """Return the martensite's loading curve: two slopes, and a third one where there is one."""
     if theta <= p[THETA_CR]:
         return p[K_M] * theta
-    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR])
+    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR]) + p[K_3] * max(0.0, theta - p[THETA_3])
+
+
+@inlined
+def loading_slope(theta: float, p: Array) -> float:
+    """Return the slope of the loading curve."""
+    if theta <= p[THETA_CR]:
+        return p[K_M]
+    return p[K_S] if theta <= p[THETA_3] else p[K_S] + p[K_3]
+
+
+@inlined
+def left_by_winding(theta_max: float, p: Array) -> float:
+    """Return the angle that is left of a winding once its torque is gone: what heating can recover."""
+    if theta_max <= p[THETA_CR]:
+        return 0.0
+    # The same as θ_max less its torque over K_M.
+    left = (theta_max - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
+    return left - p[K_3] / p[K_M] * max(0.0, theta_max - p[THETA_3])
 
 
 @inlined

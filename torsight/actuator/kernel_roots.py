@@ -30,7 +30,6 @@ from torsight.actuator.kernel_laws import (
     HAS_STRAY,
     K_A,
     K_M,
-    K_S,
     LATENT,
     M_WIDTH,
     PASSIVE_SHARE,
@@ -42,7 +41,6 @@ from torsight.actuator.kernel_laws import (
     TAU_C,
     TEMP_PER_TORQUE_A,
     TEMP_PER_TORQUE_M,
-    THETA_CR,
     THETA_P,
     VISCOUS,
     VISCOUS_POWER,
@@ -53,6 +51,8 @@ from torsight.actuator.kernel_laws import (
     friction_torque,
     from_table,
     held_back,
+    left_by_winding,
+    loading_slope,
     share_done,
     side_torque,
     table_and_slope,
@@ -217,7 +217,7 @@ def slide(
 def _cold_and_slope(x: float, c: Array, p: Array) -> tuple[float, float]:
     """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
     other = p[THETA_P] - x
-    return cold_torque(other, c[WOUND], p), -p[K_S] if other >= c[WOUND] and other > p[THETA_CR] else -p[K_M]
+    return cold_torque(other, c[WOUND], p), -loading_slope(other, p) if other >= c[WOUND] else -p[K_M]
 
 
 @inlined
@@ -312,7 +312,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, tables: Array, secti
         if not heating:
             least = cold_torque(x, q[FLOOR], p)
             if made < least:
-                made, slope = least, p[K_S] if x >= q[FLOOR] and x > p[THETA_CR] else p[K_M]
+                made, slope = least, loading_slope(x, p) if x >= q[FLOOR] else p[K_M]
         made += c[OWN]
         if p[HAS_SIDE] > 0.0:
             side, side_slope = table_and_slope(x, SIDE, p, tables)
@@ -381,7 +381,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Arra
 def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], p)
-    angle = max(0.0, c[WOUND] - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M]) * p[PASSIVE_SHARE]
+    angle = left_by_winding(c[WOUND], p) * p[PASSIVE_SHARE]
     if c[TURN_NOW] != g[TURN_P]:
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]

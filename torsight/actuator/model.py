@@ -239,6 +239,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     p[laws.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
     p[laws.THETA_CR], p[laws.THETA_P] = rig.theta_cr_rad, rig.theta_p_rad
     p[laws.TAU_C], p[laws.VISCOUS], p[laws.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
+    p[laws.THETA_3], p[laws.K_3] = min(ports.third_rad, 1e9), ports.third_nm
     p[laws.LATENT] = ports.latent_c_s
     p[laws.STATIC_EXCESS], p[laws.STATIC_TIME] = ports.static_excess, ports.static_time_s
     p[laws.PASSIVE_SHARE], p[laws.TANAKA] = ports.passive_share, float(tanaka)

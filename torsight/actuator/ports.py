@@ -98,6 +98,8 @@ class Ports:
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
         Further torque along φ over θ^A.
+    third_rad, third_nm : float
+        Winding from which the loading curve has a third slope, and by how much it is steeper than the second (N·m/rad).
     side_nm : (g,) float64 or None
         Torque that either spring makes beside its phase's, over its own angle (the same grid).
     reading : tuple of functions
@@ -138,6 +140,8 @@ class Ports:
     friction_down_nm: Array | None = None
     friction_up_nm: Array | None = None
     stray_nm: Array | None = None
+    third_rad: float = np.inf
+    third_nm: float = 0.0
     side_nm: Array | None = None
     reading: tuple[Reading, ...] = ()
 

@@ -129,11 +129,15 @@ class Stiffening(HiddenEffect):
 
     rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0)
     onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
-    form: str = key("cubic", "law", choices=("cubic", "third_slope", "quadratic"))
+    form: str = key(
+        "cubic",
+        "law; 'loading' is a third slope of the loading curve, which is unwound along the first",
+        choices=("cubic", "third_slope", "quadratic", "loading"),
+    )
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        form = ("cubic", "third_slope", "quadratic").index(self.form)
+        form = ("cubic", "third_slope", "quadratic", "loading").index(self.form)
         return {"stiff": self.rise_mnm * MNM, "stiff_onset": self.onset_deg * DEG, "stiff_form": form}
 
 

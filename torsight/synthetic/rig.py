@@ -15,7 +15,7 @@ from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, Mark
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
 from torsight.synthetic.protocol import Commands, Protocol, commands
-from torsight.synthetic.springs import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading
+from torsight.synthetic.springs import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
 from torsight.synthetic.values import RigValues
 
 
@@ -224,10 +224,7 @@ def home_state(c: Constants, angle_rad: float) -> NDArray[np.float64]:
     state[:, [FACTOR, WARMING, XI]] = 1.0
     theta_a, theta_b = 0.5 * c.theta_p + angle_rad, 0.5 * c.theta_p - angle_rad
     state[:, THETA_MAX] = theta_a, theta_b
-    excess = loading(c, theta_a) - loading(c, theta_b) - c.tau_c
-    if excess > 0.0:
-        # K_S (θ_max − θ) − K_M (θ_max − θ) = −excess
-        state[0, THETA_MAX] = theta_a + excess / (c.k_m - c.k_s)
+    state[0, THETA_MAX] = unwound_from(c, theta_a, loading(c, theta_b) + c.tau_c)
     return state
 
 

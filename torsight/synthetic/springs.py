@@ -34,16 +34,25 @@ COLD: Final = 0.0
 HEATING: Final = 1.0
 COOLING: Final = 2.0
 
+LOADING: Final = 3
+"""Stiffening that belongs to the loading curve."""
+
 _TORQUE_TOLERANCE_NM: Final = 1e-12
 _LN_100: Final = math.log(100.0)
 
 
 @njit(cache=True)
 def loading(c: Constants, theta: float) -> float:
-    """Return the martensite loading curve, N·m (two slopes)."""
+    """Return the martensite loading curve, N·m: two slopes, and a third one where the rig's has one."""
     if theta <= c.theta_cr:
         return c.k_m * theta
-    return c.k_m * c.theta_cr + c.k_s * (theta - c.theta_cr)
+    return c.k_m * c.theta_cr + c.k_s * (theta - c.theta_cr) + third_slope(c) * max(theta - c.stiff_onset, 0.0)
+
+
+@njit(cache=True)
+def third_slope(c: Constants) -> float:
+    """Return by how much the loading curve's third slope is steeper than its second, N·m/rad."""
+    return c.stiff / ONSET_SCALE_RAD if c.stiff_form == LOADING else 0.0
 
 
 @njit(cache=True)
@@ -52,7 +61,11 @@ def unwound_from(c: Constants, theta: float, tau: float) -> float:
     if tau >= loading(c, theta):
         return theta
     start = max(theta, c.theta_cr)
-    return start + max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0) / (c.k_m - c.k_s)
+    over = max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0)
+    second = max(c.stiff_onset - start, 0.0) if c.stiff_form == LOADING else np.inf
+    if over <= second * (c.k_m - c.k_s):
+        return start + over / (c.k_m - c.k_s)
+    return start + second + (over - second * (c.k_m - c.k_s)) / (c.k_m - c.k_s - third_slope(c))
 
 
 @njit(cache=True)
@@ -66,14 +79,14 @@ def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
 @njit(cache=True)
 def recoverable(c: Constants, theta_max: float) -> float:
     """Return the angle that heating recovers after winding to ``theta_max``."""
-    return max(theta_max - c.theta_cr, 0.0) * (1.0 - c.k_s / c.k_m)
+    return max(theta_max - loading(c, theta_max) / c.k_m, 0.0)
 
 
 @njit(cache=True)
 def side_torque(c: Constants, theta: float, temp_c: float) -> float:
     """Return what stands beside the phase law: a wound spring's stiffening, and the early step of the R-phase."""
     power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
-    tau = past_onset(theta, c.stiff_onset, c.stiff, power)
+    tau = 0.0 if c.stiff_form == LOADING else past_onset(theta, c.stiff_onset, c.stiff, power)
     if c.r_step != 0.0:
         x = min(max((temp_c - c.r_start) / c.r_width, 0.0), 1.0)
         tau += c.k_m * c.r_step * 0.5 * (1.0 - math.cos(math.pi * x))

@@ -4,13 +4,15 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 
 θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3: the usual
 cubic; 1: a third slope); for either spring, beside what its phase makes. No steeper than austenite's stiffness: what
-is, is no spring. Predicted residual: stroke is lost at both
+is, is no spring. A share w of k_3 is a third slope w k_3 R² of the loading curve instead: there the winding itself is
+elastic for a part, and unwinds along K_M. Predicted residual: stroke is lost at both
 ends, alike for both directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory
 Alloys (2008), ch. 1.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +25,8 @@ from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
 _REACH_RAD: Final = 100.0 * DEG
+_STEEPEST: Final = 0.9
+"""Share of the way from the second slope to the first one that a third one may go."""
 
 
 def extra_torque(
@@ -36,9 +40,14 @@ def extra_torque(
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen."""
-    cubic_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
-    law = {"cubic_nm": cubic_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
-    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=ports.rig.k_austenite))
+    rig, share = ports.rig, values["stiffening_loading_share"]
+    whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
+    steepest_nm = _STEEPEST * (rig.k_martensite - rig.k_stress_induced)
+    ports = replace(ports, third_rad=onset_rad, third_nm=min(share * whole_nm * _REACH_RAD**2, steepest_nm))
+    if share == 1.0:
+        return ports
+    law = {"cubic_nm": (1.0 - share) * whole_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
+    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=rig.k_austenite))
 
 
 EFFECT: Final = Effect(
@@ -50,11 +59,13 @@ EFFECT: Final = Effect(
         Parameter(name="stiffening_mnm_per_rad3", value=0.03, unit="mN·m/rad³", lower=0.0, upper=50.0, null=0.0),
         Parameter(name="stiffening_onset_deg", value=600.0, unit="°", lower=100.0, upper=2000.0, sigma=200.0),
         Parameter(name="stiffening_exponent", value=3.0, unit="", lower=0.8, upper=6.0, sigma=1.0),
+        Parameter(name="stiffening_loading_share", value=0.0, unit="", lower=0.0, upper=1.0, sigma=0.5),
     ),
     apply=apply,
     starts=(
         {"stiffening_mnm_per_rad3": 0.3, "stiffening_onset_deg": 680.0},
         {"stiffening_mnm_per_rad3": 0.01, "stiffening_onset_deg": 500.0},
         {"stiffening_mnm_per_rad3": 0.03, "stiffening_onset_deg": 640.0, "stiffening_exponent": 1.0},
+        {"stiffening_mnm_per_rad3": 0.04, "stiffening_onset_deg": 660.0, "stiffening_loading_share": 0.9},
     ),
 )
