@@ -229,15 +229,17 @@ class Judge:
         """Return how many times the floor a set leaves."""
         return float(np.sqrt(contender.fit.solution.data_cost / self._floor))
 
-    def adequate(self, contender: Contender) -> bool:
-        """Return whether a set explains enough to be called by its name."""
+    def adequate(self, contender: Contender, *, unseen: bool = True) -> bool:
+        """Return whether a set explains enough to be called by its name; of unseen blocks, too, where they count."""
         if not contender.effects:
             return True
         pulled = self._relaxed(contender).prior - prior_count(self._field.fitter.problem) >= self._threshold
         # What is left may be many times a low floor and still less than anybody would miss.
         little = self._over_time(self._residual(contender)) <= self._least_size()
         near = (little or self.over_floor(contender) <= self._settings.near_floor) and not pulled
-        return near or (self._explains(contender) and (not contender.named or self._explains_unseen(contender)))
+        if near or not self._explains(contender):
+            return near
+        return not (unseen and contender.named) or self._explains_unseen(contender)
 
     def _explains(self, contender: Contender) -> bool:
         return self.share(contender) >= self._settings.share_explained
@@ -315,7 +317,7 @@ class Judge:
         ]
         best = others[0] if others else chosen
         unproven = best not in found and best.cost < chosen.cost - self._settings.rival_gain
-        if unproven and self._gains(best) and self.adequate(best):
+        if unproven and self._gains(best) and self.adequate(best, unseen=False):
             found.insert(0, best)
         larger = next((c for c in self._field.of_size(len(chosen.effects) + 1) if c.named), None)
         if larger is not None and self._adds_unproven(larger, chosen):
@@ -329,7 +331,7 @@ class Judge:
         """
         if not set(chosen.effects) < set(larger.effects) or not self._can_hold_out:
             return False
-        return self._takes_all(larger, chosen) and self._gains(larger) and self.adequate(larger)
+        return self._takes_all(larger, chosen) and self._gains(larger) and self.adequate(larger, unseen=False)
 
     def _gains(self, contender: Contender) -> bool:
         """Return whether each member gains more than chance, whatever it predicts."""
