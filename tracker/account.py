@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
-from tracker.doubts import doubts
 from tracker.events import find_events
 from tracker.gaps import gap_advice
 from tracker.orient import Orientation
@@ -25,8 +24,13 @@ _SHORT_PX: Final = 60.0
 _FAINT: Final = 40.0
 
 
-def account(result: TrackResult, orientation: Orientation, *, remarks: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the content of ``track.json``; ``remarks`` are what was noticed before anything was tracked."""
+def account(
+    result: TrackResult, orientation: Orientation, *, doubts: Sequence[str], remarks: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the content of ``track.json``.
+
+    ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked.
+    """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
     content: dict[str, Any] = {
@@ -39,7 +43,8 @@ def account(result: TrackResult, orientation: Orientation, *, remarks: Sequence[
     events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
     markers = result.report["markers"]
     # What makes the angles doubtful comes before what would make them better.
-    content["advice"] = doubts(result) + advice(
+    content["advice"] = list(doubts)
+    content["advice"] += advice(
         content,
         length_px=markers["stick_length_px"],
         radius_px=markers["radius_px"],

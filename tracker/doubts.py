@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.circles import common_centre
 from torsight.core.tracks import MarkerTracks
 from torsight.core.wording import counted
 from tracker.rows import CODE
@@ -102,16 +103,8 @@ def _axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     unit = np.exp(1j * turn[seen])
     if np.ptp(np.angle(unit / unit[0])) < _ARC_RAD:
         return None
-    rows, sides = [], []
-    for marker in (0, 1):
-        points = tracks.position_px[seen, 2 + marker]
-        which = np.zeros((len(points), 2))
-        which[:, marker] = 1.0
-        # |p|² = 2 p · centre + (radius² − |centre|²), linear in centre and a number per marker.
-        rows.append(np.hstack([2.0 * points, which]))
-        sides.append(np.sum(points**2, axis=1))
-    solved = np.linalg.lstsq(np.vstack(rows), np.concatenate(sides), rcond=None)[0]
-    return np.asarray(solved[:2], dtype=np.float64)
+    in_plane = np.pad(tracks.position_px[seen, 2:], ((0, 0), (0, 0), (0, 1)))
+    return common_centre(in_plane, np.array([0.0, 0.0, 1.0]))[:2]
 
 
 def _direction(tracks: MarkerTracks, first: int) -> NDArray[np.float64]:

@@ -136,7 +136,7 @@ def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsi
     """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
     flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
     paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
-    scale = _witnesses(still.tracks, flat)[1].scale
+    scale = _witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (_scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner[0], outer[0], inner[1], outer[1], half_px=0.5 * still.tracks.size_px[0])
     plane = []
@@ -201,8 +201,11 @@ def from_plane(
 
     ``systematic_rad2`` (n,) is variance of the angle that positions do not show, such as by an unknown tilt.
     """
-    base, moving = _witnesses(tracks, plane)
-    error_scale = _error_scale(tracks, base, moving)
+    base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
+    base, moving = _witness(plane[:2], base_moves), _witness(plane[2:], moves)
+    # The base's noise is frozen longest of all: the other stick tells what it hides.
+    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, moving.still))
+    error_scale = np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1)
     base_scale, scale = error_scale.T
     floor = _floor(tracks)
     base_rad, base_variance = _direction(plane[0], plane[1])
@@ -234,26 +237,10 @@ def from_plane(
     return Orientation(angles, position_mm, error_scale, report)
 
 
-def _witnesses(tracks: MarkerTracks, plane: list[Points]) -> tuple[LengthWitness, LengthWitness]:
-    """Return what the lengths of base and moving stick say."""
-    base, moving = (
-        witness(*(plane[first + k][part] for part in (0, 1) for k in (0, 1)), moves=moves)
-        for first, moves in zip((0, 2), _motion(tracks), strict=True)
-    )
-    return base, moving
-
-
-def _motion(tracks: MarkerTracks) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where base and moving stick move in the picture."""
-    return in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
-
-
-def _error_scale(tracks: MarkerTracks, base: LengthWitness, moving: LengthWitness) -> NDArray[np.float64]:
-    """Return errors of base and moving stick over those that the fits say (n, 2), each as it moves or rests."""
-    base_moves, moves = _motion(tracks)
-    # The base's noise is frozen longest of all: the other stick tells what it hides.
-    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, moving.still))
-    return np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1)
+def _witness(stick: list[Points], moves: NDArray[np.bool_]) -> LengthWitness:
+    """Return what the length of a stick says, from its inner and outer marker."""
+    inner, outer = stick
+    return witness(inner[0], outer[0], inner[1], outer[1], moves=moves)
 
 
 def _scaled(points: Points, scale: float | NDArray[np.float64]) -> Points:

@@ -107,14 +107,19 @@ def done_slope(heating: bool, place: float, p: Array) -> float:
     return 0.5 * np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * np.sin(np.pi * bent(place, ahead))
 
 
+@inlined
+def latent_delay(heating: bool, xi_0: float, per_s: float, p: Array) -> float:
+    """Return λ = ℓ Δξ/(Δt w) of a section that began at ``xi_0``: Δξ what its whole window changes, w its width."""
+    part = xi_0 if heating else 1.0 - xi_0
+    return p[LATENT] * part * per_s / (p[A_WIDTH] if heating else p[M_WIDTH])
+
+
 @compiled
-def held_back(heating: bool, place: float, furthest: float, part: float, per_s: float, p: Array) -> float:
+def held_back(heating: bool, place: float, furthest: float, delay: float, p: Array) -> float:
     """Return the place in the window that latent heat lets a section reach from the furthest one so far.
 
-    s + λ (done(s) − done(s_0)) = s_T, λ = ℓ Δξ/(Δt w): s_T the place by the sensor, ``part`` Δξ the fraction that the
-    whole window changes, w its width.
+    s + λ (done(s) − done(s_0)) = s_T: s_T the place by the sensor, λ from :func:`latent_delay`.
     """
-    delay = p[LATENT] * part * per_s / (p[A_WIDTH] if heating else p[M_WIDTH])
     low, high = furthest, place
     before = share_done(heating, furthest, p)
     reached = high

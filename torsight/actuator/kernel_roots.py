@@ -51,6 +51,7 @@ from torsight.actuator.kernel_laws import (
     friction_torque,
     from_table,
     held_back,
+    latent_delay,
     left_by_winding,
     loading_slope,
     share_done,
@@ -83,7 +84,7 @@ def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) 
         xi = w[0, j]
         if place > w[2, j]:
             if p[LATENT] > 0.0:
-                place = held_back(heating, place, w[2, j], w[1, j] if heating else 1.0 - w[1, j], c[PER_S], p)
+                place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
             done = share_done(heating, place, p)
             xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
         total += sections[0, j] * xi
@@ -100,7 +101,7 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
         place = window_place(heating, own, torque, p)
         if place > w[2, j]:
             if p[LATENT] > 0.0:
-                place = held_back(heating, place, w[2, j], w[1, j] if heating else 1.0 - w[1, j], c[PER_S], p)
+                place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
             done = share_done(heating, place, p)
             w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
             w[2, j] = place
@@ -268,10 +269,9 @@ def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: A
         if place > w[2, j]:
             advances = True
             if p[LATENT] > 0.0:
-                part = w[1, j] if heating else 1.0 - w[1, j]
-                place = held_back(heating, place, w[2, j], part, c[PER_S], p)
-                width = p[A_WIDTH] if heating else p[M_WIDTH]
-                follows = 1.0 / (1.0 + p[LATENT] * part * c[PER_S] / width * done_slope(heating, place, p))
+                delay = latent_delay(heating, w[1, j], c[PER_S], p)
+                place = held_back(heating, place, w[2, j], delay, p)
+                follows = 1.0 / (1.0 + delay * done_slope(heating, place, p))
             xi = 0.0 if heating else 1.0
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))

@@ -132,8 +132,9 @@ def track_to_folder(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        write_json(out / "track.json", account(result, orientation, remarks=remarks))
-        for doubt in doubts(result):
+        doubtful = doubts(result)
+        write_json(out / "track.json", account(result, orientation, doubts=doubtful, remarks=remarks))
+        for doubt in doubtful:
             say(f"warning: {video}: {doubt}")
         for folder in kept:
             drop(folder)

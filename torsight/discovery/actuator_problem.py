@@ -84,13 +84,9 @@ class ActuatorProblem:
         effects = [effect for effect in load_effects().values() if effect.family not in ALWAYS]
         if self.clock_sigma_s is not None:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
-        named = [self._candidate(effect) for effect in effects]
-        return (*named, *(self._candidate(effect, named=False) for effect in load_nameless().values()))
-
-    def _candidate(self, effect: Effect, *, named: bool = True) -> Candidate:
-        if effect.starts_from is not None:
-            effect = replace(effect, starts=(*effect.starts, *effect.starts_from(self.drive.angle_rad)))
-        return _candidate(effect, named=named)
+        measured = self.drive.angle_rad
+        named = [_candidate(effect, measured) for effect in effects]
+        return (*named, *(_candidate(effect, measured, named=False) for effect in load_nameless().values()))
 
     @cached_property
     def once(self) -> tuple[str, ...]:
@@ -268,8 +264,10 @@ def _clock_known(effect: Effect, sigma_s: float) -> Effect:
     return replace(effect, parameters=own)
 
 
-def _candidate(effect: Effect, *, named: bool = True) -> Candidate:
+def _candidate(effect: Effect, angle_rad: Array, *, named: bool = True) -> Candidate:
     own = effect.propose
+    measured = () if effect.starts_from is None else effect.starts_from(angle_rad)
+    starts = (*effect.starts, *measured)
 
     def in_radians(time_s: Array, residual_deg: Array) -> tuple[Mapping[str, float], ...]:
         return own(time_s, residual_deg * DEG) if own is not None else ()
@@ -278,7 +276,7 @@ def _candidate(effect: Effect, *, named: bool = True) -> Candidate:
     # The time of an event is known to about a second once it is found; its bounds span all times.
     scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
     return Candidate(
-        effect.id, effect.family, effect.parameters, effect.starts, propose, scales, named=named, drivers=effect.drivers
+        effect.id, effect.family, effect.parameters, starts, propose, scales, named=named, drivers=effect.drivers
     )
 
 

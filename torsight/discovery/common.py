@@ -20,6 +20,12 @@ _COMMON_PLACES: Final = 6
 """Places over the measured range at which that error has values of its own."""
 
 
+def mean_square(problem: Problem, values: Array) -> float:
+    """Return the mean square of values (n,) over the time that counts."""
+    valid = problem.valid
+    return float(np.average(values[valid] ** 2, weights=np.gradient(problem.time_s)[valid]))
+
+
 def common_errors(problem: Problem) -> Array:
     """Return errors of a model that all blocks share (n, k), one standard deviation each.
 

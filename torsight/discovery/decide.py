@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.common import relaxed
+from torsight.discovery.common import mean_square, relaxed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import EffectSet
 from torsight.discovery.judge import Judge
@@ -33,8 +33,10 @@ class Decision:
         The set that is named, or the base model.
     best : Contender
         The best set that earned its place, whether or not it is adequate.
+    much_left : bool
+        Whether the base model leaves, or has moved, more than anything but a missing effect could.
     nearest : Contender or None
-        The mechanism without a name that comes nearest, where nothing explains the record.
+        The mechanism without a name that comes nearest, where much is left and nothing explains it.
     rivals : tuple of Contender
         Other sets that explain the record as well as ``chosen``.
     probability : dict
@@ -51,6 +53,7 @@ class Decision:
 
     chosen: Contender
     best: Contender
+    much_left: bool
     nearest: Contender | None
     rivals: tuple[Contender, ...]
     probability: dict[EffectSet, float]
@@ -79,7 +82,8 @@ def decide(
                 break
     chosen = best if judge.adequate(best) else field.base
     chosen = judge.nameless(chosen) or chosen
-    if chosen.effects and not (judge.worth_telling(chosen) or much_left(field, field.base, settings=settings)):
+    much = much_left(field, field.base, settings=settings)
+    if chosen.effects and not (judge.worth_telling(chosen) or much):
         chosen = field.base
     rivals = judge.rivals(chosen) if chosen.effects and chosen.named else []
     first = judge.first_of(chosen, rivals)
@@ -87,7 +91,8 @@ def decide(
     return Decision(
         chosen=chosen,
         best=best,
-        nearest=None if chosen.effects else judge.nearest(),
+        much_left=much,
+        nearest=judge.nearest() if much and not chosen.effects else None,
         rivals=tuple(rivals),
         probability=_weights([chosen, *rivals]),
         threshold=threshold,
@@ -99,11 +104,9 @@ def decide(
 
 def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool:
     """Return whether a fit leaves, or has moved, more than anything but a missing effect could."""
-    problem, valid = field.fitter.problem, field.fitter.problem.valid
-    lasts = np.gradient(problem.time_s)[valid]
-    residual = (problem.observed - contender.fit.solution.prediction)[valid]
-    left = float(np.sqrt(np.average(residual**2, weights=lasts)))
-    floor = float(np.sqrt(np.average(field.floor[valid] ** 2, weights=lasts)))
+    problem = field.fitter.problem
+    left = float(np.sqrt(mean_square(problem, problem.observed - contender.fit.solution.prediction)))
+    floor = float(np.sqrt(mean_square(problem, field.floor)))
     least = max(settings.least_unknown * problem.resolution, settings.over_floor_unknown * floor)
     if bool(field.stretches.rest.any()) and left > least:
         return True

@@ -23,6 +23,7 @@ from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.closure import actuator_closure
+from torsight.discovery.common import mean_square
 from torsight.discovery.contenders import Contender
 from torsight.discovery.curves import curve_columns, extended_angle
 from torsight.discovery.engine import Findings, find_missing
@@ -155,8 +156,7 @@ def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closu
     good = np.isfinite(drive.angle_rad) & drive.known
     fitted, _ = extended_angle(model, drive)
     train = float(np.sqrt(np.mean((drive.angle_rad - fitted)[good] ** 2))) / DEG
-    valid, lasts = problem.valid, np.gradient(problem.time_s)
-    square = float(np.average(closure.residual[valid] ** 2, weights=lasts[valid]))
+    valid, square = problem.valid, mean_square(problem, closure.residual)
     total = float(np.var(drive.angle_rad[good] / DEG))
     each = _by_half_cycle(closure.residual[valid], problem.block[valid], np.unique(problem.block[valid]).tolist())
     return Errors(train, float(np.sqrt(square)), 1.0 - square / total, each)

@@ -15,8 +15,9 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
+from torsight.discovery.common import mean_square
 from torsight.discovery.contenders import Field
-from torsight.discovery.decide import Decision, decide, much_left
+from torsight.discovery.decide import Decision, decide
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.search import Search
 from torsight.discovery.settings import Settings
@@ -87,14 +88,15 @@ def find_missing(
     if can_hold_out:
         before, after = field.base.held_out, decision.chosen.held_out
         if not decision.chosen.effects:
-            much = much_left(field, field.base, settings=chosen_settings)
+            much, nearest = decision.much_left, decision.nearest
             closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)
-            if much and closure is not None and _nearer(field, before.residual, closure.residual):
+            if much and closure is not None and _nearer(problem, before.residual, closure.residual):
                 closure = None
-            nearest = decision.nearest if much else None
-            if nearest is not None and (closure is None or _nearer(field, nearest.held_out.residual, closure.residual)):
+            if nearest is not None and (
+                closure is None or _nearer(problem, nearest.held_out.residual, closure.residual)
+            ):
                 decision, after, closure = replace(decision, chosen=nearest), nearest.held_out, None
-    unnamed = closure is not None or much_left(field, field.base, settings=chosen_settings)
+    unnamed = closure is not None or decision.much_left
     drivers: tuple[tuple[str, float], ...] = ()
     if not decision.chosen.named:
         drivers = declared_drivers(field, decision.chosen)
@@ -105,12 +107,9 @@ def find_missing(
     return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure, drivers)
 
 
-def _nearer(field: Field, residual: Array, other: Array) -> bool:
+def _nearer(problem: Problem, residual: Array, other: Array) -> bool:
     """Return whether the first of two residuals of unseen blocks is less, over time."""
-    valid = field.fitter.problem.valid
-    lasts = np.gradient(field.fitter.problem.time_s)[valid]
-    first, second = (float(np.average(each[valid] ** 2, weights=lasts)) for each in (residual, other))
-    return first < second
+    return mean_square(problem, residual) < mean_square(problem, other)
 
 
 def _verdict(decision: Decision, *, unnamed: bool) -> Verdict:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.discovery.common import Relaxed, relaxed
+from torsight.discovery.common import Relaxed, mean_square, relaxed
 from torsight.discovery.contenders import Contender, Field
 from torsight.discovery.fitting import less
 from torsight.discovery.intervals import curvature_spread
@@ -79,10 +79,7 @@ class Judge:
         """
         if not all(part is not None and self._better(contender, part) for part in self._parts(contender)):
             return False
-        if not self._can_hold_out:
-            return True
-        missed = self._over_time(self._field.base.held_out.residual)
-        return self._over_time(contender.held_out.residual) <= missed + self._field.fitter.problem.resolution**2
+        return not self._can_hold_out or self._foretells_as_well(contender, self._field.base)
 
     def shows(self, contender: Contender) -> bool:
         """Return whether the residual shrinks by what is worth a name with each effect of a set."""
@@ -166,19 +163,19 @@ class Judge:
         if self.plain(contender, without):
             return True
         keep = 1.0 - self._settings.least_held_out_gain
-        problem = self._field.fitter.problem
         before = self._over_time(without.held_out.residual)
         after = self._over_time(contender.held_out.residual)
         returned = without.held_out.prior - contender.held_out.prior
-        moved = without.held_out.prior - prior_count(problem)
+        moved = without.held_out.prior - prior_count(self._field.fitter.problem)
         # Where values had imitated the effect without a trace, it need not predict better, but as well.
-        as_well = after <= before + problem.resolution**2
+        as_well = self._foretells_as_well(contender, without)
         if by_priors and as_well and returned >= self._settings.share_of_rest * moved:
             return True
-        # In information one block may outweigh all others: what explains the record and halves the error is better.
-        clearly = not without.effects and after <= _HALF * before and self._explains(contender)
-        if contender.held_out.score >= keep * without.held_out.score and not clearly:
-            return False
+        if contender.held_out.score >= keep * without.held_out.score:
+            # In information one block may outweigh all others: what explains the record and halves the error is better.
+            clearly = not without.effects and after <= _HALF * before
+            if not (clearly and self._explains(contender)):
+                return False
         rest = before - self._over_time(self._field.floor)
         if after >= before * keep:
             return False
@@ -202,10 +199,7 @@ class Judge:
         return self._field.fitter.problem.observed - contender.fit.solution.prediction
 
     def _over_time(self, values: Array) -> float:
-        """Return the mean square over the time that counts."""
-        problem = self._field.fitter.problem
-        valid = problem.valid
-        return float(np.average(values[valid] ** 2, weights=np.gradient(problem.time_s)[valid]))
+        return mean_square(self._field.fitter.problem, values)
 
     def _beyond(self, values: Array) -> float:
         """Return the mean square over time, each sample less twice what the inputs' noise does to it."""
@@ -280,8 +274,8 @@ class Judge:
         if not self._can_hold_out:
             return None
         least = _HALF * self._over_time(self._field.base.held_out.residual)
-        nameless = (c for c in self._field.of_size(1) if not c.named and self._over_time(c.held_out.residual) < least)
-        return next((c for c in nameless if self.earned(c)), None)
+        earned = (c for c in self._field.of_size(1) if not c.named and self.earned(c))
+        return next((c for c in earned if self._over_time(c.held_out.residual) < least), None)
 
     def worth_telling(self, contender: Contender) -> bool:
         """Return whether what is chosen removes so much that something must be missing, or is the only one that does.
@@ -348,9 +342,12 @@ class Judge:
             return False
         if self._over_time(self._residual(contender)) > self._over_time(self._residual(chosen)) + near:
             return False
-        if not self._can_hold_out:
-            return True
-        return self._over_time(contender.held_out.residual) <= self._over_time(chosen.held_out.residual) + near
+        return not self._can_hold_out or self._foretells_as_well(contender, chosen)
+
+    def _foretells_as_well(self, contender: Contender, other: Contender) -> bool:
+        """Return whether a set misses no more of unseen blocks than another one, but for the resolution."""
+        near = self._field.fitter.problem.resolution**2
+        return self._over_time(contender.held_out.residual) <= self._over_time(other.held_out.residual) + near
 
     def first_of(self, chosen: Contender, rivals: list[Contender]) -> Contender:
         """Return the one to go on with: the chosen set, or a rival that predicts unseen blocks far better.

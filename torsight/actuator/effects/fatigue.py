@@ -35,8 +35,8 @@ def recoverable_share(cycle: NDArray[np.int64], *, loss: float, persistence: flo
 def apply(ports: Ports, values: Values) -> Ports:
     """Scale the recoverable angle of every half-cycle, and take from it what is plastic."""
     share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"], persistence=values["fatigue_persistence"])
-    rig, plastic = ports.rig, values["fatigue_plastic_share"]
-    whole_rad = max(0.0, _WOUND * rig.theta_p_rad - rig.theta_cr_rad) * (1.0 - rig.k_stress_induced / rig.k_martensite)
+    plastic = values["fatigue_plastic_share"]
+    whole_rad = ports.rig.recoverable_angle(_WOUND * ports.rig.theta_p_rad)
     return replace(
         ports,
         theta_l_scale=ports.theta_l_scale * (1.0 - (1.0 - plastic) * (1.0 - share)),

@@ -20,8 +20,8 @@ _HOUR_S: Final = 3600.0
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the drift since the record's first row; a later log is taken to follow the record at once."""
-    rate_rad_s, start_s = values["reading_drift_deg_h"] * DEG / _HOUR_S, ports.time_s[0] - ports.history.elapsed_s
+    """Add the drift since the record's first row."""
+    rate_rad_s, start_s = values["reading_drift_deg_h"] * DEG / _HOUR_S, ports.record_began_s
     return ports.with_reading(lambda phi_rad, time_s: phi_rad + rate_rad_s * (time_s - start_s))
 
 

@@ -23,10 +23,9 @@ _WAVES: Final = tuple(f"room_wave_{k}_c" for k in range(1, 7))
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Take the drift off both sensors; a later log is taken to follow the record at once."""
-    elapsed_s = ports.history.elapsed_s
-    since_s = ports.time_s - ports.time_s[0] + elapsed_s
-    whole_s = elapsed_s if ports.history.after_record else since_s[-1]
+    """Take the drift off both sensors."""
+    since_s = ports.time_s - ports.record_began_s
+    whole_s = ports.history.elapsed_s if ports.history.after_record else since_s[-1]
     place = np.minimum(since_s / max(whole_s, 1.0), 1.0)
     drift_c = values["room_drift_c_h"] * since_s / _HOUR_S
     for k, name in enumerate(_WAVES, 1):

@@ -18,6 +18,7 @@ from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from tracker.account import account
+from tracker.doubts import doubts
 from tracker.hints import MarkerHints
 from tracker.orient import Orientation, orient
 from tracker.sample import Clip, Stamps, read_stamps
@@ -189,7 +190,7 @@ def _track_clip(
         check.findings.append(refusal(about, error))
         return
     orientation = orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)
-    told = account(result, orientation)
+    told = account(result, orientation, doubts=doubts(result))
     names = ("markers", "frames", "noise", "compression", "tilt")
     check.content["tracked"] = {"first_frame": clip.first, **{name: told[name] for name in names if name in told}}
     sigma = told["noise"]["angle_sigma_deg"]

@@ -29,6 +29,7 @@ from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.standing import standing
 from torsight.viewer.live.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.overlay import overlay
+from tracker.detect import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
@@ -148,7 +149,7 @@ class Session:
             raise NoResultError(
                 "four markers, two dots on each of two sticks, were not seen",
                 where=self._intake.pictures.name,
-                limit="round dots of 3 to 46 px radius",
+                limit=f"round dots of 3 to {HUGE_PX:g} px radius",
                 do="give their positions with --markers MARKERS.toml, or light the sticks better",
             )
         return self.outcome
