@@ -44,6 +44,7 @@ class FilmSource:
         self._fps = fps
         self._times_s = times_s
         self._rotation = 0
+        self._pts: list[int | None] = []
         with self._open() as container:
             stream = self._stream(container)
             self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
@@ -124,10 +125,12 @@ class FilmSource:
             base = stream.time_base or Fraction(1, 1000)
             start = stream.start_time
             index = 0
+            self._pts = []
             last_s = -np.inf
             for pts, luma, damaged in reader.pictures(container, stream, rotation=self._rotation):
                 if start is None and pts is not None:
                     start = pts
+                self._pts.append(pts)
                 time_s = self._time_s(index, pts, start, base, last_s)
                 last_s = time_s
                 if damaged or luma is None:
@@ -143,6 +146,32 @@ class FilmSource:
                 yield Frame(index, time_s, luma, damaged=damaged or luma is None)
                 index += 1
         self._note_end(index, last_s, reader)
+
+    def picture(self, index: int) -> NDArray[np.uint8] | None:
+        """Return one frame of the last pass again, without decoding all frames before it; None where it has none."""
+        pts = self._pts[index] if index < len(self._pts) else None
+        if pts is not None:
+            found = self._sought(pts)
+            if found is not None:
+                return found
+        passed = next((frame for frame in self if frame.index == index), None)
+        return None if passed is None or passed.luma is None else passed.luma.copy()
+
+    def _sought(self, pts: int) -> NDArray[np.uint8] | None:
+        """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""
+        with self._open() as container:
+            stream = self._stream(container)
+            stream.thread_type = "AUTO"
+            try:
+                container.seek(pts, stream=stream)
+                for frame in container.decode(stream):
+                    if frame.pts == pts:
+                        return luma_of(frame, rotation=self._rotation).copy()
+                    if frame.pts is not None and frame.pts > pts:
+                        break
+            except (av.error.FFmpegError, OSError):
+                pass  # a damaged film, or one without an index: it is gone through from its start
+        return None
 
     def _time_s(self, index: int, pts: int | None, start: int | None, base: Fraction, last_s: float) -> float:
         if self._times_s is not None:

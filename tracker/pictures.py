@@ -113,6 +113,17 @@ class PictureSource:
             yield Frame(index, time_s, luma, damaged=luma is None)
         note_rows_left(self.damage, self._times_s, len(self.paths))
 
+    def picture(self, index: int) -> NDArray[np.uint8] | None:
+        """Return one picture again; None where it cannot be read."""
+        picture = _read(self.paths[index])
+        if picture is None or picture.dtype == np.uint8:
+            return None if picture is None else picture.astype(np.uint8, copy=False)
+        return self._scaled(picture)
+
+    def _scaled(self, picture: Picture) -> NDArray[np.uint8]:
+        """Return a picture of two bytes per pixel with one, brightest values clipped."""
+        return np.asarray(np.minimum(picture >> ((self.bits or _DEPTHS[-1]) - 8), 255), dtype=np.uint8)
+
     def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
         """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""
         if picture.dtype == np.uint8:
@@ -128,7 +139,7 @@ class PictureSource:
                 "into a folder of their own",
                 kind="clipped",
             )
-        return np.asarray(np.minimum(picture >> (bits - 8), 255), dtype=np.uint8)
+        return self._scaled(picture)
 
     def _overflown(self, index: int) -> bool:
         return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
