@@ -136,25 +136,19 @@ def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px:
     return None if isinstance(dot, str) else dot
 
 
-def judge_dot(
-    luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool
-) -> Dot | str:
+def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
     """Return the dot near a place as :func:`measure_dot` does, or in words why there is none."""
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
-    if close is None:
-        return "no disc can be fitted: too close to the border, or nothing round"
-    if close.explained < _EXPLAINED:
+    if close is None or close.explained < _EXPLAINED:
         return _unexplained(close)
     room = _room(luma, close)
     radius = close.shape.radius_px
     if room < radius + 0.5:
         return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
     fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
-    if fit is None:
-        return "no disc can be fitted together with the ground around it"
-    if fit.explained < _EXPLAINED:
+    if fit is None or fit.explained < _EXPLAINED:
         return _unexplained(fit)
     step, needed = abs(fit.shape.contrast) * fit.light, max(3.0 * fit.residual, 6.0)
     if step < needed:
@@ -163,7 +157,9 @@ def judge_dot(
     return Dot(fit, room)
 
 
-def _unexplained(fit: DotFit) -> str:
+def _unexplained(fit: DotFit | None) -> str:
+    if fit is None:
+        return "no disc can be fitted: too close to the border, or nothing round"
     share = math.floor(100.0 * max(fit.explained, 0.0))
     return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * _EXPLAINED:.0f} % needed"
 

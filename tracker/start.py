@@ -30,7 +30,8 @@ _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 _LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
-_SNAP_PX: Final = 12.0
+SNAP_PX: Final = 12.0
+"""A given position is of the dot whose centre is this near, or under it."""
 _TEXTURE_PX: Final = 15.0
 """Radius of the window of a point without a dot."""
 
@@ -155,13 +156,13 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
         if hints.kind == "texture":
             markers.append(_texture_marker(frame.luma, x, y, name=name, hints=hints))
             continue
-        dot = dot_near(frame.luma, x, y, reach_px=_SNAP_PX)
+        dot = dot_near(frame.luma, x, y, reach_px=SNAP_PX)
         if dot is None:
             raise NoResultError(
                 "there is no round dot next to this position",
                 where=f"{hints.where}, {name.replace('_', ', ')} marker",
                 value=f"[{x:g}, {y:g}]",
-                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {_SNAP_PX:g} px, in frame {frame.index}",
+                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {SNAP_PX:g} px, in frame {frame.index}",
                 do='mend the position, or set kind = "texture" for a point without a dot',
             )
         for other, before in zip(MARKERS, dots, strict=False):

@@ -61,7 +61,9 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
 
 
-def show_frame(axes: Axes, luma: NDArray[np.uint8], *, view_px: tuple[float, float, float, float] | None = None) -> None:
+def show_frame(
+    axes: Axes, luma: NDArray[np.uint8], *, view_px: tuple[float, float, float, float] | None = None
+) -> None:
     """Draw a frame, or the part ``(left, top, right, bottom)`` of it, without ticks.
 
     What has more pixels than the axes is shrunk before, by means over areas: thin marks stay visible.

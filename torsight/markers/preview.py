@@ -1,4 +1,4 @@
-"""A picture of the first frame with a grid and what automatic detection saw in it: candidates by number, and why not."""
+"""A picture of the first frame with a grid, the candidates by number, and why each was refused."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.markers.drawing import (
-    BASE,
     DOT,
     GIVEN,
-    MOVING,
     PLAIN,
     REFUSED,
+    marker_colours,
     marker_names,
     new_figure,
     panel,
@@ -48,7 +47,7 @@ def write_preview(
     title: str,
     message: str = "",
     given_px: NDArray[np.float64] | None = None,
-    base_known: bool = False,
+    named_px: NDArray[np.float64] | None = None,
 ) -> None:
     """Draw one frame with a grid in pixels, the candidates with their numbers, and the markers that were found.
 
@@ -66,8 +65,8 @@ def write_preview(
         Why nothing came of it, where it failed; what the detection itself says otherwise.
     given_px : (4, 2) float64, optional
         Positions that a person gave, order of :data:`torsight.core.tracks.MARKERS`.
-    base_known : bool
-        Whether the first stick of ``seen`` is known to be the base.
+    named_px : (4, 2) float64, optional
+        The markers that were found, in the same order, where it is known which stick moves.
 
     Raises
     ------
@@ -76,7 +75,7 @@ def write_preview(
     """
     height, width = luma.shape
     scale = _PICTURE_PX / max(width, height)
-    lines = _lines(seen, message=message, given=given_px is not None)
+    lines = _lines(seen, message=message or _found_words(seen, named_px), given=given_px is not None)
     tall = max(scale * height, _LINE_PX * (len(lines) + 1))
     figure = new_figure((70.0 + scale * width + 20.0 + _LIST_PX, 60.0 + tall + 50.0))
     figure.text(0.01, 0.985, title, fontsize=11, weight="bold", va="top", color=PLAIN)
@@ -84,9 +83,11 @@ def write_preview(
     show_frame(axes, luma)
     _grid(axes, (width, height))
     show_candidates(axes, seen.candidates)
-    if seen.sticks_px is not None:
-        names = marker_names() if base_known else ["stick 1 inner", "stick 1 outer", "stick 2 inner", "stick 2 outer"]
-        show_named(axes, seen.sticks_px.reshape(4, 2), names, [BASE, BASE, MOVING, MOVING])
+    if named_px is not None:
+        show_named(axes, named_px, marker_names(), marker_colours())
+    elif seen.sticks_px is not None:
+        names = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
+        show_named(axes, seen.sticks_px.reshape(4, 2), names, marker_colours())
     if given_px is not None:
         show_named(axes, given_px, [f"{name}, given" for name in marker_names()], [GIVEN] * 4)
     _write_list(panel(figure, (60.0 + scale * width + 20.0, 50.0, _LIST_PX, tall)), lines)
@@ -106,10 +107,17 @@ def _grid(axes: Axes, size_px: tuple[int, int]) -> None:
     axes.set_ylabel("y (px)", fontsize=8)
 
 
+def _found_words(seen: Sighting, named_px: NDArray[np.float64] | None) -> str:
+    if seen.sticks_px is None:
+        return seen.reason
+    if named_px is None:
+        return "Four markers were found; which stick moves is not seen in the first seconds."
+    return "Four markers were found."
+
+
 def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, str]]:
     """Return the lines of the list beside the picture, each with its colour."""
-    told = message or seen.reason or "Four markers were found; which stick moves is decided by the motion."
-    lines = [(line, PLAIN) for line in wrapped(told[:1].upper() + told[1:], _LINE_CHARACTERS)]
+    lines = [(line, PLAIN) for line in wrapped(message[:1].upper() + message[1:], _LINE_CHARACTERS)]
     if given:
         lines.append(("Rings in yellow: the positions that were given.", PLAIN))
     lines.append(("", PLAIN))

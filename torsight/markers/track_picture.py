@@ -117,7 +117,7 @@ def _why(result: TrackResult, index: int) -> str:
     """Return the states of the markers that were not read in a frame, as words."""
     states = [STATES[code] for code in result.rows["state"][index].tolist()]
     bad = sorted({state for state in states if state != "seen"})
-    return ", ".join(f"{states.count(state)} {state}" for state in bad) or "all markers read, refused by the stick's length"
+    return ", ".join(f"{states.count(state)} {state}" for state in bad) or "impossible length"
 
 
 def _view(result: TrackResult) -> tuple[float, float, float, float]:
