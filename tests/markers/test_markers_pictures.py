@@ -20,7 +20,7 @@ from tracker.orient import orient
 from tracker.source import open_source
 from tracker.track import track_film
 
-COVERED = replace(Rig(lambda t: 60.0 - 60.0 * t, frames=60), covers=[Cover(0.5, 0.9, "moving")])
+COVERED = replace(Rig(lambda t: 60.0 + 50.0 * t, frames=60), covers=[Cover(0.5, 0.9, "moving")])
 
 
 def coloured(picture: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:

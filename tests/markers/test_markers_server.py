@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import json
-import re
 import socket
 from pathlib import Path
 from typing import Any
@@ -78,11 +77,12 @@ def test_it_listens_on_this_computer_only(film: Path, tmp_path: Path) -> None:
 
 def test_what_cannot_be_saved_is_said_and_nothing_is_written(film: Path, tmp_path: Path, picks: dict[str, Any]) -> None:
     points = picks["points"]
+    x, y = points["base_inner"]
     wrong = {
         "outside the picture": picks | {"points": points | {"base_outer": [-3.0, 20.0]}},
         "two markers are at one place": picks | {"points": points | {"base_outer": points["base_inner"]}},
         "no round dot": picks | {"points": points | {"moving_outer": [20.0, 20.0]}},
-        "same dot as": picks | {"points": points | {"base_outer": [points["base_inner"][0] + 3, points["base_inner"][1]]}},
+        "same dot as": picks | {"points": points | {"base_outer": [x + 3.0, y]}},
         "not all markers have a position": picks | {"points": {}},
         "not two positions": picks | {"points": points | {"base_outer": [1, 2, 3]}},
         "kind": picks | {"kind": {"base": "paint", "moving": "paint"}},

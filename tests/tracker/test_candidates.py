@@ -76,10 +76,14 @@ def test_something_between_two_dots_is_named() -> None:
 
 
 def test_what_is_not_round_is_named() -> None:
-    picture = board(*FOUR[:2])
-    picture[150:162, 200:206] = 40
-    picture[156:162, 200:212] = 40
-    assert "% of the window; 75 % needed" in why(picture, 203.0, 158.0)
+    plus = board(*FOUR[:2])
+    plus[150:162, 204:208] = 40
+    plus[154:158, 200:212] = 40
+    assert "% of the window; 75 % needed" in why(plus, 205.5, 155.5)
+    corner = board(*FOUR[:2])
+    corner[150:162, 200:206] = 40
+    corner[156:162, 200:212] = 40
+    assert "nothing round" in why(corner, 203.0, 158.0)
 
 
 def test_a_dot_that_is_left_over_is_listed_after_those_taken() -> None:
