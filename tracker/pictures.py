@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.paths import require_content
 from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, note_rows_left, time_from_table
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
@@ -42,7 +43,7 @@ class PictureSource:
     Raises
     ------
     InputError
-        When there is no picture, or the first one cannot be read.
+        When there is no picture, or the first one cannot be read, or is a pointer of Git LFS.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class PictureSource:
             )
         first = _read(self.paths[0])
         if first is None:
+            require_content(self.paths[0])
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
         self._size_px = (first.shape[1], first.shape[0])
         self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)

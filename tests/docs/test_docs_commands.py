@@ -1,10 +1,10 @@
 """Every command of the pages is given as it stands, and ends well, in a folder that has the files that it names, small.
 
-What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; a film of one
-quick half-cycle for the demo's, and two effects for the library that discovery tries; the record's own angles for those
-of the bench's film, which lasts a second. ``make test`` is what runs this, ``make docs`` and the common test of the
-effects run beside it. The three scripts that measure the figures of the filming page take hours, so their help is what
-is asked for.
+What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; what was
+found by itself for a person's clicks; a film of one quick half-cycle for the demo's, and two effects for the library
+that discovery tries; the record's own angles for those of the bench's film, which lasts a second. ``make test`` is what
+runs this, ``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of
+the filming page take hours, so their help is what is asked for.
 """
 
 from __future__ import annotations
@@ -66,6 +66,9 @@ class World:
         if words[0] == "view":
             _look_at(words)
             return
+        if words[0] == "markers" and "--preview" not in words:
+            _pick(words)
+            return
         if words[:2] == ["live", "0"]:
             words = ["live", "bench.mkv", *words[2:]]
         if words[0] == "batch":
@@ -120,6 +123,23 @@ def _python(words: list[str]) -> None:
 def _activate(words: list[str]) -> None:
     assert words == [".venv/bin/activate"]
     assert "VENV := .venv" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def _pick(words: list[str]) -> None:
+    """Save what was found by itself, as its page in a browser does."""
+    command = [sys.executable, "-m", "torsight.cli.main", *words, "--no-open"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as picking:
+        assert picking.stderr is not None
+        address = next(word for word in picking.stderr.readline().split() if word.startswith("http://"))
+        with urllib.request.urlopen(f"{address}state") as answer:
+            state = json.load(answer)
+        kind = dict.fromkeys(("base", "moving"), state["kinds"][0])
+        asked = json.dumps({"points": state["found"], "kind": kind}).encode()
+        with urllib.request.urlopen(f"{address}save", data=asked) as answer:
+            assert "saved" in json.load(answer)
+        urllib.request.urlopen(urllib.request.Request(f"{address}page", method="DELETE")).close()
+        assert picking.wait(timeout=60) == 0
 
 
 def _look_at(words: list[str]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.core.errors import NoResultError
+from torsight.core.errors import ConfigError, NoResultError
 
 if TYPE_CHECKING:
     from tracker.film import FilmSource
@@ -44,6 +44,14 @@ def markers(
     from torsight.core.paths import require_apart
     from tracker.source import open_source
 
+    if preview is not None and (preview.suffix.lower() != ".png" or preview == out):
+        raise ConfigError(
+            "is not where a picture can be written",
+            where="--preview",
+            value=str(preview),
+            limit="a file that ends in .png, and another one than that of --out",
+            do="choose another name",
+        )
     require_apart([path for path in (out or _OUT, preview) if path is not None], [Path(video)])
     source = open_source(video)
     if preview is not None:

@@ -127,7 +127,7 @@ def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, A
     picks : mapping
         ``points``: a pair of numbers by the name of each marker; ``kind``: by the name of each stick.
     kept : mapping
-        Other keys of the file, such as measured lengths: they stay.
+        Content of the file that is replaced: its measured lengths stay.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, A
     content: dict[str, Any] = {
         **{stick: [_pair(points[f"{stick}_{end}"]) for end in ("inner", "outer")] for stick in STICKS},
         "kind": kinds["base"] if same else kinds,
-        **{key: value for key, value in kept.items() if key not in (*STICKS, "kind")},
+        **{key: kept[key] for key in (f"{stick}_mm" for stick in STICKS) if key in kept},
     }
     read_markers(content)
     return content
