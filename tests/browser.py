@@ -1,12 +1,15 @@
-"""A real browser without a screen, for tests of pages; they skip where none is installed."""
+"""A real browser without a screen, for tests of pages, which skip where none is installed; and requests without one."""
 
 from __future__ import annotations
 
 import contextlib
+import http.client
+import json
 import os
 import shutil
 from collections.abc import Iterator
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -36,3 +39,15 @@ def open_browser() -> Iterator[Any]:
             yield browser
         finally:
             browser.close()
+
+
+def ask(address: str, name: str, content: Any = None, *, method: str = "", **headers: str) -> tuple[int, bytes]:
+    """Send one request as a program on this computer would."""
+    parts = urlsplit(address)
+    connection = http.client.HTTPConnection(parts.hostname or "", parts.port or 0, timeout=60.0)
+    body = None if content is None else json.dumps(content)
+    connection.request(method or ("GET" if content is None else "POST"), parts.path + name, body, headers)
+    answer = connection.getresponse()
+    told = answer.status, answer.read()
+    connection.close()
+    return told

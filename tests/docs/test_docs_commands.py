@@ -25,6 +25,7 @@ from types import ModuleType
 
 import pytest
 
+from tests.browser import ask
 from tests.docs.docs_world import fill_in, make_world, small_scene
 from tests.docs.documented import PAGES, ROOT, commands
 from torsight.actuator.effects import load_effects
@@ -132,13 +133,10 @@ def _pick(words: list[str]) -> None:
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as picking:
         assert picking.stderr is not None
         address = next(word for word in picking.stderr.readline().split() if word.startswith("http://"))
-        with urllib.request.urlopen(f"{address}state") as answer:
-            state = json.load(answer)
+        state = json.loads(ask(address, "state")[1])
         kind = dict.fromkeys(("base", "moving"), state["kinds"][0])
-        asked = json.dumps({"points": state["found"], "kind": kind}).encode()
-        with urllib.request.urlopen(f"{address}save", data=asked) as answer:
-            assert "saved" in json.load(answer)
-        urllib.request.urlopen(urllib.request.Request(f"{address}page", method="DELETE")).close()
+        assert b"saved" in ask(address, "save", {"points": state["found"], "kind": kind})[1]
+        ask(address, "page", method="DELETE")
         assert picking.wait(timeout=60) == 0
 
 

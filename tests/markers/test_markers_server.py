@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import socket
 from pathlib import Path
@@ -11,24 +10,13 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from tests.browser import ask
 from tests.command_line import leave
 from tests.markers.conftest import Picking
 from tests.tracker.films import Rig
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
 from tracker.hints import read_markers
-
-
-def ask(address: str, name: str, content: Any = None, *, method: str = "", **headers: str) -> tuple[int, bytes]:
-    """Send one request as a program on this computer would."""
-    parts = urlsplit(address)
-    connection = http.client.HTTPConnection(parts.hostname or "", parts.port or 0, timeout=60.0)
-    body = None if content is None else json.dumps(content)
-    connection.request(method or ("GET" if content is None else "POST"), parts.path + name, body, headers)
-    answer = connection.getresponse()
-    told = answer.status, answer.read()
-    connection.close()
-    return told
 
 
 def words(address: str, name: str, content: Any) -> dict[str, Any]:

@@ -30,7 +30,8 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     ----------
     folder : Path
         Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``track.png``, ``merged.csv``, ``sync.json``,
-        ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is left out.
+        ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is
+        left out.
     progress : Progress
         Told which part of the page is drawn.
 
