@@ -22,7 +22,7 @@ from tracker.source import open_source
 
 ROOT = Path(__file__).parents[2]
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=24)
-OUTPUTS = ("angle.csv", "markers.csv", "track.json")
+OUTPUTS = ("angle.csv", "markers.csv", "track.json", "track.png")
 
 
 @pytest.fixture(scope="module")

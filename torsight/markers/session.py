@@ -15,6 +15,7 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.tracks import MARKERS
 from torsight.markers.beginning import Followed, follow_beginning, name_sticks, seconds_of
 from torsight.markers.picks import (
+    STICKS,
     accepted_kinds,
     content_of,
     hints_of,
@@ -98,13 +99,14 @@ class Session:
             return None
         points = {
             f"{stick}_{end}": self._earlier[stick][number]
-            for stick in ("base", "moving")
+            for stick in STICKS
             for number, end in enumerate(("inner", "outer"))
             if stick in self._earlier
         }
-        kind = self._earlier.get("kind", accepted_kinds()[0])
-        kinds = kind if isinstance(kind, Mapping) else {"base": kind, "moving": kind}
-        return {"points": points, "kind": dict(kinds)}
+        given = self._earlier.get("kind")
+        kinds = given if isinstance(given, Mapping) else dict.fromkeys(STICKS, given)
+        known = accepted_kinds()
+        return {"points": points, "kind": {stick: kind if kind in known else known[0] for stick, kind in kinds.items()}}
 
     def place(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Return where a pick comes to lie; ``asked`` holds ``x, y, kind`` and ``others``, the other picks by name."""
