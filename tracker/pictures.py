@@ -6,7 +6,7 @@ all over the row, and all pictures are scaled alike: a scale of its own for ever
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -115,12 +115,14 @@ class PictureSource:
             yield Frame(index, time_s, luma, damaged=luma is None)
         note_rows_left(self.damage, self._times_s, len(self.paths))
 
-    def picture(self, index: int) -> NDArray[np.uint8] | None:
-        """Return one picture again; None where it cannot be read."""
-        picture = _read(self.paths[index])
-        if picture is None or picture.dtype == np.uint8:
-            return None if picture is None else picture.astype(np.uint8, copy=False)
-        return self._scaled(picture)
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some pictures again, by their numbers; those that cannot be read are left out."""
+        read = {index: _read(self.paths[index]) for index in indices}
+        return {
+            index: picture.astype(np.uint8, copy=False) if picture.dtype == np.uint8 else self._scaled(picture)
+            for index, picture in read.items()
+            if picture is not None
+        }
 
     def _scaled(self, picture: Picture) -> NDArray[np.uint8]:
         """Return a picture of two bytes per pixel with one, brightest values clipped."""

@@ -29,8 +29,9 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_film(RIG, tmp_path_factory.mktemp("picked") / "film.mkv")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
+    """Return a browser; not for the whole session, as its driver keeps an event loop running in this thread."""
     with open_browser() as opened:
         yield opened
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -38,8 +39,8 @@ class Pictures(Protocol):
 
     name: str
 
-    def picture(self, index: int) -> NDArray[np.uint8] | None:
-        """Return one frame of the last pass; None where it cannot be decoded."""
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some frames of the last pass by their numbers, without those that cannot be decoded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +80,11 @@ def write_track_picture(path: Path, source: Pictures, result: TrackResult, angle
     known = int(angles.valid.sum())
     title = f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle"
     figure.text(10.0 / wide, 1.0 - 10.0 / high, title, fontsize=12, weight="bold", va="top", color=PLAIN)
+    lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
         box = (10.0 + column * (_PANEL_PX + 10.0), 2 * _HEAD_PX + row * (tall + _HEAD_PX), _PANEL_PX, tall)
-        _draw_frame(panel(figure, box), source.picture(one.index), one, result=result, angles=angles, view=view)
+        _draw_frame(panel(figure, box), lumas.get(one.index), one, result=result, angles=angles, view=view)
     top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10.0
     _draw_angle(panel(figure, (70.0, top, wide - 90.0, _PLOT_PX)), angles, shown)
     save(figure, path)
