@@ -66,6 +66,24 @@ class Dot:
         return self.fit.shape.radius_px
 
 
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A place that looks like a dot from afar and was refused.
+
+    Attributes
+    ----------
+    x_px, y_px, radius_px : float
+        Where it is and how large it seemed.
+    reason : str
+        Why it is no dot: the value met and the one needed.
+    """
+
+    x_px: float
+    y_px: float
+    radius_px: float
+    reason: str
+
+
 def find_dots(
     luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
 ) -> list[Dot]:
@@ -80,18 +98,31 @@ def find_dots(
     known : sequence of Dot
         Dots that were found already: they are returned as well.
     """
+    return find_and_refuse(luma, radii_px=radii_px, known=known)[0]
+
+
+def find_and_refuse(
+    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
+) -> tuple[list[Dot], list[Refused]]:
+    """Return the dots as :func:`find_dots` does, and the places that look like a dot but are none, likeliest first."""
     dots = list(known)
+    refused: list[Refused] = []
     smallest_px, largest_px = radii_px
     for _, x, y, radius, light_dot in _places(luma, smallest_px, largest_px):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
-        dot = measure_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
-        if dot is None or not smallest_px <= dot.radius_px <= largest_px:
+        dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
+        if isinstance(dot, str):
+            refused.append(Refused(x, y, radius, dot))
+            continue
+        if not smallest_px <= dot.radius_px <= largest_px:
+            limits = f"{smallest_px:g} to {largest_px:g} px are looked for"
+            refused.append(Refused(x, y, radius, f"its radius is {dot.radius_px:.1f} px; {limits}"))
             continue
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
         dots.append(dot)
-    return sorted(dots, key=lambda dot: -dot.fit.explained)
+    return sorted(dots, key=lambda dot: -dot.fit.explained), refused
 
 
 def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
@@ -101,23 +132,36 @@ def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
 
 def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
     """Fit the dot near a place and measure the room around it; None where there is none."""
+    dot = judge_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot)
+    return None if isinstance(dot, str) else dot
+
+
+def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
+    """Return the dot near a place as :func:`measure_dot` does, or in words why there is none."""
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
     if close is None or close.explained < _EXPLAINED:
-        return None
+        return _unexplained(close)
     room = _room(luma, close)
     radius = close.shape.radius_px
     if room < radius + 0.5:
-        return None
+        return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
     fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
     if fit is None or fit.explained < _EXPLAINED:
-        return None
-    step = abs(fit.shape.contrast) * fit.light
-    if step < 3.0 * fit.residual or step < 6.0:
-        return None
+        return _unexplained(fit)
+    step, needed = abs(fit.shape.contrast) * fit.light, max(3.0 * fit.residual, 6.0)
+    if step < needed:
+        return f"its contrast is {step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
     fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, fit.shape.edge_px, room)))
     return Dot(fit, room)
+
+
+def _unexplained(fit: DotFit | None) -> str:
+    if fit is None:
+        return "no disc can be fitted: too close to the border, or nothing round"
+    share = math.floor(100.0 * max(fit.explained, 0.0))
+    return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * _EXPLAINED:.0f} % needed"
 
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float = 12.0) -> Dot | None:

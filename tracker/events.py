@@ -62,15 +62,19 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
 
 
 def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
-    """Return where the base stick has moved in the picture for good."""
+    """Return where the base stick has moved in the picture for good.
+
+    A camera that is moved takes both base markers along. Where one of them stands still the other was misread, or has
+    come off its stick.
+    """
     both = (rows["state"][:, :2] == CODE["seen"]).all(axis=1)
     known = np.flatnonzero(both)
     if len(known) < 2 * _SIDE + 1:
         return []
-    seen = rows["position_px"][known, :2].mean(axis=1)
-    total = np.concatenate([np.zeros((1, 2)), np.cumsum(seen, axis=0)])
+    total = np.cumsum(rows["position_px"][known, :2], axis=0)
+    total = np.concatenate([np.zeros_like(total[:1]), total])
     mean = (total[_SIDE:] - total[:-_SIDE]) / _SIDE
-    jump = np.hypot(*(mean[_SIDE:] - mean[:-_SIDE]).T)
+    jump = np.linalg.norm(mean[_SIDE:] - mean[:-_SIDE], axis=-1).min(axis=1)
     events: list[dict[str, Any]] = []
     for run in _runs(jump > _BUMP_PX):
         at = run[int(np.argmax(jump[run]))]

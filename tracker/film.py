@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import heapq
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +21,9 @@ from tracker.source import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from
 _PLANAR: Final = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24")
 # Formats whose first plane is the luma in the low bits of two bytes.
 _DEEP: Final = {"10le": 2, "12le": 4, "14le": 6, "16le": 8}
+
+_FROM_KEY: Final = 300
+"""Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
 
 
 class FilmSource:
@@ -44,6 +48,7 @@ class FilmSource:
         self._fps = fps
         self._times_s = times_s
         self._rotation = 0
+        self._pts: list[int | None] = []
         with self._open() as container:
             stream = self._stream(container)
             self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
@@ -124,10 +129,12 @@ class FilmSource:
             base = stream.time_base or Fraction(1, 1000)
             start = stream.start_time
             index = 0
+            self._pts = []
             last_s = -np.inf
             for pts, luma, damaged in reader.pictures(container, stream, rotation=self._rotation):
                 if start is None and pts is not None:
                     start = pts
+                self._pts.append(pts)
                 time_s = self._time_s(index, pts, start, base, last_s)
                 last_s = time_s
                 if damaged or luma is None:
@@ -143,6 +150,39 @@ class FilmSource:
                 yield Frame(index, time_s, luma, damaged=damaged or luma is None)
                 index += 1
         self._note_end(index, last_s, reader)
+
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some frames of the last pass again, by their numbers; those that cannot be decoded are left out.
+
+        Frames that cannot be sought, in a damaged film or one without an index, are all taken from one further pass.
+        """
+        wanted = set(indices)
+        stamps = {index: self._pts[index] for index in wanted if index < len(self._pts)}
+        sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
+        found = {index: luma for index, luma in sought.items() if luma is not None}
+        left = wanted - set(found)
+        for frame in self if left else ():
+            if frame.index in left and frame.luma is not None:
+                found[frame.index] = frame.luma.copy()
+            if frame.index >= max(left):
+                break
+        return found
+
+    def _sought(self, pts: int) -> NDArray[np.uint8] | None:
+        """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""
+        with self._open() as container:
+            stream = self._stream(container)
+            stream.thread_type = "AUTO"
+            try:
+                container.seek(pts, stream=stream)
+                for frame in itertools.islice(container.decode(stream), _FROM_KEY):
+                    if frame.pts == pts:
+                        return luma_of(frame, rotation=self._rotation).copy()
+                    if frame.pts is not None and frame.pts > pts:
+                        break
+            except (av.error.FFmpegError, OSError):
+                pass  # damaged here: a pass from the start knows which frames are whole
+        return None
 
     def _time_s(self, index: int, pts: int | None, start: int | None, base: Fraction, last_s: float) -> float:
         if self._times_s is not None:

@@ -17,6 +17,8 @@ from torsight.core.tracks import MARKERS
 
 _KEYS: Final = ("base", "moving", "kind", "base_mm", "moving_mm")
 KINDS: Final = ("dot", "texture")
+APART_PX: Final = 2.0
+"""Two positions nearer than this are one place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +85,7 @@ def read_markers(source: Path | Mapping[str, Any]) -> MarkerHints:
     position_px = np.array([*_pair(content, "base", where), *_pair(content, "moving", where)])
     for one in range(4):
         for two in range(one):
-            if np.hypot(*(position_px[one] - position_px[two])) < 2.0:
+            if np.hypot(*(position_px[one] - position_px[two])) < APART_PX:
                 raise ConfigError(
                     "two markers are at one place",
                     where=where,

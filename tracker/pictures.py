@@ -6,7 +6,7 @@ all over the row, and all pictures are scaled alike: a scale of its own for ever
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.paths import require_content
 from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, note_rows_left, time_from_table
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
@@ -42,7 +43,7 @@ class PictureSource:
     Raises
     ------
     InputError
-        When there is no picture, or the first one cannot be read.
+        When there is no picture, or the first one cannot be read, or is a pointer of Git LFS.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class PictureSource:
             )
         first = _read(self.paths[0])
         if first is None:
+            require_content(self.paths[0])
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
         self._size_px = (first.shape[1], first.shape[0])
         self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)
@@ -113,6 +115,19 @@ class PictureSource:
             yield Frame(index, time_s, luma, damaged=luma is None)
         note_rows_left(self.damage, self._times_s, len(self.paths))
 
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some pictures again, by their numbers; those that cannot be read are left out."""
+        read = {index: _read(self.paths[index]) for index in indices}
+        return {
+            index: picture.astype(np.uint8, copy=False) if picture.dtype == np.uint8 else self._scaled(picture)
+            for index, picture in read.items()
+            if picture is not None
+        }
+
+    def _scaled(self, picture: Picture) -> NDArray[np.uint8]:
+        """Return a picture of two bytes per pixel with one, brightest values clipped."""
+        return np.asarray(np.minimum(picture >> ((self.bits or _DEPTHS[-1]) - 8), 255), dtype=np.uint8)
+
     def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
         """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""
         if picture.dtype == np.uint8:
@@ -128,7 +143,7 @@ class PictureSource:
                 "into a folder of their own",
                 kind="clipped",
             )
-        return np.asarray(np.minimum(picture >> (bits - 8), 255), dtype=np.uint8)
+        return self._scaled(picture)
 
     def _overflown(self, index: int) -> bool:
         return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.paths import missing_file
+from torsight.core.paths import missing_file, require_content
 
 if TYPE_CHECKING:
     from tracker.film import FilmSource
@@ -133,6 +133,7 @@ def open_source(
         raise missing_file(path)
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
+    require_content(path)
     if path.suffix.lower() in PICTURE_SUFFIXES:
         return PictureSource([path], name=str(source), fps=fps, times_s=times)
     return FilmSource(path, fps=fps, times_s=times)

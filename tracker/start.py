@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -30,7 +30,8 @@ _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 _LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
-_SNAP_PX: Final = 12.0
+SNAP_PX: Final = 12.0
+"""A given position is of the dot whose centre is this near, or under it."""
 _TEXTURE_PX: Final = 15.0
 """Radius of the window of a point without a dot."""
 
@@ -88,7 +89,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
         if found is None:
             continue
         score = min(found[0].score, found[1].score)
-        if score > _LEAST and (best is None or score > best[0]):
+        if are_markers(found) and (best is None or score > best[0]):
             best = (score, frame.index, frame.luma.copy(), found)
         if score > _CLEAR:
             break
@@ -101,16 +102,19 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
             where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, _LOOKED_AT[-1])}",
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
             "of one stick no more than 3 times as large as those of the other",
-            do="give their positions with --markers MARKERS.toml, or light the sticks better",
+            do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
     score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in _on_stick(luma, stick)]
     return Start(markers, index, None, "dot", doubtful=score <= _CLEAR)
 
 
-def sticks_in(luma: NDArray[np.uint8]) -> tuple[Stick, Stick] | None:
-    """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs."""
-    dots = find_dots(luma)
+def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
+    """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs.
+
+    ``dots`` are those of :func:`tracker.detect.find_dots`, where they were found already.
+    """
+    dots = find_dots(luma) if dots is None else dots
     found = choose_sticks(luma, dots)
     if found is not None and min(stick.score for stick in found) > _CLEAR:
         return found
@@ -124,23 +128,41 @@ def sticks_in(luma: NDArray[np.uint8]) -> tuple[Stick, Stick] | None:
     return None if len(clearer) >= 2 else found
 
 
-def _given(source: FrameSource, hints: MarkerHints) -> Start:
+def are_markers(sticks: tuple[Stick, Stick]) -> bool:
+    """Return whether two pairs of dots stand out enough to be taken for the markers."""
+    return min(stick.score for stick in sticks) > _LEAST
+
+
+def first_frame(source: FrameSource) -> Frame:
+    """Return the first frame that was decoded whole: given positions are positions in it.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
     frame = next(_decoded(source), None)
-    if frame is None or frame.luma is None:
+    if frame is None:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+    return frame
+
+
+def _given(source: FrameSource, hints: MarkerHints) -> Start:
+    frame = first_frame(source)
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     markers: list[Marker] = []
     dots: list[Dot] = []
     for name, (x, y) in zip(MARKERS, hints.position_px.tolist(), strict=True):
         if hints.kind == "texture":
             markers.append(_texture_marker(frame.luma, x, y, name=name, hints=hints))
             continue
-        dot = dot_near(frame.luma, x, y, reach_px=_SNAP_PX)
+        dot = dot_near(frame.luma, x, y, reach_px=SNAP_PX)
         if dot is None:
             raise NoResultError(
                 "there is no round dot next to this position",
                 where=f"{hints.where}, {name.replace('_', ', ')} marker",
                 value=f"[{x:g}, {y:g}]",
-                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {_SNAP_PX:g} px, in frame {frame.index}",
+                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {SNAP_PX:g} px, in frame {frame.index}",
                 do='mend the position, or set kind = "texture" for a point without a dot',
             )
         for other, before in zip(MARKERS, dots, strict=False):

@@ -44,9 +44,10 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, 
     along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner
     from outer.
     """
-    chosen = sorted(dots, key=clearness, reverse=True)[:_MOST]
     pairs = [
-        Stick(a, b, score) for a, b in itertools.combinations(chosen, 2) if (score := _pair_score(luma, a, b)) > 0.0
+        Stick(a, b, score)
+        for a, b in itertools.combinations(clearest(dots), 2)
+        if not isinstance(score := judge_pair(luma, a, b), str)
     ]
     best: tuple[float, Stick, Stick] | None = None
     for one, two in itertools.combinations(pairs, 2):
@@ -58,6 +59,11 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, 
     if best is None:
         return None
     return towards_axis(best[1], best[2])
+
+
+def clearest(dots: Sequence[Dot]) -> list[Dot]:
+    """Return the dots among which the sticks are looked for, the clearest first."""
+    return sorted(dots, key=clearness, reverse=True)[:_MOST]
 
 
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
@@ -150,22 +156,27 @@ def clearness(dot: Dot) -> float:
     return dot.fit.explained**4 * math.sqrt(_step(dot))
 
 
-def _pair_score(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float:
+def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
+    """Return how clearly two dots lie on one stick, or in words why they do not."""
     if (a.fit.shape.contrast > 0) != (b.fit.shape.contrast > 0):
-        return 0.0
+        return "one of the two is dark and the other light"
     likeness = 1.0
-    for one, two in ((a.radius_px, b.radius_px), (_step(a), _step(b)), (a.fit.light, b.fit.light)):
+    for name, one, two in (
+        ("radius", a.radius_px, b.radius_px),
+        ("contrast", _step(a), _step(b)),
+        ("light around them", a.fit.light, b.fit.light),
+    ):
         ratio = max(one, two) / max(min(one, two), 1e-6)
         if ratio > _LIKE:
-            return 0.0
+            return f"they differ in {name} by a factor of {ratio:.1f}; {_LIKE:g} allowed"
         likeness /= ratio
-    distance = _gap(a, b)
-    clear = 1.5 * (a.radius_px + b.radius_px)
-    if distance < clear + 3.0:
-        return 0.0
+    distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
+    if distance < needed:
+        return f"they are {distance:.0f} px apart; {needed:.0f} px needed"
     strip = _strip_share(luma, a, b, distance)
     if strip < _STRIP:
-        return 0.0
+        share = math.floor(100.0 * strip)
+        return f"{share} % of the line between them is as bright as a stick; {100.0 * _STRIP:.0f} % needed"
     return likeness * strip * (a.fit.explained * b.fit.explained) ** 4 * math.sqrt(min(_step(a), _step(b)))
 
 

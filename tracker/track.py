@@ -147,8 +147,8 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             where=source.name,
             value=_followed(table, start),
             limit=f"a motion of 1 degree and more; dots of 3 to {HUGE_PX:g} px radius",
-            do="film a motion if these four dots are the markers; give the markers' positions with --markers "
-            "MARKERS.toml if they are not",
+            do="film a motion if these four dots are the markers; if they are not, pick the markers with 'torsight "
+            "markers' and name its file with --markers",
         )
     order = [*follower.base.indices, *follower.moving.indices]
     rows = table.copy()

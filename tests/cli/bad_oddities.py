@@ -97,6 +97,8 @@ def mixed(name: str) -> Damage:
 
 NINES = "9" * 5000
 NO_LIGHT = EXPERIMENT + '[sync]\nled_events = "board.toml"\n'
+POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'5b' * 32}\nsize 104857\n"
+MARKERS = "markers {film.avi} --out {m.toml}"
 FILM = "track {film.mkv} --out {out}"
 
 ODD: dict[str, Bad] = {
@@ -104,6 +106,21 @@ ODD: dict[str, Bad] = {
         "track {film.mp4} --out {out}", coded("film.mp4", (160, 120), keep=0.7), 3, "film.mp4"
     ),
     "track: sound alone": Bad("track {film.wav} --out {out}", sound_only("film.wav"), 3, "no video stream"),
+    "track: a Git LFS pointer in the place of the film": Bad(TRACK, written("film.avi", POINTER), 3, "git lfs pull"),
+    "track: Git LFS pointers in the place of pictures": Bad(
+        "track {.} --out {out}", written("a.png", POINTER), 3, "Git LFS pointer"
+    ),
+    "markers: a Git LFS pointer in the place of the film": Bad(
+        MARKERS, written("film.avi", POINTER), 3, "a text of 131 bytes"
+    ),
+    "markers: sound alone": Bad("markers {film.wav} --out {m.toml}", sound_only("film.wav"), 3, "no video stream"),
+    "markers: no film": Bad(MARKERS, gone("film.avi"), 3, "film.avi"),
+    "markers: a port that is none": Bad(f"{MARKERS} --port 65536", fine, 2, "--port"),
+    "markers: a preview below a file": Bad(f"{MARKERS} --preview {{temps.csv/a.png}}", fine, 3, "cannot be written"),
+    "markers: a preview over the markers": Bad(
+        "markers {film.avi} --out {m.png} --preview {m.png}", fine, 2, "--preview"
+    ),
+    "markers: a preview of another kind": Bad(f"{MARKERS} --preview {{a.docx}}", fine, 2, "--preview"),
     "track: one frame": Bad(FILM, coded("film.mkv", (160, 120), frames=1), 4, "frames 0 to 0"),
     "track: a picture of two pixels": Bad(FILM, coded("film.mkv", (16, 2)), 4, "marker"),
     "track: the size changes": Bad(

@@ -24,6 +24,7 @@ FILES = (
     "angle.csv",
     "markers.csv",
     "track.json",
+    "track.png",
     "merged.csv",
     "sync.json",
     "fit.json",

@@ -1,10 +1,10 @@
 """Every command of the pages is given as it stands, and ends well, in a folder that has the files that it names, small.
 
-What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; a film of one
-quick half-cycle for the demo's, and two effects for the library that discovery tries; the record's own angles for those
-of the bench's film, which lasts a second. ``make test`` is what runs this, ``make docs`` and the common test of the
-effects run beside it. The three scripts that measure the figures of the filming page take hours, so their help is what
-is asked for.
+What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; what was
+found by itself for a person's clicks; a film of one quick half-cycle for the demo's, and two effects for the library
+that discovery tries; the record's own angles for those of the bench's film, which lasts a second. ``make test`` is what
+runs this, ``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of
+the filming page take hours, so their help is what is asked for.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from types import ModuleType
 
 import pytest
 
+from tests.browser import ask
 from tests.docs.docs_world import fill_in, make_world, small_scene
 from tests.docs.documented import PAGES, ROOT, commands
 from torsight.actuator.effects import load_effects
@@ -65,6 +66,9 @@ class World:
     def _torsight(self, words: list[str]) -> None:
         if words[0] == "view":
             _look_at(words)
+            return
+        if words[0] == "markers" and "--preview" not in words:
+            _pick(words)
             return
         if words[:2] == ["live", "0"]:
             words = ["live", "bench.mkv", *words[2:]]
@@ -120,6 +124,20 @@ def _python(words: list[str]) -> None:
 def _activate(words: list[str]) -> None:
     assert words == [".venv/bin/activate"]
     assert "VENV := .venv" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def _pick(words: list[str]) -> None:
+    """Save what was found by itself, as its page in a browser does."""
+    command = [sys.executable, "-m", "torsight.cli.main", *words, "--no-open"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as picking:
+        assert picking.stderr is not None
+        address = next(word for word in picking.stderr.readline().split() if word.startswith("http://"))
+        state = json.loads(ask(address, "state")[1])
+        kind = dict.fromkeys(("base", "moving"), state["kinds"][0])
+        assert b"saved" in ask(address, "save", {"points": state["found"], "kind": kind})[1]
+        ask(address, "page", method="DELETE")
+        assert picking.wait(timeout=60) == 0
 
 
 def _look_at(words: list[str]) -> None:
@@ -187,7 +205,7 @@ def test_the_commands_of_a_page_run(page: str, world: World, monkeypatch: pytest
 
 def test_the_pages_with_commands_are_these() -> None:
     """A page whose commands are not found any more would be left out silently."""
-    told = {"README.md", "calibrating.md", "commands.md", "effects.md", "engine.md", "filming.md", "physics.md"}
-    assert {*told, "python.md", "report.md", "running.md", "scripts.md", "start.md", "trust.md"} == set(
+    told = {"README.md", "calibrating.md", "commands.md", "effects.md", "engine.md", "filming.md", "markers.md"}
+    assert {*told, "physics.md", "python.md", "report.md", "running.md", "scripts.md", "start.md", "trust.md"} == set(
         PAGES_WITH_COMMANDS
     )

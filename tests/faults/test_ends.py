@@ -15,7 +15,7 @@ import pytest
 from torsight.cli.main import main
 
 FRAMES = 900
-FILES = ("angle.csv", "markers.csv", "track.json")
+FILES = ("angle.csv", "markers.csv", "track.json", "track.png")
 
 
 @pytest.fixture(scope="module")

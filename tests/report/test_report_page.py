@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -84,6 +86,19 @@ def test_the_whole_page_is_well_formed_self_contained_and_small(run: Path) -> No
     assert len(text.encode()) < 3_000_000
     for figure in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL):
         ET.fromstring(figure)  # noqa: S314 - our own text
+
+
+def test_the_picture_of_the_track_is_in_the_page_itself(run: Path) -> None:
+    cv2.imwrite(str(run / "track.png"), np.arange(256, dtype=np.uint8).reshape(16, 16))
+    checker = Balance()
+    checker.feed(text_of(run))
+    assert len(checker.outside) == 1
+    kind, _, data = checker.outside[0].partition(",")
+    assert kind == "data:image/png;base64"
+    assert base64.b64decode(data) == (run / "track.png").read_bytes()
+    # A record that begins with angles has no film: a picture that lies there is of something else.
+    (run / "track.json").unlink()
+    assert "data:image" not in text_of(run)
 
 
 def test_it_says_the_numbers_of_the_results(run: Path) -> None:

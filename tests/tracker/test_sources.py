@@ -99,6 +99,40 @@ def test_pictures_of_two_sizes_are_refused(tmp_path: Path) -> None:
         list(open_source(folder))
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("film.mp4", {"g": "10"}),
+        ("film.mkv", {"g": "400", "bf": "3"}),
+        ("film.ts", {"g": "400"}),
+        ("film.h264", {"g": "10"}),
+        ("film.avi", {"g": "1", "bf": "0"}),
+    ],
+)
+def test_single_frames_are_those_of_the_pass(tmp_path: Path, name: str, options: dict[str, str]) -> None:
+    rig = replace(RIG, frames=330)
+    source = open_source(write_film(rig, tmp_path / name, codec="libx264", crf=20, options=options))
+    passed = {frame.index: frame.luma.copy() for frame in source}
+    assert len(passed) == rig.frames
+    told = list(source.damage.entries)
+    # The last ones lie further from the only key frame than is decoded to reach one that is sought.
+    wanted = [329, 0, 81, 319, 164]
+    found = source.pictures(wanted)
+    assert sorted(found) == sorted(wanted)
+    for index, luma in found.items():
+        np.testing.assert_array_equal(luma, passed[index])
+    assert source.damage.entries == told
+
+
+def test_a_single_frame_that_cannot_be_had_is_left_out(tmp_path: Path) -> None:
+    folder = write_pictures(RIG, tmp_path / "pictures")
+    (folder / "picture_00004.png").write_bytes(b"broken")
+    assert sorted(open_source(folder).pictures([3, 4])) == [3]
+    film = open_source(write_film(RIG, tmp_path / "film.mkv"))
+    # Before any pass no stamps are known: the frames are taken from one.
+    assert sorted(film.pictures([2, RIG.frames])) == [2]
+
+
 def test_times_from_a_table(tmp_path: Path) -> None:
     film = write_film(RIG, tmp_path / "film.mkv")
     table = tmp_path / "times.csv"

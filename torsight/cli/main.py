@@ -21,6 +21,7 @@ COMMANDS: Final = (
     "doctor",
     "demo",
     "run",
+    "markers",
     "track",
     "sync",
     "fit",

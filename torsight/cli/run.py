@@ -238,7 +238,7 @@ def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
     write_report(folder, progress=progress)
 
 
-_TRACKED: Final = ("angle.csv", "markers.csv", "track.json")
+_TRACKED: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
 _MADE: Final = (
     *("merged.csv", "sync.json", "fit.json", "model.json", "discovery.json", "curves.csv", "next_experiment.csv"),
     *("provenance.json", "recording.rrd", "report.html"),

@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.core.tracks import StickAngles
-    from tracker.source import FrameSource
+    from tracker.film import FilmSource
+    from tracker.hints import MarkerHints
+    from tracker.pictures import PictureSource
+    from tracker.track import TrackResult
 
-FILES: Final = ("angle.csv", "markers.csv", "track.json")
+FILES: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
 """What the command writes."""
 
 
@@ -26,7 +30,7 @@ def track(
         str | None, typer.Argument(metavar="[VIDEO_RIGHT]", help="Right film of a stereo pair.")
     ] = None,
     *,
-    out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv and track.json.")],
+    out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
     camera: Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")] = None,
     markers: Annotated[
         Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
@@ -72,7 +76,7 @@ def track_to_folder(
     resume: bool = False,
     progress: Progress = silent,
 ) -> StickAngles:
-    """Track a film (or a stereo pair) and write ``angle.csv``, ``markers.csv`` and ``track.json``.
+    """Track a film (or a stereo pair) and write ``angle.csv``, ``markers.csv``, ``track.json`` and ``track.png``.
 
     Parameters
     ----------
@@ -104,6 +108,8 @@ def track_to_folder(
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json, write_table
     from torsight.core.tables import marker_columns, write_angles
+    from torsight.markers.track_picture import NAME as TRACK_PICTURE
+    from torsight.markers.track_picture import write_track_picture
     from tracker.account import account
     from tracker.checkpoint import drop
     from tracker.doubts import doubts
@@ -113,14 +119,14 @@ def track_to_folder(
     from tracker.track import track_film
 
     inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
-    require_apart([out / name for name in ("markers.csv", "angle.csv", "track.json")], inputs)
+    require_apart([out / name for name in FILES], inputs)
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
     remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
     source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
         kept = [out / ".track", out / ".track-right"]
-        result = track_film(source, markers=hints, out=kept[0], resume=resume, progress=progress)
+        result = _tracked(source, hints, out=out, resume=resume, progress=progress)
         if second is not None and lens is not None:
             # Positions that were given are of the left picture; in the right one the markers are found.
             other = track_film(second, out=kept[1], resume=resume, progress=progress)
@@ -136,9 +142,43 @@ def track_to_folder(
         write_json(out / "track.json", account(result, orientation, doubts=doubtful, remarks=remarks))
         for doubt in doubtful:
             say(f"warning: {video}: {doubt}")
+        write_track_picture(out / TRACK_PICTURE, source, result, orientation.angles)
         for folder in kept:
             drop(folder)
     return orientation.angles
+
+
+def _tracked(
+    source: FilmSource | PictureSource,
+    hints: MarkerHints | None,
+    *,
+    out: Path,
+    resume: bool,
+    progress: Progress,
+) -> TrackResult:
+    """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
+    from torsight.markers.preview import write_preview
+    from torsight.markers.track_picture import NAME as TRACK_PICTURE
+    from tracker.candidates import look
+    from tracker.start import first_frame
+    from tracker.track import track_film
+
+    try:
+        return track_film(source, markers=hints, out=out / ".track", resume=resume, progress=progress)
+    except NoResultError as error:
+        frame = first_frame(source)
+        if frame.luma is not None:
+            write_preview(
+                out / TRACK_PICTURE,
+                frame.luma,
+                look(frame.luma),
+                title=f"{Path(source.name).name}, frame {frame.index}: no result",
+                message=str(error),
+                given_px=None if hints is None else hints.position_px,
+            )
+        do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
+        told = NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do)
+        raise told from error
 
 
 def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
@@ -161,7 +201,7 @@ def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
 
 def _sources(
     video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
-) -> tuple[FrameSource, FrameSource | None]:
+) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
     """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
     from torsight.core.camera import require_size
     from tracker.source import open_source

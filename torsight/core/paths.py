@@ -7,6 +7,7 @@ import difflib
 import stat
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 from torsight.core.errors import ConfigError, InputError
 
@@ -37,6 +38,32 @@ def require_ordinary(path: Path) -> None:
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError("is no ordinary file", where=str(path), do="save it to a file, and name that")
+
+
+_POINTER: Final = b"version https://git-lfs.github.com/spec/"
+"""How a pointer of Git LFS begins: a text of some 130 bytes that stands for a file kept elsewhere."""
+
+
+def require_content(path: Path) -> None:
+    """Refuse a pointer of Git LFS, which has the name of a file but not its content.
+
+    Raises
+    ------
+    InputError
+        Saying how to get the content.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(_POINTER))
+    except OSError:
+        return  # told by who reads it
+    if head == _POINTER:
+        raise InputError(
+            "is a Git LFS pointer: the file itself was not downloaded",
+            where=str(path),
+            value=f"a text of {path.stat().st_size} bytes",
+            do="get it with 'git lfs pull' in the repository that it comes from",
+        )
 
 
 def require_apart(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:

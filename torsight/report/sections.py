@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,7 @@ FILES: Final = {
     "merged.csv": "angle and temperatures on one clock",
     "curves.csv": "the curves and residuals of this page",
     "track.json": "account of the tracking",
+    "track.png": "frames of the film with what was read in them",
     "sync.json": "the two clocks",
     "fit.json": "the plain model's fit",
     "discovery.json": "what was missing",
@@ -308,6 +310,14 @@ def tracking(results: RunResults) -> dict[str, Any]:
         "advice": [advice] if isinstance(advice, str) else [in_words(one) for one in advice],
         "account": plain_items({name: value for name, value in track.items() if name not in left_out})[:40],
     }
+
+
+def track_picture(results: RunResults) -> str | None:
+    """Return ``track.png`` as an address that holds the picture itself; None where no film was tracked."""
+    path = results.folder / "track.png"
+    if results.track is None or not path.is_file():
+        return None
+    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 
 
 def clocks(results: RunResults) -> list[tuple[str, str]]:

@@ -29,8 +29,9 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     Parameters
     ----------
     folder : Path
-        Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``merged.csv``, ``sync.json``, ``fit.json``,
-        ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is left out.
+        Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``track.png``, ``merged.csv``, ``sync.json``,
+        ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is
+        left out.
     progress : Progress
         Told which part of the page is drawn.
 
@@ -96,6 +97,7 @@ def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, A
         "parameters": parameters.parameter_table(results),
         "fit": parameters.fit_lines(results),
         "tracking": sections.tracking(results),
+        "track_picture": sections.track_picture(results),
         "clocks": sections.clocks(results),
         "unsure": doubts(results),
         "origin": sections.origin(results),

@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Colour = tuple[int, int, int]
+from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
-BASE_COLOUR: Final[Colour] = (60, 207, 160)
-MOVING_COLOUR: Final[Colour] = (86, 180, 233)
 ARC_COLOUR: Final[Colour] = (240, 228, 66)
 
 ARC_STEP_RAD: Final = np.deg2rad(6.0)

@@ -1,0 +1,121 @@
+"""``torsight markers``: the four markers of a film, picked on a page in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from torsight.cli.answer import Answer
+from torsight.core.errors import ConfigError, NoResultError
+
+if TYPE_CHECKING:
+    from tracker.film import FilmSource
+    from tracker.pictures import PictureSource
+
+_OUT: Final = Path("markers.toml")
+
+
+def markers(
+    video: Annotated[str, typer.Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="MARKERS.toml", help="File to write; markers.toml otherwise.")
+    ] = None,
+    preview: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PICTURE.png",
+            help="No page: draw the first frame with a grid and what was found; with --out, write that as well.",
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes any that is free.")] = 0,
+    wait: Annotated[float, typer.Option(min=1.0, help="Seconds to wait for a browser to open the page.")] = 120.0,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the page's address, open no browser.")] = False,
+) -> Answer:
+    """Pick the four markers on a page in the browser, check them, and write markers.toml.
+
+    The page is served to this computer only and ends with its being closed. Markers that are found by themselves
+    are shown at once; others take four clicks. The check follows them through the first seconds of the film.
+
+    Example: torsight markers film.mp4 --out markers.toml
+    """
+    from torsight.core.paths import require_apart
+    from tracker.source import open_source
+
+    if preview is not None and (preview.suffix.lower() != ".png" or preview == out):
+        raise ConfigError(
+            "is not where a picture can be written",
+            where="--preview",
+            value=str(preview),
+            limit="a file that ends in .png, and another one than that of --out",
+            do="choose another name",
+        )
+    require_apart([path for path in (out or _OUT, preview) if path is not None], [Path(video)])
+    source = open_source(video)
+    if preview is not None:
+        return _preview(source, preview, out=out)
+    return _page(source, out or _OUT, port=port, wait_s=wait, no_open=no_open)
+
+
+def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: float, no_open: bool) -> Answer:
+    import webbrowser
+
+    from torsight.cli.console import say
+    from torsight.markers.server import Server, pick
+    from torsight.markers.session import Session
+    from torsight.viewer.program import has_display
+
+    def tell(address: str) -> None:
+        say(f"In a browser  {address}  (Ctrl-C ends it)")
+        # Without a display the browsers that are left are those of the terminal, which cannot show the page.
+        if not no_open and has_display():
+            webbrowser.open(address)
+
+    with Server(port=port) as server:
+        content = pick(server, Session(source, out=out), patience_s=wait_s, tell=tell)
+    say(f"wrote {out}; next: torsight track {source.name} --markers {out} --out results")
+    return Answer(content, files=(out,))
+
+
+def _preview(source: FilmSource | PictureSource, picture: Path, *, out: Path | None) -> Answer:
+    from torsight.cli.console import say
+    from torsight.core.tracks import MARKERS
+    from torsight.markers.picks import content_of, write_markers
+    from torsight.markers.preview import write_preview
+    from torsight.markers.session import find_markers, first_picture
+
+    first, index = first_picture(source)
+    seen, named = find_markers(source, first)
+    name = Path(source.name).name
+    write_preview(picture, first, seen, title=f"{name}, frame {index}", named_px=named)
+    say(f"wrote {picture}")
+    result: dict[str, Any] = {
+        "candidates": [
+            {"number": one.number, "x_px": one.x_px, "y_px": one.y_px, "radius_px": one.radius_px, "dot": one.is_dot,
+             "taken": one.taken, "reason": one.reason}
+            for one in seen.candidates
+        ],
+        "moving_known": named is not None,
+    }  # fmt: skip
+    found = named if named is not None or seen.sticks_px is None else seen.sticks_px.reshape(4, 2)
+    if found is None:
+        if out is not None:
+            raise NoResultError(
+                f"the markers were not found: {seen.reason}",
+                where=source.name,
+                do=f"look at {picture}, and pick them without --preview or write their positions to a file by hand",
+            )
+        say(f"the markers were not found: {seen.reason}")
+        return Answer(result, files=(picture,))
+    content = content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})
+    if named is None:
+        say("which stick moves is not seen in the first seconds: look whether base and moving are right")
+    for key, value in content.items():
+        say(f"{key} = {value!r}".replace("'", '"'))
+    if out is None:
+        return Answer({**result, **content}, files=(picture,))
+    write_markers(out, content, film=name, size_px=(first.shape[1], first.shape[0]))
+    say(f"wrote {out}")
+    return Answer({**result, **content}, files=(picture, out))

@@ -1,0 +1,206 @@
+"""Four picked markers: from the page's words to ``markers.toml``, judged by the tracker's own rules."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.storage import read_toml, write_text
+from torsight.core.tracks import MARKERS
+from tracker.hints import APART_PX, KINDS, MarkerHints, read_markers
+
+if TYPE_CHECKING:
+    from tracker.source import FrameSource
+
+STICKS: Final = ("base", "moving")
+SNAPS: Final = "dot"
+"""The kind of marker whose position is the centre of a dot; every other kind is followed where it was picked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a pick came to lie.
+
+    Attributes
+    ----------
+    x_px, y_px : float
+        Position in the first frame, y down.
+    radius_px : float or None
+        Radius of the dot there; None for a point without one.
+    """
+
+    x_px: float
+    y_px: float
+    radius_px: float | None
+
+
+def accepted_kinds() -> tuple[str, ...]:
+    """Return the kinds of marker that the tracker accepts with four positions and nothing else."""
+    return tuple(kind for kind in KINDS if _accepts(kind))
+
+
+def kinds_may_differ() -> bool:
+    """Return whether the tracker accepts one kind for the base stick and another for the moving one."""
+    return len(accepted_kinds()) > 1 and _accepts(dict(zip(STICKS, accepted_kinds(), strict=False)))
+
+
+def _accepts(kind: Any) -> bool:
+    corners = [[10.0, 10.0], [90.0, 10.0], [10.0, 90.0], [90.0, 90.0]]
+    try:
+        read_markers({"base": corners[:2], "moving": corners[2:], "kind": kind})
+    except ConfigError:
+        return False
+    return True
+
+
+def place(
+    luma: NDArray[np.uint8], x_px: float, y_px: float, *, kind: str, others: Mapping[str, tuple[float, float]]
+) -> Place:
+    """Return where a pick comes to lie: on the centre of the dot next to it, or just there for other kinds.
+
+    Parameters
+    ----------
+    luma : (h, w) uint8
+        The first frame.
+    x_px, y_px : float
+        The pick.
+    kind : str
+        Kind of marker.
+    others : mapping
+        The picks before it, by the markers' names.
+
+    Raises
+    ------
+    ConfigError
+        When the pick lies outside the picture, or where another one is.
+    NoResultError
+        When there is no dot next to it.
+    """
+    from tracker.detect import dot_near
+    from tracker.start import SNAP_PX
+
+    height, width = luma.shape
+    where = f"[{x_px:.1f}, {y_px:.1f}]"
+    if not (0.0 <= x_px <= width - 1 and 0.0 <= y_px <= height - 1):
+        raise ConfigError(
+            "this point lies outside the picture",
+            value=where,
+            limit=f"0 to {width - 1} and 0 to {height - 1}",
+            do="pick a point in the picture",
+        )
+    found = Place(x_px, y_px, None)
+    if kind == SNAPS:
+        dot = dot_near(luma, x_px, y_px, reach_px=SNAP_PX)
+        if dot is None:
+            raise NoResultError(
+                "there is no round dot next to this point",
+                value=where,
+                limit=f"a dot within {SNAP_PX:g} px",
+                do="pick its middle, or choose another kind of marker for this stick",
+            )
+        found = Place(dot.x_px, dot.y_px, dot.radius_px)
+    apart_px = max(APART_PX, 0.5 * (found.radius_px or 0.0))
+    for name, (x, y) in others.items():
+        if math.hypot(found.x_px - x, found.y_px - y) < apart_px:
+            raise ConfigError(
+                f"this is the point of the {name.replace('_', ' ')} marker",
+                value=where,
+                limit="four different points",
+                do="pick another one",
+            )
+    return found
+
+
+def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of ``markers.toml`` from what a page sends.
+
+    Parameters
+    ----------
+    picks : mapping
+        ``points``: a pair of numbers by the name of each marker; ``kind``: by the name of each stick.
+    kept : mapping
+        Content of the file that is replaced: its measured lengths stay.
+
+    Raises
+    ------
+    ConfigError
+        When a marker has no position, or the tracker would not accept the file.
+    """
+    points, kind = picks.get("points"), picks.get("kind")
+    points = points if isinstance(points, Mapping) else {}
+    kind = kind if isinstance(kind, Mapping) else {}
+    missing = [name.replace("_", " ") for name in MARKERS if not points.get(name)]
+    if missing:
+        raise ConfigError("not all markers have a position", value=f"none for {', '.join(missing)}", do="pick them")
+    kinds = {stick: kind.get(stick, SNAPS) for stick in STICKS}
+    same = kinds["base"] == kinds["moving"]
+    content: dict[str, Any] = {
+        **{stick: [_pair(points[f"{stick}_{end}"]) for end in ("inner", "outer")] for stick in STICKS},
+        "kind": kinds["base"] if same else kinds,
+        **{key: kept[key] for key in (f"{stick}_mm" for stick in STICKS) if key in kept},
+    }
+    read_markers(content)
+    return content
+
+
+def _pair(value: Any) -> Any:
+    """Return a position with hundredths of a pixel; anything else as it is, for the tracker to refuse."""
+    if isinstance(value, Sequence) and all(isinstance(number, (int, float)) for number in value):
+        return [round(float(number), 2) for number in value]
+    return value
+
+
+def hints_of(content: Mapping[str, Any], source: FrameSource) -> MarkerHints:
+    """Return the markers as the tracker takes them, refusing those that it cannot start from.
+
+    Raises
+    ------
+    ConfigError, NoResultError
+        As ``torsight track`` would.
+    """
+    from tracker.start import find_start
+
+    hints = read_markers(content)
+    find_start(source, hints)
+    return hints
+
+
+def write_markers(path: Path, content: Mapping[str, Any], *, film: str, size_px: tuple[int, int]) -> None:
+    """Write ``markers.toml``.
+
+    Raises
+    ------
+    OutputError
+        When it cannot be written.
+    """
+    import tomli_w
+
+    head = (
+        f"# Markers in the first frame of {' '.join(film.split())} ({size_px[0]} × {size_px[1]} px): x to the right, "
+        "y down, inner marker first.\n"
+    )
+    # One line a stick, as in the documentation; the library would take one for every number.
+    sticks = "".join(f"{stick} = {json.dumps(content[stick])}\n" for stick in STICKS)
+    write_text(path, head + sticks + tomli_w.dumps({key: content[key] for key in content if key not in STICKS}))
+
+
+def read_earlier(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the content of a marker file that is there already, and what to say where it cannot be used."""
+    if not path.exists():
+        return {}, ""
+    try:
+        content = read_toml(path)
+        # The table may stand in the file under its own name, as it does in an experiment.
+        content = dict(content["markers"]) if set(content) == {"markers"} else content
+        read_markers(content)
+    except (ConfigError, InputError) as error:
+        return {}, f"{path} is there already and cannot be used ({error}); saving replaces it"
+    return content, f"the positions of {path} are shown; saving replaces it"

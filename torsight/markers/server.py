@@ -1,0 +1,274 @@
+"""The page for picking markers on a port of this computer: it ends with the page, and nobody else is answered.
+
+Only requests to ``127.0.0.1`` under a path that begins with a secret of this run are answered: other programs of other
+users and other pages in the same browser do not know it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.core.errors import ConfigError, NoResultError, TorsightError, refused_by_system
+from torsight.markers.session import Session, require_saved
+
+LOOPBACK: Final = "127.0.0.1"
+PAGE: Final = Path(__file__).parent / "page.html"
+_BEAT_S: Final = 0.5
+"""How often the page is written to, to notice that it is gone."""
+_RELOAD_S: Final = 2.0
+"""A page that is back within this time was only loaded again."""
+_LARGEST: Final = 100_000
+"""Bytes that a page ever sends: four positions and their kinds take a hundredth of it."""
+
+
+class Server(ThreadingHTTPServer):
+    """Answers the page of one session, which :func:`pick` gives it: a port that is taken is told before any work.
+
+    Parameters
+    ----------
+    port : int
+        Port to listen on; 0 takes any that is free.
+
+    Raises
+    ------
+    ConfigError
+        When another program has the port.
+    """
+
+    daemon_threads = True
+    # Elsewhere the option lets two programs listen on one port.
+    allow_reuse_address = os.name == "posix"
+
+    session: Session
+
+    def __init__(self, *, port: int = 0) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self.ending = threading.Event()
+        self.came = threading.Event()
+        self.failed: Exception | None = None
+        self._guard = threading.Lock()
+        self._pages = 0
+        self._left_s = 0.0
+        try:
+            super().__init__((LOOPBACK, port), _Handler)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot be listened on ({error.strerror or error})",
+                where="--port",
+                value=port,
+                do="choose another port; 0 takes any that is free",
+            ) from error
+
+    @property
+    def address(self) -> str:
+        """What a browser opens."""
+        return f"http://{LOOPBACK}:{self.server_address[1]}/{self.token}/"
+
+    @contextlib.contextmanager
+    def page_open(self) -> Any:
+        """Count a page as open while the block lasts."""
+        with self._guard:
+            self._pages += 1
+        self.came.set()
+        try:
+            yield
+        finally:
+            with self._guard:
+                self._pages -= 1
+                self._left_s = time.monotonic()
+
+    def page_gone(self) -> bool:
+        """Return whether the page was there and has been closed, not only loaded again."""
+        with self._guard:
+            return self.came.is_set() and self._pages == 0 and time.monotonic() - self._left_s > _RELOAD_S
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a connection that the browser has cut."""
+        del request, client_address
+
+
+def pick(server: Server, session: Session, *, patience_s: float, tell: Callable[[str], None]) -> dict[str, Any]:
+    """Serve the page until the markers are saved or the page is closed, and return what was saved.
+
+    Parameters
+    ----------
+    server : Server
+        Where the page is served.
+    session : Session
+        The film and the file to write.
+    patience_s : float
+        How long to wait for a browser to open the page.
+    tell : callable
+        Given the address of the page as soon as it can be opened.
+
+    Raises
+    ------
+    NoResultError
+        When no browser comes, or the page is closed before anything is saved.
+    """
+    server.session = session
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+    thread.start()
+    try:
+        tell(server.address)
+        _wait(server, patience_s=patience_s)
+    finally:
+        server.ending.set()
+        server.shutdown()
+        thread.join()
+    if server.failed is not None:
+        raise server.failed
+    return require_saved(session)
+
+
+def _wait(server: Server, *, patience_s: float) -> None:
+    until = time.monotonic() + patience_s
+    while not server.ending.wait(0.1):
+        if server.page_gone():
+            return
+        if not server.came.is_set() and time.monotonic() > until:
+            raise NoResultError(
+                "no browser has opened the page",
+                where=server.address,
+                limit=f"within {patience_s:g} s (--wait)",
+                do="open the address in a browser on this computer (from another one: ssh -L "
+                f"{server.server_address[1]}:{LOOPBACK}:{server.server_address[1]}), or write the file by hand with "
+                "the help of --preview PICTURE.png",
+            )
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One request of the page."""
+
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version = "torsight"
+    sys_version = ""
+
+    def do_GET(self) -> None:
+        """Answer with the page, what it begins with, or a picture."""
+        name = self._asked()
+        session = self.server.session
+        if name == "":
+            self._page()
+        elif name == "state":
+            self._answer(session.state)
+        elif name == "first.png":
+            self._send(session.first_png(), "image/png")
+        elif name == "alive":
+            self._stay()
+        elif name is not None and name.startswith("check/") and name[6:].isdecimal():
+            picture = session.picture(int(name[6:]))
+            if picture is None:
+                self._refuse(HTTPStatus.NOT_FOUND)
+            else:
+                self._send(picture, "image/jpeg")
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND)
+
+    def do_POST(self) -> None:
+        """Do what the page asks for."""
+        name, session = self._asked(), self.server.session
+        work = {"place": session.place, "check": session.check, "save": session.save}.get(name or "")
+        size = self.headers.get("Content-Length", "")
+        if work is None:
+            self._refuse(HTTPStatus.NOT_FOUND)
+        elif not size.isdecimal() or int(size) > _LARGEST:
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        else:
+            asked = _mapping(self.rfile.read(int(size)))
+            self._answer(lambda: work(asked))
+
+    def do_DELETE(self) -> None:
+        """End: the page has shown that the markers are saved."""
+        if self._asked() != "page":
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        self._send(b"", "text/plain")
+        self.server.ending.set()
+
+    def _asked(self) -> str | None:
+        """Return what is asked for below the secret; None where the secret or the host is another one."""
+        host = f"{LOOPBACK}:{self.server.server_address[1]}"
+        _, _, rest = self.path.partition("?")[0].partition("/")
+        token, slash, name = rest.partition("/")
+        same = secrets.compare_digest(token.encode(), self.server.token.encode())
+        return name if same and slash and self.headers.get("Host") == host else None
+
+    def _page(self) -> None:
+        nonce = secrets.token_urlsafe(16)
+        policy = (
+            f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src 'self' data:; "
+            "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+        text = PAGE.read_text(encoding="utf-8").replace("NONCE", nonce)
+        self._send(text.encode(), "text/html; charset=utf-8", {"Content-Security-Policy": policy})
+
+    def _answer(self, work: Callable[[], Mapping[str, Any]]) -> None:
+        """Send what ``work`` returns, or its error as words: the page shows them, the browser need not complain."""
+        try:
+            content = dict(work())
+        except TorsightError as error:
+            content = {"error": error.what, "told": str(error)}
+        except OSError as error:
+            told = refused_by_system(error)
+            content = {"error": told.what, "told": str(told)}
+        except Exception as error:  # noqa: BLE001 - a defect of ours ends the command, which reports it
+            self.server.failed = error
+            self._send(json.dumps({"error": "internal error", "told": repr(error)}).encode(), "application/json")
+            self.server.ending.set()
+            return
+        self._send(json.dumps(content, allow_nan=False).encode(), "application/json")
+
+    def _stay(self) -> None:
+        """Keep a connection open as long as the page is."""
+        self.send_response(HTTPStatus.OK)
+        self._headers("text/event-stream", {"Connection": "close"})
+        with self.server.page_open(), contextlib.suppress(OSError):
+            while True:
+                self.wfile.write(b":\n\n")
+                self.wfile.flush()
+                if self.server.ending.wait(_BEAT_S):
+                    return
+
+    def _send(self, data: bytes, kind: str, more: Mapping[str, str] | None = None) -> None:
+        self.send_response(HTTPStatus.OK)
+        self._headers(kind, {"Content-Length": str(len(data)), **(more or {})})
+        with contextlib.suppress(OSError):
+            self.wfile.write(data)
+
+    def _headers(self, kind: str, more: Mapping[str, str]) -> None:
+        usual = {
+            "Content-Type": kind,
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+        }
+        for name, value in {**usual, **more}.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self.close_connection = True
+        self.send_error(status)
+
+    def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002 - the base class names it so
+        """Say nothing: the terminal is for the person."""
+
+
+def _mapping(data: bytes) -> dict[str, Any]:
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -1,0 +1,196 @@
+"""What the page for picking markers asks of the film, and when it has ended; nothing of HTTP."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.tracks import MARKERS
+from torsight.markers.beginning import Followed, follow_beginning, name_sticks, seconds_of
+from torsight.markers.picks import (
+    STICKS,
+    accepted_kinds,
+    content_of,
+    hints_of,
+    kinds_may_differ,
+    place,
+    read_earlier,
+    write_markers,
+)
+
+if TYPE_CHECKING:
+    from tracker.candidates import Sighting
+    from tracker.film import FilmSource
+    from tracker.pictures import PictureSource
+
+NAMING_S: Final = 10.0
+"""How much of the film is looked at to tell which of two sticks that were found moves: films begin with a rest."""
+
+
+class Session:
+    """One film, one marker file to write.
+
+    Parameters
+    ----------
+    source : FilmSource or PictureSource
+        The film.
+    out : Path
+        The marker file.
+
+    Attributes
+    ----------
+    saved : dict or None
+        The content of the file, once it is written.
+    """
+
+    def __init__(self, source: FilmSource | PictureSource, *, out: Path) -> None:
+        self.source = source
+        self.out = out
+        self.saved: dict[str, Any] | None = None
+        self.first, self.index = first_picture(source)
+        self._earlier, self._remark = read_earlier(out)
+        self._followed: Followed | None = None
+        # Checks run the tracker over the one source: one at a time.
+        self._busy = threading.Lock()
+        seen, self._found = find_markers(source, self.first)
+        self._seen = seen
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the page needs to begin."""
+        height, width = self.first.shape
+        found = self._found if self._found is not None else self._seen.sticks_px
+        return {
+            "film": Path(self.source.name).name,
+            "width": width,
+            "height": height,
+            "frame": self.index,
+            "out": str(self.out),
+            "markers": list(MARKERS),
+            "kinds": list(accepted_kinds()),
+            "kinds_may_differ": kinds_may_differ(),
+            "colours": {"base": hex_of(BASE_COLOUR), "moving": hex_of(MOVING_COLOUR)},
+            "found": None if found is None else dict(zip(MARKERS, found.reshape(4, 2).tolist(), strict=True)),
+            "found_note": self._found_note(),
+            "candidates": [
+                {"number": one.number, "x": one.x_px, "y": one.y_px, "radius": one.radius_px, "reason": one.reason}
+                for one in self._seen.candidates
+                if one.is_dot
+            ],
+            "earlier": self._earlier_picks(),
+            "remark": self._remark,
+        }
+
+    def _found_note(self) -> str:
+        if self._seen.sticks_px is None:
+            return f"Not found by itself: {self._seen.reason}. Pick the four markers."
+        if self._found is None:
+            return "Four markers were found; which stick moves is not seen yet. Look whether base and moving are right."
+        return "Four markers were found by themselves. Look whether they are right."
+
+    def _earlier_picks(self) -> dict[str, Any] | None:
+        if not self._earlier:
+            return None
+        points = {
+            f"{stick}_{end}": self._earlier[stick][number]
+            for stick in STICKS
+            for number, end in enumerate(("inner", "outer"))
+            if stick in self._earlier
+        }
+        given = self._earlier.get("kind")
+        kinds = given if isinstance(given, Mapping) else dict.fromkeys(STICKS, given)
+        known = accepted_kinds()
+        return {"points": points, "kind": {stick: kind if kind in known else known[0] for stick, kind in kinds.items()}}
+
+    def place(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return where a pick comes to lie; ``asked`` holds ``x, y, kind`` and ``others``, the other picks by name."""
+        x, y = asked.get("x"), asked.get("y")
+        if not isinstance(x, (int, float)) or not isinstance(y, (int, float)):
+            raise ConfigError("a point is two numbers", value=f"{x!r}, {y!r}")
+        others = {str(name): (float(at[0]), float(at[1])) for name, at in dict(asked.get("others") or {}).items()}
+        found = place(self.first, float(x), float(y), kind=str(asked.get("kind")), others=others)
+        return {"x": found.x_px, "y": found.y_px, "radius": found.radius_px}
+
+    def check(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Follow the picks through the first seconds and return what became of them."""
+        content = content_of(asked, {})
+        with self._busy:
+            hints = hints_of(content, self.source)
+            self._followed = follow_beginning(self.source, hints, seconds=seconds_of(asked.get("seconds")))
+        return self._followed.to_page()
+
+    def picture(self, number: int) -> bytes | None:
+        """Return a frame of the last check, None where there is none of this number."""
+        pictures = () if self._followed is None else self._followed.pictures
+        return pictures[number] if 0 <= number < len(pictures) else None
+
+    def first_png(self) -> bytes:
+        """Return the first frame, every pixel as it is."""
+        import cv2
+
+        done, data = cv2.imencode(".png", self.first)
+        assert done  # noqa: S101 - a grey picture can always be encoded
+        return data.tobytes()
+
+    def save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the marker file, unless the tracker could not start from it."""
+        content = content_of(asked, self._earlier)
+        with self._busy:
+            hints_of(content, self.source)
+            size_px = (self.first.shape[1], self.first.shape[0])
+            write_markers(self.out, content, film=Path(self.source.name).name, size_px=size_px)
+        self.saved = content
+        return {"saved": str(self.out)}
+
+
+def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
+    """Return the first frame that was decoded whole, and its number.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+    from tracker.start import first_frame
+
+    frame = first_frame(source)
+    assert frame.luma is not None  # noqa: S101 - such frames are passed over
+    return np.ascontiguousarray(frame.luma).copy(), frame.index
+
+
+def find_markers(
+    source: FilmSource | PictureSource, first: NDArray[np.uint8]
+) -> tuple[Sighting, NDArray[np.float64] | None]:
+    """Return what automatic detection sees in the first frame, and the four markers in their order.
+
+    The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.
+    """
+    from tracker.candidates import look
+
+    seen = look(first)
+    if seen.sticks_px is None:
+        return seen, None
+    return seen, name_sticks(source, seen.sticks_px, seconds=NAMING_S)
+
+
+def require_saved(session: Session) -> dict[str, Any]:
+    """Return what was saved.
+
+    Raises
+    ------
+    NoResultError
+        When the page was closed before.
+    """
+    if session.saved is None:
+        raise NoResultError(
+            "the page was closed before the markers were saved",
+            where=str(session.out),
+            do="run the command again and press Save on the page",
+        )
+    return session.saved
