@@ -44,6 +44,7 @@ def discover(
         say(f"Next experiment   {report.next_experiment.text}")
     for note in report.notes:
         say(f"Note              {note}")
+    say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
     return Answer(content, files=tuple(out / name for name in FILES))
 

@@ -43,7 +43,6 @@ COMMANDS: Final = (
 app = typer.Typer(
     name="torsight",
     help="From a film of two sticks to a trusted model of the torsion actuator.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -58,15 +57,20 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _options(
+    context: typer.Context,
     *,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and leave.", callback=_version, is_eager=True)
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    """Torsight measures the angle of a torsion actuator on film and finds what its model lacks."""
+    """From a film of two sticks to a trusted model of the torsion actuator."""
+    # The version is shown by its callback; --debug is looked at before the parser is.
+    del version, debug
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 for _name in COMMANDS:

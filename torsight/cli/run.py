@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.core.errors import ConfigError, InputError
+from torsight.cli.coverage import is_no_result
+from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -57,8 +58,12 @@ def run(
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
     from torsight.cli.campaign import result_row
+    from torsight.core.storage import read_json
 
-    return Answer(result_row(folder), files=sorted(path for path in folder.iterdir() if path.is_file()))
+    track = folder / "track.json"
+    few = track.is_file() and is_no_result(read_json(track))
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return Answer(result_row(folder), files=files, exit_code=NoResultError.exit_code if few else 0)
 
 
 def again(path: Path) -> Experiment:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.coverage import few_angles, is_no_result
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 
@@ -43,6 +44,8 @@ def track(
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
+    Ends with exit code 4 where less than half of the frames have an angle; what there is is written all the same.
+
     Example: torsight track film.mp4 --out out
     """
     from torsight.cli.console import progress_bar, say
@@ -61,7 +64,9 @@ def track(
             progress=progress,
         )
     say(f"{int(angles.valid.sum())} of {len(angles)} frames have an angle; see {out / 'angle.csv'}")
-    return Answer(read_json(out / "track.json"), files=tuple(out / name for name in FILES))
+    content = read_json(out / "track.json")
+    code = NoResultError.exit_code if is_no_result(content) else 0
+    return Answer(content, files=tuple(out / name for name in FILES), exit_code=code)
 
 
 def track_to_folder(
@@ -139,9 +144,12 @@ def track_to_folder(
         )
         write_angles(out / "angle.csv", orientation.angles)
         doubtful = doubts(result)
-        write_json(out / "track.json", account(result, orientation, doubts=doubtful, remarks=remarks))
+        content = account(result, orientation, doubts=doubtful, remarks=remarks)
+        write_json(out / "track.json", content)
         for doubt in doubtful:
             say(f"warning: {video}: {doubt}")
+        if (few := few_angles(content, where=str(video))) is not None:
+            say(f"{'torsight' if is_no_result(content) else 'warning'}: {few}")
         write_track_picture(out / TRACK_PICTURE, source, result, orientation.angles)
         for folder in kept:
             drop(folder)

@@ -1,0 +1,65 @@
+"""How many frames of a film have an angle: told below nine tenths, no result below a half."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from torsight.core.errors import NoResultError
+
+_USUAL: Final = 0.9
+_LEAST: Final = 0.5
+"""Shares of the contract: below the first a warning, below the second exit code 4."""
+_WHY: Final = {
+    "hidden": "something lies over a marker",
+    "shadowed": "the sticks are too close to each other",
+    "dark": "the light is off",
+    "outside": "a marker is outside the picture",
+    "lost": "a marker was not found again",
+    "damaged": "the frame is damaged",
+    "impossible": "the markers' places contradict each other",
+}
+
+
+def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
+    """Return what to tell of a film in which few frames have an angle.
+
+    Parameters
+    ----------
+    account : mapping
+        Content of ``track.json``.
+    where : str
+        Name of the film.
+
+    Returns
+    -------
+    NoResultError or None
+        Where less than nine tenths of the frames have an angle; :func:`is_no_result` says whether that ends a command.
+    """
+    share = _share(account)
+    if share >= _USUAL:
+        return None
+    frames = account["frames"]
+    why = next(iter(frames.get("why", {})), "")
+    advice = next(iter(account.get("advice") or []), "look at track.png: it shows what was read, and where not")
+    return NoResultError(
+        "few frames have an angle" if share >= _LEAST else "less than half of the frames have an angle",
+        where=where,
+        value=f"{frames['with_angle']} of {frames['total']}, {100.0 * share:.0f} %"
+        + (f"; most of the others: {_WHY[why]}" if why in _WHY else ""),
+        limit=f"{100.0 * (_USUAL if share >= _LEAST else _LEAST):.0f} % or more",
+        do=advice.rstrip("."),
+    )
+
+
+def is_no_result(account: Mapping[str, Any]) -> bool:
+    """Return whether so few frames have an angle that a command ends without a result (exit code 4)."""
+    return _share(account) < _LEAST
+
+
+def _share(account: Mapping[str, Any]) -> float:
+    frames = account.get("frames") or {}
+    # A table of angles that was taken over may come with another program's account of it.
+    if not frames.get("total") or "with_angle" not in frames:
+        return 1.0
+    return float(frames["with_angle"]) / int(frames["total"])
