@@ -1,4 +1,4 @@
-"""Why frames have no angle, and what to do about it: hands, the shutter, the light, or the file."""
+"""Why frames have no angle, and what to do about it: hands, the marker itself, the picture, shutter, light, or file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,21 @@ _DO: Final = {
     "hands": "keep hands and wires off the markers.",
     "file": "the film's file is damaged there; copy it from the camera again.",
     "light": "the light was off; use a steady lamp.",
+    "marker": (
+        "a marker was lost and not found again; look in track.png whether it is a dark or light dot that stands out "
+        "all around it, and give the places with 'torsight markers'."
+    ),
+    "picture": "a marker leaves the picture; film from further away.",
+    "sticks": "the sticks pass so close to each other that their markers mix; mount them further apart.",
 }
+_CAUSE: Final = {
+    "damaged": "file",
+    "dark": "light",
+    "lost": "marker",
+    "outside": "picture",
+    "shadowed": "sticks",
+}
+"""What stands behind a marker's state; hands for all others."""
 
 
 def gap_advice(frames: Mapping[str, Any], result: TrackResult, angles: StickAngles) -> list[str]:
@@ -41,8 +55,8 @@ def gap_advice(frames: Mapping[str, Any], result: TrackResult, angles: StickAngl
     why: Mapping[str, int] = frames["why"]
     words = ", ".join(f"{count} {name}" for name, count in why.items())
     most = max(why, key=lambda name: why[name])
-    cause = {"damaged": "file", "dark": "light"}.get(most, "hands")
-    smear_px = smear_around_gaps_px(result, angles) if cause == "hands" else 0.0
+    cause = _CAUSE.get(most, "hands")
+    smear_px = smear_around_gaps_px(result, angles) if cause in {"hands", "marker"} else 0.0
     if smear_px > _SMEARED * float(result.report["markers"]["radius_px"]):
         do = (
             f"the moving stick is fast there and its markers are smeared over {smear_px:.0f} px; film with a shorter "

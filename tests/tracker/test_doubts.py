@@ -84,6 +84,23 @@ def test_a_smear_is_told_as_a_shutter_too_long() -> None:
     assert "keep hands" in gap_advice(frames, result, angles)[0]
 
 
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("lost", "torsight markers"),
+        ("outside", "from further away"),
+        ("shadowed", "further apart"),
+        ("dark", "steady lamp"),
+        ("damaged", "copy it from the camera"),
+    ],
+)
+def test_each_cause_has_its_own_advice(state: str, words: str) -> None:
+    result, angles = made_gap(share=0.0)
+    (told,) = gap_advice({"total": 40, "without_angle": 10, "why": {state: 9, "hidden": 1}}, result, angles)
+    assert words in told
+    assert "hands" not in told
+
+
 def made_gap(*, share: float) -> tuple[TrackResult, StickAngles]:
     """Return positions of a stick that turns by 10 degrees per frame and is not seen in ten of them."""
     n = 40
