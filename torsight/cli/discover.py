@@ -45,6 +45,7 @@ def discover(
     for note in report.notes:
         say(f"Note              {note}")
     say(f"Results           {out}")
+    say(f"Report            {out / 'report.html'}")
     return Answer(content, files=tuple(out / name for name in FILES))
 
 
