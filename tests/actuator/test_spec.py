@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -90,3 +91,11 @@ def test_missing_table(tmp_path):
     path.write_text("[geometry]\nwire_diameter_mm = 0.5\nwire_length_mm = 64\n")
     with pytest.raises(ConfigError, match="material"):
         read_actuator(path)
+
+
+@pytest.mark.parametrize("member", ["values", "uncertainty"])
+def test_a_name_that_is_not_known_is_refused_where_a_spec_is_made(member: str) -> None:
+    spec = reference_spec()
+    wrong = {**getattr(spec, member), "tau_c_nmm": 0.1}
+    with pytest.raises(ConfigError, match="did you mean 'tau_c_mnm'"):
+        replace(spec, **{member: wrong})

@@ -127,7 +127,7 @@ class ActuatorModel:
                 where=f"{where}, first row",
                 value=f"{start_angle_rad / DEG:g}°",
                 limit=f"−{reach_deg:g}° to {reach_deg:g}°",
-                do="give the angle as read at the first row, in degrees",
+                do="give the angle as read at the first row (radians in Python, degrees in files and commands)",
             )
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
 

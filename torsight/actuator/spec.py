@@ -83,6 +83,8 @@ class ActuatorSpec:
     source: str = "actuator"
 
     def __post_init__(self) -> None:
+        check_keys(self.values, tuple(KEYS), where=f"{self.source}, values")
+        check_keys(self.uncertainty, tuple(self.values), where=f"{self.source}, uncertainty")
         check_order(self.values, where=self.source)
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -46,6 +46,7 @@ def discover(
         say(f"Note              {note}")
     say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
+    say(f"Report            {out / 'report.html'}")
     return Answer(content, files=tuple(out / name for name in FILES))
 
 
