@@ -46,7 +46,6 @@ def discover(
         say(f"Note              {note}")
     say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
-    say(f"Report            {out / 'report.html'}")
     return Answer(content, files=tuple(out / name for name in FILES))
 
 
