@@ -264,8 +264,8 @@ def _renewed(decay: Array, time: Array, k: int, made_for: int, reach: int, lag: 
 
 
 @inlined
-def _fit(m: Array, lag: float) -> tuple[float, float, float, float]:
-    """Return value, slope and their unit variances, of the wire at the origin, from normal equations.
+def _fit(m: Array, lag: float) -> tuple[float, float, float, float, float]:
+    """Return value, slope, half the curvature of the wire at the origin, and the first two's unit variances.
 
     The wire is the parabola c0 + c1 t + c2 t² with lag · (its slope) added: value c0 + lag c1, slope c1 + 2 lag c2.
     Written out, as it is asked for a few million times: the matrix becomes L D Lᵀ, and the side (y) and the two sums
@@ -287,6 +287,7 @@ def _fit(m: Array, lag: float) -> tuple[float, float, float, float]:
     slope = y1 * i1 + w2 * y2 * i2
     variance_value = i0 + v1 * v1 * i1 + v2 * v2 * i2
     variance_slope = i1 + w2 * w2 * i2
+    bend = y2 * i2
     if lag > 0.0:
         f3 = m[0, 3] * i0
         m13 = m[1, 3] - f1 * m[0, 3]
@@ -301,7 +302,8 @@ def _fit(m: Array, lag: float) -> tuple[float, float, float, float]:
         slope += w3 * y3 * i3
         variance_value += v3 * v3 * i3
         variance_slope += w3 * w3 * i3
-    return value, slope, variance_value, variance_slope
+        bend -= h3 * y3 * i3
+    return value, slope, bend, variance_value, variance_slope
 
 
 @compiled
@@ -343,7 +345,8 @@ def _local_fits(
     The last array holds, for the window before and the one after each sample: slope, its variance, and its length.
     """
     n = temp_c.size
-    value, slope, left_over = temp_c.copy(), np.zeros(n), np.full(n, sigma)
+    value, slope, bend, left_over = temp_c.copy(), np.zeros(n), np.zeros(n), np.full(n, sigma)
+    window = np.zeros((n, 2), np.int64)
     sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
     sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
@@ -362,15 +365,42 @@ def _local_fits(
                     state[kind, 0] = 0.0
                 if state[kind, 0] == 0.0:
                     continue
-                y, rate, variance, variance_rate = _fit(sums[kind], lag)
+                y, rate, half, variance, variance_rate = _fit(sums[kind], lag)
                 if not _judge(state[kind], y, threshold * sigma * np.sqrt(variance)):
                     continue
                 sides[kind, 0, k], sides[kind, 1, k], sides[kind, 2, k] = rate, sigma**2 * variance_rate, size
                 # Windows of one length on either side know as much; sums in another order must not choose.
                 if variance < _AS_WELL * best:
-                    best, value[k], slope[k] = variance, temp_c[k] + y, rate
+                    best, value[k], slope[k], bend[k] = variance, temp_c[k] + y, rate, half
+                    window[k, 0] = k if kind == 1 else k - size + 1
+                    window[k, 1] = k if kind == 0 else k + size - 1
             if not state[:, 0].any():
                 break
         if best < np.inf:
             left_over[k] = sigma * np.sqrt(best)
+        else:
+            window[k] = k
+    value, slope = _together(time, value, slope, bend, left_over, window, sizes[0])
     return value, slope, left_over, sides[:2]
+
+
+@compiled
+def _together(
+    time: Array, value: Array, slope: Array, bend: Array, sigma: Array, window: NDArray[np.int64], reach: int
+) -> tuple[Array, Array]:
+    """Return values and slopes as the mean of what the neighbours' parabolas say, each as far as its window goes.
+
+    Windows change from one sample to the next; the mean of the parabolas does not jump where one does.
+    """
+    n = value.size
+    found, rate = np.empty(n), np.empty(n)
+    for k in range(n):
+        total = at = along = 0.0
+        for j in range(max(0, k - reach), min(n, k + reach + 1)):
+            if window[j, 0] <= k <= window[j, 1]:
+                away, weight = time[k] - time[j], 1.0 / sigma[j] ** 2
+                total += weight
+                at += weight * (value[j] + away * (slope[j] + away * bend[j]))
+                along += weight * (slope[j] + 2.0 * away * bend[j])
+        found[k], rate[k] = at / total, along / total
+    return found, rate
