@@ -34,7 +34,7 @@ def test_a_window_is_fitted_as_least_squares_does(kind: int, rows: slice, lag: f
     spread = np.linalg.inv(design.T @ design)
     value = np.array([1.0, lag, 0.0, 0.0])[: len(c)]
     slope = np.array([0.0, 1.0, 2.0 * lag, 0.0])[: len(c)]
-    expected = (value @ c, slope @ c, value @ spread @ value, slope @ spread @ slope)
+    expected = (value @ c, slope @ c, c[2], value @ spread @ value, slope @ spread @ slope)
     # The fit holds its pivots off zero by 1e-12 of the number of samples; the smallest one here is some 1e-6.
     assert found == pytest.approx(expected, rel=1e-4, abs=1e-7)
 

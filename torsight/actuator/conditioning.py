@@ -6,8 +6,10 @@ first, by differences of third order at several strides (so that noise that was 
 found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets the value of a local
 parabola over a window before it, after it or around it. Each kind of window grows until the intervals of its estimates
 no longer meet (Goldenshluger and Nemirovski 1997; Katkovnik 1999): it stops at a corner by itself; the kind that ends
-with the smallest variance is used. Around a corner :mod:`torsight.actuator.corners` then fits both sides at once, and
-:mod:`torsight.actuator.holds` takes the mean of a top that is level.
+with the smallest variance is used. A sample's value is the mean of what the parabolas of the samples beside it say,
+each within its own window: so it does not jump where the window changes, which would move the angle at once. Around a
+corner :mod:`torsight.actuator.corners` then fits both sides at once, and :mod:`torsight.actuator.holds` takes the mean
+of a top that is level.
 
 The wire behind a slow sensor, τ dT_m/dt = T − T_m, comes out of the same fits: where the wire is locally a parabola,
 the sensor reads the parabola less its own lag and a rest that decays with τ, and that is what is fitted. The noise is
@@ -380,27 +382,27 @@ def _local_fits(
             left_over[k] = sigma * np.sqrt(best)
         else:
             window[k] = k
-    value, slope = _together(time, value, slope, bend, left_over, window, sizes[0])
-    return value, slope, left_over, sides[:2]
+    together = _together(time, value, slope, bend, left_over, window, sizes[0])
+    return together, slope, left_over, sides[:2]
 
 
 @compiled
 def _together(
     time: Array, value: Array, slope: Array, bend: Array, sigma: Array, window: NDArray[np.int64], reach: int
-) -> tuple[Array, Array]:
-    """Return values and slopes as the mean of what the neighbours' parabolas say, each as far as its window goes.
+) -> Array:
+    """Return values as the mean of what the neighbours' parabolas say, each as far as its window goes.
 
-    Windows change from one sample to the next; the mean of the parabolas does not jump where one does.
+    Windows change from one sample to the next; the mean of the parabolas does not jump where one does. The shortest
+    windows may reach over a corner: slopes stay as they are, or it would be rounded.
     """
     n = value.size
-    found, rate = np.empty(n), np.empty(n)
+    found = np.empty(n)
     for k in range(n):
-        total = at = along = 0.0
+        total = at = 0.0
         for j in range(max(0, k - reach), min(n, k + reach + 1)):
             if window[j, 0] <= k <= window[j, 1]:
                 away, weight = time[k] - time[j], 1.0 / sigma[j] ** 2
                 total += weight
                 at += weight * (value[j] + away * (slope[j] + away * bend[j]))
-                along += weight * (slope[j] + 2.0 * away * bend[j])
-        found[k], rate[k] = at / total, along / total
-    return found, rate
+        found[k] = at / total
+    return found
