@@ -348,7 +348,7 @@ def _local_fits(
     """
     n = temp_c.size
     value, slope, bend, left_over = temp_c.copy(), np.zeros(n), np.zeros(n), np.full(n, sigma)
-    window = np.zeros((n, 2), np.int64)
+    window = np.column_stack((np.arange(n), np.arange(n)))
     sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
     sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
@@ -380,8 +380,6 @@ def _local_fits(
                 break
         if best < np.inf:
             left_over[k] = sigma * np.sqrt(best)
-        else:
-            window[k] = k
     together = _together(time, value, slope, bend, left_over, window, sizes[0])
     return together, slope, left_over, sides[:2]
 
