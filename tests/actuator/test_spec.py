@@ -36,7 +36,7 @@ def changed(table: str, **keys):
 def test_reads_values_and_priors():
     spec = actuator_from(GOOD, where="a.toml")
     free = {p.name: p for p in spec.parameters() if not p.fixed}
-    assert set(free) == {"E_A_gpa", "A_s_c", "tau_c_mnm"}
+    assert set(free) == {"E_A_gpa", "A_s_c", "tau_c_mnm", "zero_deg"}
     assert free["tau_c_mnm"].sigma is None
     assert free["A_s_c"].sigma == 0.4
     assert Rig.from_values(spec.values).wire_length_m == pytest.approx(64.1e-3, abs=0.05e-3)

@@ -156,7 +156,7 @@ def fit_model(
         counted &= use
     scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
     problem = Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
-    u, weight, converged = _solve(problem, list(starts or default_starts(model)), progress)
+    u, weight, converged = _solve(problem, list(starts or default_starts(model, drive)), progress)
     return _result(problem, u, weight, converged=converged)
 
 
@@ -185,12 +185,20 @@ def require_motion(drive: Drive, *, where: str) -> None:
         )
 
 
-def default_starts(model: ActuatorModel) -> list[dict[str, float]]:
-    """Return starting points: nominal values with other frictions, and those that the effects name."""
+def default_starts(model: ActuatorModel, drive: Drive) -> list[dict[str, float]]:
+    """Return starting points: nominal values with other frictions and zeros, and those that the effects name."""
     tau = model.nominal()["tau_c_mnm"]
     starts = [{"tau_c_mnm": factor * max(tau, 1e-3)} for factor in (1.0, 0.4, 2.0)]
+    if any(parameter.name == "zero_deg" for parameter in model.parameters):
+        starts.append({"zero_deg": middle_deg(drive)})
     starts += [dict(start) for effect in model.chosen for start in effect.starts]
     return starts
+
+
+def middle_deg(drive: Drive) -> float:
+    """Return the middle of what was read, degrees: the zero, if both strokes are alike."""
+    low, high = np.nanquantile(drive.angle_rad, [0.005, 0.995])
+    return float(low + high) / (2.0 * DEG)
 
 
 def _own_scale(parameter: Parameter) -> float:

@@ -323,6 +323,8 @@ def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
     """Return the fitted values, each within the bounds that its fit had."""
     parameters = {parameter.name: parameter for parameter in model.all_parameters}
     check_keys(table, tuple(parameters), where="values")
+    # Models of before the zero was a value have none.
+    table = {"zero_deg": 0.0, **table}
     missing = [name for name, parameter in parameters.items() if name not in table and not parameter.fixed]
     if missing:
         raise ConfigError("lacks a value", where="values", value=", ".join(missing))

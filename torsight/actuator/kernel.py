@@ -30,21 +30,21 @@ from numpy.typing import NDArray
 
 from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
+    DWELL,
+    DWELL_STEP,
     FIRST_SHARE,
     FIXED_THETA_L,
+    HAS_LOADING,
     HAS_STRAY,
     HOME_HOLD,
-    K_3,
     K_M,
     K_S,
     PASSIVE_SHARE,
     ROOM_C,
-    STATIC_EXCESS,
-    STATIC_TIME,
+    SPEED_STEP,
     STEADY,
     STRAY,
     TANAKA,
-    THETA_3,
     THETA_CR,
     THETA_P,
     UNWOUND_A,
@@ -53,6 +53,7 @@ from torsight.actuator.kernel_laws import (
     cold_torque,
     friction_torque,
     from_table,
+    held_table,
     left_by_winding,
     loading_torque,
     side_torque,
@@ -81,6 +82,7 @@ from torsight.actuator.kernel_roots import (
     TEMP,
     TEMP_PASSIVE,
     THETA_L,
+    TORQUE_TOLERANCE,
     TURN_NOW,
     TURN_P,
     WHO,
@@ -116,27 +118,32 @@ _LONG_S: Final = 1e6
 
 
 @compiled
-def _wound_for(x: float, limit: float, p: Array) -> float:
+def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
-    if loading_torque(x, p) <= limit:
+    if loading_torque(x, p, tables) <= limit:
         return x
-    # Past the loading curve's first slope, unwinding from further off leaves less torque: linear in θ_max by pieces.
+    # Past the loading curve's first slope, unwinding from further off leaves less torque: linearly for two slopes.
     start = max(x, p[THETA_CR])
-    over = max(0.0, cold_torque(x, start, p) - limit)
-    second = max(0.0, p[THETA_3] - start) * (p[K_M] - p[K_S])
-    if over <= second:
-        return start + over / (p[K_M] - p[K_S])
-    return max(start, p[THETA_3]) + (over - second) / (p[K_M] - p[K_S] - p[K_3])
+    over = max(0.0, cold_torque(x, start, p, tables) - limit)
+    wound = start + over / (p[K_M] - p[K_S])
+    if p[HAS_LOADING] > 0.0:
+        # The curve is less steep than K_M everywhere, so that these steps close in on the answer.
+        for _ in range(40):
+            off = cold_torque(x, wound, p, tables) - limit
+            wound = min(max(start, wound + off / (p[K_M] - p[K_S])), 2.0 * p[THETA_P])
+            if abs(off) < TORQUE_TOLERANCE:
+                break
+    return wound
 
 
 @compiled
-def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array) -> Array:
+def _home(theta_start: float, first: int, scale: float, springs: Array, tables: Array) -> Array:
     """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
     The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
     unwound, that holds.
     """
-    wound = np.empty(2)
+    wound, p = np.empty(2), springs[0]
     if p[UNWOUND_A] >= 0.0:
         wound[0], wound[1] = theta_start + p[UNWOUND_A], p[THETA_P] - theta_start + p[UNWOUND_B]
         return wound
@@ -145,59 +152,60 @@ def _home(theta_start: float, first: int, scale: float, p: Array, tables: Array)
         hold = p[HOME_HOLD] * scale * friction_torque(theta_start, i == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        other = loading_torque(p[THETA_P] - own, p) + side_torque(p[THETA_P] - own, p, tables)
+        other = loading_torque(p[THETA_P] - own, springs[1 - i], tables) + side_torque(p[THETA_P] - own, p, tables)
         limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
-        wound[i] = _wound_for(own, limit - side_torque(own, p, tables), p)
+        wound[i] = _wound_for(own, limit - side_torque(own, p, tables), springs[i], tables)
     return wound
 
 
 @compiled
-def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array) -> Array:
+def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array, tables: Array) -> Array:
     """Return by how much both springs are unwound, as the next half-cycle will find them."""
     who = int(g[WHO])
     left = wound - np.array([theta_a, p[THETA_P] - theta_a])
-    left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p) - g[X_NOW]
+    left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW]
     return np.maximum(left, 0.0)
 
 
 @inlined
-def _recoverable(wound: float, left: Array, p: Array) -> float:
+def _recoverable(wound: float, left: Array, p: Array, tables: Array) -> float:
     """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
     whole = p[FIXED_THETA_L]
     if not whole > 0.0:
-        whole = left_by_winding(wound, p)
+        whole = left_by_winding(wound, p, tables)
     return max(0.0, whole * left[0] - left[1])
 
 
 @compiled
 def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: float, g: Array, q: Array, w: Array,
-                      wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+                      wound: Array, springs: Array, tables: Array) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
     the first carries no more than the other and friction hold.
     """
-    before = int(g[WHO])
+    before, p, o = int(g[WHO]), springs[who], springs[1 - who]
     if before >= 0:
-        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p)
+        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, springs[before], tables)
     x = theta_a if who == 0 else p[THETA_P] - theta_a
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
-    g[TAU_NOW] = cold_torque(x, wound[who], p)
+    g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
     if before < 0:
-        limit = cold_torque(p[THETA_P] - x, wound[1 - who], p) + scale * friction_torque(theta_a, who == 1, p, tables)
+        limit = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables)
+        limit += scale * friction_torque(theta_a, who == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             limit += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
         limit += side_torque(p[THETA_P] - x, p, tables)
         g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE] - side_torque(x, p, tables))
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
-    q[THETA_L] = _recoverable(wound[who], left, p)
+    q[THETA_L] = _recoverable(wound[who], left, p, tables)
     w[0], w[1], w[2] = 1.0, 1.0, 0.0
 
 
 @compiled
 def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Array) -> None:  # fmt: skip
+          wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -205,12 +213,12 @@ def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, 
     if g[CHANGED] > 0.0:
         saved_q[:], saved_w[:] = q, w
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
-        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p)
+        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables)
         w[1], w[2] = w[0], 0.0
         if heating:
             # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
             # martensite and not yet wound that far, what it recovered before is what it recovers again.
-            most = _recoverable(q[FLOOR], left, p)
+            most = _recoverable(q[FLOOR], left, p, tables)
             if g[XI_NOW] > 1.0 - 1e-9:
                 wound[int(g[WHO])] = q[FLOOR]
                 q[THETA_L] = most
@@ -226,18 +234,18 @@ def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, 
 
 
 @compiled
-def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> bool:
+def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
     First the way in which the transformation drives, then (after sticking) the other way.
     """
     x, scale = g[X_NOW], c[SCALE]
     hold = scale
-    if p[STATIC_EXCESS] > 0.0:
-        hold *= 1.0 + p[STATIC_EXCESS] * (1.0 - np.exp(-g[REST_S] / p[STATIC_TIME]))
+    if p[DWELL_STEP] > 0.0:
+        hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p[DWELL_STEP], tables)[0])
     for attempt in range(2):
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
-        limit = load_torque(x, sense, hold, c, p, tables)
+        limit = load_torque(x, sense, hold, c, p, o, tables)
         reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
         if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
             begins = q[SLIDING] != sense
@@ -250,13 +258,13 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, tables: Array, sec
                 held -= beside(x, c, p, tables)
                 q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
             if begins or hold > scale:
-                first = excess(x, sense, c, q, w, p, tables, sections)
+                first = excess(x, sense, c, q, w, p, o, tables, sections)
             else:
                 first = sense * (limit - made_torque(x, reached, c, q, p, tables))
             if first > 0.0:
                 # As far as in the sample before, and the change between the two before.
-                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, c, q, w, p, tables, sections)
-            g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, tables)
+                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, c, q, w, p, o, tables, sections)
+            g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
             g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
             if begins and hold > scale:
@@ -276,7 +284,7 @@ def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> b
 
     What depends on the speed or on the time at rest has to have come to rest before.
     """
-    if p[STEADY] == 0.0 or (g[REST_S] == 0.0 and p[VISCOUS] + p[STATIC_EXCESS] > 0.0):
+    if p[STEADY] == 0.0 or (g[REST_S] == 0.0 and p[VISCOUS] + p[SPEED_STEP] + p[DWELL_STEP] > 0.0):
         return False
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
@@ -313,7 +321,7 @@ def run(
     recoverable: Array,
     friction_scale: Array,
     load_change: Array,
-    p: Array,
+    springs: Array,
     tables: Array,
     sections: Array,
     theta_start: float,
@@ -339,10 +347,10 @@ def run(
     load_change : (3, n) float64
         Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
         column where nothing of it is.
-    p : (N_SCALARS,) float64
-        Scalars, in SI units.
-    tables : (4, m) float64
-        Torques over θ^A = φ + θ_P/2: friction down and up, stray torque; and a spring's side torque over its own angle.
+    springs : (2, N_SCALARS) float64
+        Scalars in SI units, with the values of spring A and with those of spring B.
+    tables : (7, m) float64
+        See :mod:`torsight.actuator.kernel_laws`.
     sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
     theta_start : float
@@ -360,8 +368,8 @@ def run(
     c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
     w, saved_w = np.ones((5, sections.shape[1])), np.ones((5, sections.shape[1]))
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
-    theta_a, theta_p = theta_start, p[THETA_P]
-    wound = _home(theta_start, active[0], friction_scale[0], p, tables)
+    theta_a, theta_p, p, o = theta_start, springs[0, THETA_P], springs[0], springs[1]
+    wound = _home(theta_start, active[0], friction_scale[0], springs, tables)
     c[FACTOR] = 1.0
     for k in range(n):
         starts = k == 0 or half[k] != half[k - 1]
@@ -369,9 +377,10 @@ def run(
         if starts or turns:
             own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
             if starts:
-                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, g, q, w, wound, p, tables)
+                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, g, q, w, wound, springs, tables)
+                p, o = springs[active[k]], springs[1 - active[k]]
             else:
-                _turn(directions[0, k] > 0, left, own, g, q, w, saved_q, saved_w, wound, p)
+                _turn(directions[0, k] > 0, left, own, g, q, w, saved_q, saved_w, wound, p, tables)
         fresh = starts or turns
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
@@ -386,13 +395,13 @@ def run(
         c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
         c[TURN_NOW] = directions[1, k]
         if p[PASSIVE_SHARE] > 0.0:
-            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, p)
+            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
         if load_change.shape[1] > 0:
             c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
         total = g[XI_NOW]
         # Only after a sample that slid.
         easy = not fresh and p[TANAKA] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
-        slid = (easy and glide(c, q, g, w, p, tables, sections)) or _settle(g, c, q, w, p, tables, sections)
+        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(g, c, q, w, p, o, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
@@ -405,5 +414,5 @@ def run(
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = passive_torque(g[X_NOW], c, p, tables)
-    return out, _unwound(theta_a, beside(g[X_NOW], c, p, tables), g, wound, p)
+        out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
+    return out, _unwound(theta_a, beside(g[X_NOW], c, p, tables), g, wound, p, tables)

@@ -4,8 +4,9 @@
 # Compiled functions call each other by position, flags too.
 """What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
 
-``p`` holds the rig's scalars at the places named here, ``tables`` (4, m) torques over θ^A; the last over a spring's own
-angle.
+``p`` holds the rig's scalars at the places named here, those of one spring among them. ``tables`` (7, m): torques over
+θ^A (friction down and up, stray torque), over a spring's own angle (side torque, what its loading curve has beside its
+two slopes), friction torque over the speed, and the factor on friction over log10(1 + rest in s).
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ THETA_CR: Final = 9
 THETA_P: Final = 10
 TAU_C: Final = 11
 VISCOUS: Final = 12
-STATIC_EXCESS: Final = 13
-STATIC_TIME: Final = 14
+SPEED_STEP: Final = 13
+DWELL_STEP: Final = 14
 PASSIVE_SHARE: Final = 15
 TANAKA: Final = 16
 ROOM_C: Final = 17
@@ -53,8 +54,8 @@ VISCOUS_POWER: Final = 29
 UNWOUND_A: Final = 30
 UNWOUND_B: Final = 31
 LATENT: Final = 32
-THETA_3: Final = 33
-K_3: Final = 34
+HAS_LOADING: Final = 33
+FOLLOWS: Final = 34
 N_SCALARS: Final = 35
 
 # Rows of the tables.
@@ -62,6 +63,9 @@ FRICTION_DOWN: Final = 0
 FRICTION_UP: Final = 1
 STRAY: Final = 2
 SIDE: Final = 3
+LOADING: Final = 4
+SPEED: Final = 5
+DWELL: Final = 6
 
 _LN100: Final = 4.605170185988092
 
@@ -174,37 +178,56 @@ def side_torque(x: float, p: Array, tables: Array) -> float:
 
 
 @inlined
-def loading_torque(theta: float, p: Array) -> float:
-    """Return the martensite's loading curve: two slopes, and a third one where there is one."""
-    if theta <= p[THETA_CR]:
-        return p[K_M] * theta
-    return p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR]) + p[K_3] * max(0.0, theta - p[THETA_3])
+def held_table(x: float, row: int, step: float, tables: Array) -> tuple[float, float]:
+    """Return value and slope of a table that begins at x = 0, held beyond its end."""
+    place, last = x / step, tables.shape[1] - 1
+    if place >= last:
+        return tables[row, last], 0.0
+    i = int(place)
+    rise = tables[row, i + 1] - tables[row, i]
+    return tables[row, i] + (place - i) * rise, rise / step
 
 
 @inlined
-def loading_slope(theta: float, p: Array) -> float:
+def loading_torque(theta: float, p: Array, tables: Array) -> float:
+    """Return the martensite's loading curve: two slopes, and what it has beside them."""
+    torque = p[K_M] * theta
+    if theta > p[THETA_CR]:
+        torque = p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR])
+    if p[HAS_LOADING] > 0.0:
+        torque += from_table(theta, LOADING, p, tables)
+    return torque
+
+
+@inlined
+def loading_slope(theta: float, p: Array, tables: Array) -> float:
     """Return the slope of the loading curve."""
-    if theta <= p[THETA_CR]:
-        return p[K_M]
-    return p[K_S] if theta <= p[THETA_3] else p[K_S] + p[K_3]
+    slope = p[K_M] if theta <= p[THETA_CR] else p[K_S]
+    if p[HAS_LOADING] > 0.0:
+        slope += table_and_slope(theta, LOADING, p, tables)[1]
+    return slope
 
 
 @inlined
-def left_by_winding(theta_max: float, p: Array) -> float:
-    """Return the angle that is left of a winding once its torque is gone: what heating can recover."""
-    if theta_max <= p[THETA_CR]:
-        return 0.0
-    # The same as θ_max less its torque over K_M.
-    left = (theta_max - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
-    return left - p[K_3] / p[K_M] * max(0.0, theta_max - p[THETA_3])
+def left_by_winding(theta_max: float, p: Array, tables: Array) -> float:
+    """Return the angle that is left of a winding once its torque is gone: what heating can recover.
+
+    θ_max less its torque over K_M; what the loading curve has beside its two slopes counts as far as θ_L follows it.
+    """
+    left = 0.0
+    if theta_max > p[THETA_CR]:
+        left = (theta_max - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
+    if p[HAS_LOADING] > 0.0:
+        left = max(0.0, left - p[FOLLOWS] * from_table(theta_max, LOADING, p, tables) / p[K_M])
+    return left
 
 
 @inlined
-def cold_torque(theta: float, theta_max: float, p: Array) -> float:
+def cold_torque(theta: float, theta_max: float, p: Array, tables: Array) -> float:
     """Return the torque of cold martensite: on its loading curve, or unwound elastically from ``theta_max``."""
     if theta >= theta_max:
-        return loading_torque(theta, p)
-    return loading_torque(theta_max, p) - p[K_M] * (theta_max - theta)
+        return loading_torque(theta, p, tables)
+    return loading_torque(theta_max, p, tables) - p[K_M] * (theta_max - theta)
 
 
 @inlined

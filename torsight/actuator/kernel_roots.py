@@ -8,6 +8,7 @@ Load less made torque is monotone in the active spring's angle x, so a bracketed
 iteration is needed. Where it slides on as before, Newton's steps from an extrapolated guess come to the same root in
 two or three.
 
+``p`` holds the rig's scalars with the active spring's values, ``o`` the same with the passive spring's;
 ``c`` holds what stands during one sample, ``q`` the reference state, ``g`` what goes on from sample to sample, at the
 places named here; ``w`` (5, m) per section of the wire: ξ, ξ0, the furthest place in the law's window, and a trial's ξ
 and place.
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from torsight.actuator.compiled import compiled, inlined
 from torsight.actuator.kernel_laws import (
     A_WIDTH,
+    DWELL_STEP,
     FRICTION_DOWN,
     FRICTION_UP,
     HAS_FRICTION,
@@ -35,7 +37,8 @@ from torsight.actuator.kernel_laws import (
     PASSIVE_SHARE,
     ROOM_C,
     SIDE,
-    STATIC_EXCESS,
+    SPEED,
+    SPEED_STEP,
     STEADY,
     STRAY,
     TAU_C,
@@ -51,6 +54,7 @@ from torsight.actuator.kernel_laws import (
     friction_torque,
     from_table,
     held_back,
+    held_table,
     latent_delay,
     left_by_winding,
     loading_slope,
@@ -110,35 +114,38 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
 
 
 @inlined
-def passive_torque(x: float, c: Array, p: Array, tables: Array) -> float:
+def passive_torque(x: float, c: Array, o: Array, tables: Array) -> float:
     """Return the passive spring's torque where the active one's angle is ``x``."""
-    other = p[THETA_P] - x
-    return cold_torque(other, c[WOUND], p) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, p, tables)
+    other = o[THETA_P] - x
+    return cold_torque(other, c[WOUND], o, tables) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, o, tables)
 
 
 @inlined
-def viscous_torque(x: float, sense: float, c: Array, p: Array) -> float:
-    """Return viscous friction at the end of a sample, from the mean speeds over it and over the one before.
+def speed_friction(x: float, sense: float, c: Array, p: Array, tables: Array) -> float:
+    """Return the friction that depends on speed at a sample's end, from the mean speeds over it and the one before.
 
     The backward differentiation formula of second order for steps of any length: the mean speed of one sample is that
     of its middle, which few rows a stroke would make several tenths of a degree of.
     """
     speed = (x - c[X0]) * c[PER_S]
     speed = max(0.0, sense * (speed + c[AHEAD] * (speed - c[BEFORE])))
-    return p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
+    friction = p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
+    if p[SPEED_STEP] > 0.0:
+        friction += held_table(speed, SPEED, p[SPEED_STEP], tables)[0]
+    return friction
 
 
 @inlined
-def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, tables: Array) -> float:
+def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, o: Array, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
     −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
     """
     theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
-    if p[VISCOUS] > 0.0:
-        friction += viscous_torque(x, sense, c, p)
-    torque = passive_torque(x, c, p, tables) - sense * friction
+    if p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0:
+        friction = max(0.0, friction + speed_friction(x, sense, c, p, tables))
+    torque = passive_torque(x, c, o, tables) - sense * friction
     if p[HAS_STRAY] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
     return torque
@@ -161,13 +168,15 @@ def made_torque(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array
     torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
     if c[HEATING] > 0.0:
         return torque + beside(x, c, p, tables)
-    return max(torque, cold_torque(x, q[FLOOR], p)) + beside(x, c, p, tables)
+    return max(torque, cold_torque(x, q[FLOOR], p, tables)) + beside(x, c, p, tables)
 
 
 @inlined
-def excess(x: float, sense: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+def excess(
+    x: float, sense: float, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array
+) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
-    load = load_torque(x, sense, c[SCALE], c, p, tables)
+    load = load_torque(x, sense, c[SCALE], c, p, o, tables)
     return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p, tables))
 
 
@@ -182,8 +191,9 @@ def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) ->
 
 @compiled
 def slide(
-    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array
-) -> float:
+    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array,
+    sections: Array,
+) -> float:  # fmt: skip
     """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
 
     A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
@@ -193,7 +203,7 @@ def slide(
     step = max(guess, 1e-7)
     x = a + sense * step
     for _ in range(120):
-        fx = excess(x, sense, c, q, w, p, tables, sections)
+        fx = excess(x, sense, c, q, w, p, o, tables, sections)
         if not bracketed:
             b, fb = x, fx
             if fx <= TORQUE_TOLERANCE:
@@ -215,17 +225,18 @@ def slide(
 
 
 @inlined
-def _cold_and_slope(x: float, c: Array, p: Array) -> tuple[float, float]:
+def _cold_and_slope(x: float, c: Array, o: Array, tables: Array) -> tuple[float, float]:
     """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
-    other = p[THETA_P] - x
-    return cold_torque(other, c[WOUND], p), -loading_slope(other, p) if other >= c[WOUND] else -p[K_M]
+    other = o[THETA_P] - x
+    slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o[K_M]
+    return cold_torque(other, c[WOUND], o, tables), slope
 
 
 @inlined
-def _load_and_slope(x: float, sense: float, c: Array, p: Array, tables: Array) -> tuple[float, float]:
+def _load_and_slope(x: float, sense: float, c: Array, p: Array, o: Array, tables: Array) -> tuple[float, float]:
     """Return :func:`load_torque` with its derivative."""
     other = p[THETA_P] - x
-    load, slope = _cold_and_slope(x, c, p)
+    load, slope = _cold_and_slope(x, c, o, tables)
     load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
     if p[HAS_SIDE] > 0.0:
         side, side_slope = table_and_slope(other, SIDE, p, tables)
@@ -238,13 +249,21 @@ def _load_and_slope(x: float, sense: float, c: Array, p: Array, tables: Array) -
         )
         if friction < 0.0:
             friction, friction_slope = 0.0, 0.0
-    load, slope = load - sense * friction * c[SCALE], slope - sense * c[SIGN] * friction_slope * c[SCALE]
-    if p[VISCOUS] > 0.0:
+    friction, friction_slope = friction * c[SCALE], c[SIGN] * friction_slope * c[SCALE]
+    if p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0:
         per_angle = sense * c[PER_S] * (1.0 + c[AHEAD])
         speed = sense * ((x - c[X0]) * c[PER_S] * (1.0 + c[AHEAD]) - c[AHEAD] * c[BEFORE])
         if speed > 0.0:
             torque = p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
-            load, slope = load - sense * torque, slope - sense * p[VISCOUS_POWER] * torque / speed * per_angle
+            friction, friction_slope = friction + torque, friction_slope + p[VISCOUS_POWER] * torque / speed * per_angle
+        if p[SPEED_STEP] > 0.0:
+            torque, per_speed = held_table(max(speed, 0.0), SPEED, p[SPEED_STEP], tables)
+            friction += torque
+            if speed > 0.0:
+                friction_slope += per_speed * per_angle
+        if friction < 0.0:
+            friction, friction_slope = 0.0, 0.0
+    load, slope = load - sense * friction, slope - sense * friction_slope
     if p[HAS_STRAY] > 0.0:
         stray, stray_slope = table_and_slope(theta_a, STRAY, p, tables)
         load, slope = load + c[SIGN] * stray, slope + stray_slope
@@ -285,7 +304,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: A
 
 
 @compiled
-def glide(c: Array, q: Array, g: Array, w: Array, p: Array, tables: Array, sections: Array) -> bool:
+def glide(c: Array, q: Array, g: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
     For Liang–Rogers. Monotone excess: where its root lies on the way that the spring slides, it slides there.
@@ -293,16 +312,16 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, tables: Array, secti
     heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
     spread = p[K_M] - p[K_A]
     # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
-    may_creep = p[STEADY] == 0.0 or p[VISCOUS] > 0.0
-    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[STATIC_EXCESS] == 0.0
+    may_creep = p[STEADY] == 0.0 or p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0
+    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[DWELL_STEP] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
     for _ in range(_NEWTON_STEPS):
         if bare:
-            load, load_slope = _cold_and_slope(x, c, p)
+            load, load_slope = _cold_and_slope(x, c, o, tables)
             load -= sense * p[TAU_C]
         else:
-            load, load_slope = _load_and_slope(x, sense, c, p, tables)
+            load, load_slope = _load_and_slope(x, sense, c, p, o, tables)
         xi, xi_slope, advances = _fraction_and_slope(load, c, p, sections, w)
         if not (advances or may_creep):
             return False
@@ -310,9 +329,9 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, tables: Array, secti
         made = q[TAU_REF] + stiffness * stretch
         slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * load_slope
         if not heating:
-            least = cold_torque(x, q[FLOOR], p)
+            least = cold_torque(x, q[FLOOR], p, tables)
             if made < least:
-                made, slope = least, loading_slope(x, p) if x >= q[FLOOR] else p[K_M]
+                made, slope = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p[K_M]
         made += c[OWN]
         if p[HAS_SIDE] > 0.0:
             side, side_slope = table_and_slope(x, SIDE, p, tables)
@@ -370,34 +389,34 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, 
 
 
 @inlined
-def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, p: Array) -> float:
+def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, o: Array) -> float:
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
-    torque = base + (p[K_A] + xi * (p[K_M] - p[K_A])) * angle * (1.0 - xi)
-    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, p), p)
+    torque = base + (o[K_A] + xi * (o[K_M] - o[K_A])) * angle * (1.0 - xi)
+    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o), o)
     return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
 
 
 @compiled
-def crosstalk(theta: float, c: Array, g: Array, p: Array) -> float:
+def crosstalk(theta: float, c: Array, g: Array, o: Array, tables: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
-    base = cold_torque(theta, c[WOUND], p)
-    angle = left_by_winding(c[WOUND], p) * p[PASSIVE_SHARE]
+    base = cold_torque(theta, c[WOUND], o, tables)
+    angle = left_by_winding(c[WOUND], o, tables) * o[PASSIVE_SHARE]
     if c[TURN_NOW] != g[TURN_P]:
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]
     # What the law at the torque of a trial ξ is above the trial falls as the trial grows, in both directions of change.
-    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, p)
+    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, o)
     fraction = xi
     if (fa < 0.0) if heating else (fa > 0.0):
         b = 0.0 if heating else 1.0
-        fb = _passive_excess(b, base, angle, heating, c, g, p)
+        fb = _passive_excess(b, base, angle, heating, c, g, o)
         for _ in range(80):
             if abs(fb) <= 1e-14 or abs(b - a) < 1e-14 or fa == fb:
                 break
             x = b - fb * (b - a) / (fb - fa)
-            a, fa, b, fb = _tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, p))
+            a, fa, b, fb = _tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o))
         fraction = b
     if abs(fraction - xi) > 1e-12:
         g[XI_P] = fraction
     fraction = g[XI_P]
-    return (p[K_A] + fraction * (p[K_M] - p[K_A])) * angle * (1.0 - fraction)
+    return (o[K_A] + fraction * (o[K_M] - o[K_A])) * angle * (1.0 - fraction)

@@ -14,9 +14,9 @@ from torsight.actuator import kernel
 from torsight.actuator import kernel_laws as laws
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import Effect, chosen_effects
-from torsight.actuator.ports import History, Ports
+from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
 from torsight.actuator.spec import ActuatorSpec
-from torsight.actuator.springs import Rig
+from torsight.actuator.springs import Rig, values_of_b
 from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
@@ -137,8 +137,10 @@ class ActuatorModel:
         history = history or History()
         counts = drive.cycles.counts()
         before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
+        zero_rad = given["zero_deg"] * DEG
         ports = Ports(
             rig=Rig.from_values(given),
+            rig_b=Rig.from_values(values_of_b(given)),
             time_s=drive.time_s,
             temp_a_c=drive.temp_a_c,
             temp_b_c=drive.temp_b_c,
@@ -153,6 +155,7 @@ class ActuatorModel:
             theta_l_scale=np.ones(len(counts)),
             theta_l_loss_rad=np.zeros(len(counts)),
             friction_scale=np.ones(len(drive)),
+            reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
         )
         for effect in self.chosen:
             if not (effect.is_clock and history.after_record):
@@ -227,21 +230,32 @@ def run_ports(
 
 
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> Array:
-    """Return the kernel's vector of scalars."""
-    rig = ports.rig
-    grid = ports.grid_rad()
-    p = np.zeros(laws.N_SCALARS)
+    """Return the kernel's scalars (2, N_SCALARS): with spring A's values, and with spring B's."""
+    common = _common_scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    return np.stack([_with_spring(common, rig) for rig in (ports.rig, ports.rig_b)])
+
+
+def _with_spring(common: Array, rig: Rig) -> Array:
+    p = common.copy()
     p[laws.K_A], p[laws.K_M], p[laws.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
     # A fit may try values out of order: a window never closes.
     p[laws.A_START], p[laws.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
     p[laws.M_FINISH], p[laws.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
     p[laws.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
     p[laws.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
-    p[laws.THETA_CR], p[laws.THETA_P] = rig.theta_cr_rad, rig.theta_p_rad
+    p[laws.THETA_CR] = rig.theta_cr_rad
+    return p
+
+
+def _common_scalars(ports: Ports, *, tanaka: bool, theta_l_deg: float | None) -> Array:
+    rig, grid = ports.rig, ports.grid_rad()
+    p = np.zeros(laws.N_SCALARS)
+    p[laws.THETA_P] = rig.theta_p_rad
     p[laws.TAU_C], p[laws.VISCOUS], p[laws.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
-    p[laws.THETA_3], p[laws.K_3] = min(ports.third_rad, 1e9), ports.third_nm
+    p[laws.HAS_LOADING], p[laws.FOLLOWS] = float(ports.loading_nm is not None), ports.loading_follows
     p[laws.LATENT] = ports.latent_c_s
-    p[laws.STATIC_EXCESS], p[laws.STATIC_TIME] = ports.static_excess, ports.static_time_s
+    p[laws.SPEED_STEP] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
+    p[laws.DWELL_STEP] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
     p[laws.PASSIVE_SHARE], p[laws.TANAKA] = ports.passive_share, float(tanaka)
     p[laws.ROOM_C], p[laws.HOME_HOLD] = ports.room_c, ports.home_hold
     p[laws.GRID_START], p[laws.GRID_STEP] = grid[0], grid[1] - grid[0]
@@ -260,7 +274,15 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
 
 def _tables(ports: Ports) -> Array:
     """Return the kernel's tables; those that are not there are zero and never looked at."""
-    given = (ports.friction_down_nm, ports.friction_up_nm, ports.stray_nm, ports.side_nm)
+    given = (
+        ports.friction_down_nm,
+        ports.friction_up_nm,
+        ports.stray_nm,
+        ports.side_nm,
+        ports.loading_nm,
+        ports.speed_friction_nm,
+        ports.dwell_factor,
+    )
     size = max([2, *(len(table) for table in given if table is not None)])
     return np.stack([np.zeros(size) if table is None else table for table in given])
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ Reading = Callable[[Array, Array], Array]
 
 _GRID_POINTS = 1201
 _GRID_MARGIN = 0.25
+SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
+"""Speeds of the table of friction over speed; the last value holds beyond. The paper's rig reaches 0.2 rad/s."""
+DWELL_DECADES: Final = np.linspace(0.0, 6.0, _GRID_POINTS)
+"""log10(1 + rest in s) of the table of friction after a rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +55,8 @@ class Ports:
 
     Attributes
     ----------
-    rig : Rig
-        The springs' values.
+    rig, rig_b : Rig
+        The values of spring A with those of the rig, and of spring B.
     time_s : (n,) float64
         Times of the rows.
     temp_a_c, temp_b_c : (n,) float64
@@ -92,14 +97,18 @@ class Ports:
         By how much a wire is warmer than its sensor says per rate of its ξ.
     viscous_nms, viscous_power : float
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
-    static_excess, static_time_s : float
-        By which share friction after a long rest exceeds sliding friction, and the rest that it takes.
+    dwell_factor : (g,) float64 or None
+        Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
+    speed_friction_nm : (g,) float64 or None
+        Friction torque beside the other kinds, over :data:`SPEEDS_RAD_S`; None: none.
     friction_down_nm, friction_up_nm : (g,) float64 or None
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
         Further torque along φ over θ^A.
-    third_rad, third_nm : float
-        Winding from which the loading curve has a third slope, and by how much it is steeper than the second (N·m/rad).
+    loading_nm : (g,) float64 or None
+        What the loading curve has beside its two slopes, over a spring's own angle (:meth:`grid_rad`).
+    loading_follows : float
+        Share of that by which the recoverable angle follows the loading curve.
     side_nm : (g,) float64 or None
         Torque that either spring makes beside its phase's, over its own angle (the same grid).
     reading : tuple of functions
@@ -107,6 +116,7 @@ class Ports:
     """
 
     rig: Rig
+    rig_b: Rig
     time_s: Array
     temp_a_c: Array
     temp_b_c: Array
@@ -135,13 +145,13 @@ class Ports:
     latent_c_s: float = 0.0
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
-    static_excess: float = 0.0
-    static_time_s: float = 1.0
+    dwell_factor: Array | None = None
+    speed_friction_nm: Array | None = None
     friction_down_nm: Array | None = None
     friction_up_nm: Array | None = None
     stray_nm: Array | None = None
-    third_rad: float = np.inf
-    third_nm: float = 0.0
+    loading_nm: Array | None = None
+    loading_follows: float = 1.0
     side_nm: Array | None = None
     reading: tuple[Reading, ...] = ()
 
@@ -198,6 +208,23 @@ class Ports:
         down = plain if self.friction_down_nm is None else self.friction_down_nm
         up = plain if self.friction_up_nm is None else self.friction_up_nm
         return replace(self, friction_down_nm=down * factor_down + added_nm, friction_up_nm=up * factor_up + added_nm)
+
+    def with_speed_friction(self, torque_nm: Array) -> Ports:
+        """Return ports with a further friction torque over :data:`SPEEDS_RAD_S`."""
+        before = self.speed_friction_nm
+        return replace(self, speed_friction_nm=torque_nm if before is None else before + torque_nm)
+
+    def with_dwell(self, factor: Array) -> Ports:
+        """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
+        return replace(self, dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
+
+    def with_loading(self, torque_nm: Array, *, follows: float = 1.0) -> Ports:
+        """Return ports whose loading curve has a further torque over a spring's angle (on :meth:`grid_rad`).
+
+        The recoverable angle follows it by the share ``follows``.
+        """
+        before = self.loading_nm
+        return replace(self, loading_nm=torque_nm if before is None else before + torque_nm, loading_follows=follows)
 
     def with_stray(self, torque_nm: Array) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""

@@ -6,11 +6,12 @@ Values stay in the public units that their names end in; :class:`torsight.actuat
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from torsight.actuator.springs import SPRING_B, values_of_b
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
@@ -49,10 +50,18 @@ KEYS: Final[Mapping[str, _Key]] = {
     "theta_cr_deg": _Key("material", "°", 5.0, 5000.0, _DEGREES),
     "theta_p_deg": _Key("assembly", "°", 20.0, 20000.0, _DEGREES),
     "tau_c_mnm": _Key("friction", "mN·m", 0.0, 1e4, "give it in mN·m"),
+    "zero_deg": _Key("sticks", "°", -360.0, 360.0, _DEGREES),
 }
 """Every key of ``ACTUATOR.toml`` with its table, unit and the range outside which it must be a slip."""
 
-TABLES: Final = ("geometry", "material", "assembly", "friction", "uncertainty")
+_OF_SPRINGS: Final = tuple(name for name, key in KEYS.items() if key.table in ("geometry", "material"))
+ALL_KEYS: Final[Mapping[str, _Key]] = {**KEYS, **{SPRING_B + name: KEYS[name] for name in _OF_SPRINGS}}
+"""The same with the values that spring B may have for itself."""
+ZERO_SIGMA_DEG: Final = 30.0
+"""Standard deviation of the sticks' zero where nobody has measured it: they are mounted by eye, more or less alike."""
+
+TABLES: Final = ("geometry", "material", "assembly", "friction", "sticks", "spring_b", "uncertainty")
+_REQUIRED: Final = TABLES[:4]
 _ORDERS: Final = (
     ("A_s_c", "A_f_c", "austenite starts to form below the temperature at which it is complete"),
     ("M_f_c", "M_s_c", "martensite is complete below the temperature at which it starts to form"),
@@ -83,22 +92,28 @@ class ActuatorSpec:
     source: str = "actuator"
 
     def __post_init__(self) -> None:
-        check_keys(self.values, tuple(KEYS), where=f"{self.source}, values")
+        check_keys(self.values, tuple(ALL_KEYS), where=f"{self.source}, values")
         check_keys(self.uncertainty, tuple(self.values), where=f"{self.source}, uncertainty")
         check_order(self.values, where=self.source)
+        if any(name.startswith(SPRING_B) for name in self.values):
+            check_order(values_of_b(self.values), where=f"{self.source}, [spring_b]")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all values as parameters: free where they carry an uncertainty, and the friction torque always."""
+        """Return all values as parameters: free where they carry an uncertainty, and the friction torque always.
+
+        The sticks' zero is among them, free within :data:`ZERO_SIGMA_DEG` where it was not measured.
+        """
         made = []
-        for name, value in self.values.items():
-            sigma = self.uncertainty.get(name)
+        zero = {} if "zero_deg" in self.values else {"zero_deg": 0.0}
+        for name, value in {**self.values, **zero}.items():
+            sigma = ZERO_SIGMA_DEG if name in zero else self.uncertainty.get(name)
             free = sigma is not None or name == "tau_c_mnm"
             lower, upper = fit_bounds(name, value, sigma)
             made.append(
                 Parameter(
                     name=name,
                     value=value,
-                    unit=KEYS[name].unit,
+                    unit=ALL_KEYS[name].unit,
                     lower=lower if free else -math.inf,
                     upper=upper if free else math.inf,
                     sigma=sigma,
@@ -107,12 +122,22 @@ class ActuatorSpec:
             )
         return tuple(made)
 
-    def to_tables(self) -> dict[str, dict[str, float]]:
+    def to_tables(self) -> dict[str, dict[str, Any]]:
         """Return the tables of ``ACTUATOR.toml``."""
-        tables: dict[str, dict[str, float]] = {name: {} for name in TABLES}
+        tables: dict[str, dict[str, Any]] = {name: {} for name in TABLES}
+        own_sigmas = {}
         for name, value in self.values.items():
-            tables[KEYS[name].table][name] = float(value)
-        tables["uncertainty"] = {name: float(sigma) for name, sigma in self.uncertainty.items()}
+            if name.startswith(SPRING_B):
+                tables["spring_b"][name.removeprefix(SPRING_B)] = float(value)
+            else:
+                tables[KEYS[name].table][name] = float(value)
+        for name, sigma in self.uncertainty.items():
+            if name.startswith(SPRING_B):
+                own_sigmas[name.removeprefix(SPRING_B)] = float(sigma)
+            else:
+                tables["uncertainty"][name] = float(sigma)
+        if own_sigmas:
+            tables["spring_b"]["uncertainty"] = own_sigmas
         return {name: table for name, table in tables.items() if table}
 
 
@@ -121,7 +146,7 @@ def fit_bounds(name: str, value: float, sigma: float | None) -> tuple[float, flo
 
     Wide on purpose: a value that is pulled many sigmas off is a finding, and a bound that holds it would hide it.
     """
-    key = KEYS[name]
+    key = ALL_KEYS[name]
     if name == "tau_c_mnm":
         return 0.0, max(20.0 * value, 20.0 * (sigma or 0.0), 10.0)
     reach = 40.0 * (sigma or 0.0)
@@ -151,17 +176,40 @@ def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
     """
     check_keys(content, TABLES, where=where)
     values: dict[str, float] = {}
-    for table_name in TABLES[:-1]:
+    for table_name in _REQUIRED:
         table = get_table(content, table_name, where=where, required=True)
         place = f"{where}, [{table_name}]"
         names = tuple(name for name, key in KEYS.items() if key.table == table_name)
         check_keys(table, names, where=place)
-        for name in _wanted(table_name, table, names, where=place):
-            key = KEYS[name]
-            values[name] = get_number(table, name, where=place, lower=key.lower, upper=key.upper, hint=key.hint)
-    return ActuatorSpec(
-        values=values, uncertainty=_uncertainty(content, values, where=f"{where}, [uncertainty]"), source=where
-    )
+        values |= _numbers(table, _wanted(table_name, table, names, where=place), where=place)
+    sticks = get_table(content, "sticks", where=where)
+    check_keys(sticks, ("zero_deg",), where=f"{where}, [sticks]")
+    values |= _numbers(sticks, tuple(sticks), where=f"{where}, [sticks]")
+    uncertainty = _uncertainty(content, values, where=f"{where}, [uncertainty]")
+    own = get_table(content, "spring_b", where=where)
+    if own:
+        own_values, own_uncertainty = _spring_b(own, where=f"{where}, [spring_b]")
+        values |= {SPRING_B + name: value for name, value in own_values.items()}
+        uncertainty |= {SPRING_B + name: sigma for name, sigma in own_uncertainty.items()}
+    return ActuatorSpec(values=values, uncertainty=uncertainty, source=where)
+
+
+def _numbers(table: Mapping[str, Any], names: Iterable[str], *, where: str) -> dict[str, float]:
+    keys = {name: KEYS[name] for name in names}
+    return {
+        name: get_number(table, name, where=where, lower=key.lower, upper=key.upper, hint=key.hint)
+        for name, key in keys.items()
+    }
+
+
+def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float], dict[str, float]]:
+    """Return values and uncertainties that the second spring has for itself: any of geometry and material."""
+    check_keys(table, (*_OF_SPRINGS, "uncertainty"), where=where)
+    given = {name: value for name, value in table.items() if name != "uncertainty"}
+    if "wire_length_mm" in given or "mean_diameter_mm" in given or "active_coils" in given:
+        _wanted("geometry", given, _OF_SPRINGS, where=where)
+    values = _numbers(given, given, where=where)
+    return values, _uncertainty(table, values, where=f"{where}, [spring_b.uncertainty]")
 
 
 def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *, where: str) -> tuple[str, ...]:
@@ -191,6 +239,8 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
     sigmas = {}
     for name in table:
         scale = 30.0 if KEYS[name].unit == "°C" else max(abs(values[name]), 1e-3)
+        if name == "zero_deg":
+            scale = KEYS[name].upper
         upper = 10.0 * scale if name == "tau_c_mnm" else scale
         sigma = get_number(
             table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Rig:
 
     @classmethod
     def from_values(cls, values: Mapping[str, float]) -> Rig:
-        """Convert public values (``E_A_gpa``, ``theta_cr_deg``, …) to SI."""
+        """Convert public values (``E_A_gpa``, ``theta_cr_deg``, …) to SI, those of spring A where they differ."""
         diameter_m = values["wire_diameter_mm"] * MM
         length_m = wire_length_mm(values) * MM
         stress = stress_per_torque(diameter_m)
@@ -97,6 +98,20 @@ class Rig:
         """Return θ_L, the torque-free angle that winding to ``theta_max_rad`` leaves, rad."""
         share = 1.0 - self.k_stress_induced / self.k_martensite
         return max(0.0, theta_max_rad - self.theta_cr_rad) * share
+
+
+SPRING_B: Final = "spring_b_"
+"""Prefix of the names of values that the second spring has for itself."""
+
+
+def values_of_b(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values with those that spring B has for itself in place of the common ones."""
+    own = {name.removeprefix(SPRING_B): value for name, value in values.items() if name.startswith(SPRING_B)}
+    common = dict(values)
+    if {"wire_length_mm", "mean_diameter_mm", "active_coils"} & own.keys():
+        for name in ("wire_length_mm", "mean_diameter_mm", "active_coils"):
+            common.pop(name, None)
+    return {**common, **own}
 
 
 def wire_length_mm(values: Mapping[str, float]) -> float:

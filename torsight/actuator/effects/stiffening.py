@@ -12,7 +12,6 @@ Alloys (2008), ch. 1.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -43,8 +42,10 @@ def apply(ports: Ports, values: Values) -> Ports:
     rig, share = ports.rig, values["stiffening_loading_share"]
     whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
     steepest_nm = _STEEPEST * (rig.k_martensite - rig.k_stress_induced)
-    ports = replace(ports, third_rad=onset_rad, third_nm=min(share * whole_nm * _REACH_RAD**2, steepest_nm))
-    if share == 1.0:
+    if whole_nm * share > 0.0:
+        third_nm = min(share * whole_nm * _REACH_RAD**2, steepest_nm)
+        ports = ports.with_loading(third_nm * np.maximum(0.0, ports.grid_rad() - onset_rad))
+    if share == 1.0 or whole_nm == 0.0:
         return ports
     law = {"cubic_nm": (1.0 - share) * whole_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
     return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=rig.k_austenite))

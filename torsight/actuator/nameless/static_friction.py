@@ -8,17 +8,19 @@ jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
+from torsight.actuator.ports import DWELL_DECADES, Ports
 from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Set excess and time."""
-    return replace(ports, static_excess=values["static_excess"], static_time_s=values["static_time_s"])
+    rest_s = 10.0**DWELL_DECADES - 1.0
+    return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - np.exp(-rest_s / values["static_time_s"])))
 
 
 EFFECT: Final = Effect(
