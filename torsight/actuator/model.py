@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator import kernel
-from torsight.actuator import kernel_laws as laws
+from torsight.actuator import kernel_laws as places
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
-from torsight.actuator.effects import Effect, chosen_effects
+from torsight.actuator.effects import STAGES, Effect, chosen_effects
+from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig, values_of_b
 from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.errors import ConfigError
+from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
@@ -73,12 +75,15 @@ class ActuatorModel:
         ``"liang_rogers"`` (the model) or ``"tanaka"``.
     theta_l_deg : float or None
         A constant recoverable angle in place of the one that the last winding left.
+    laws : tuple of LawForm
+        Measured laws that are part of the model.
     """
 
     spec: ActuatorSpec
     effects: Sequence[str] = ()
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
+    laws: tuple[LawForm, ...] = ()
 
     @cached_property
     def chosen(self) -> tuple[Effect, ...]:
@@ -89,7 +94,8 @@ class ActuatorModel:
     def all_parameters(self) -> tuple[Parameter, ...]:
         """Every parameter, the exact ones (``fixed``) too."""
         own = self.spec.parameters()
-        return own + tuple(parameter for effect in self.chosen for parameter in effect.parameters)
+        effects = tuple(parameter for effect in self.chosen for parameter in effect.parameters)
+        return own + effects + tuple(parameter for form in self.laws for parameter in form.parameters)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -149,6 +155,7 @@ class ActuatorModel:
             active=drive.cycles.active,
             half=drive.cycles.half,
             cycle=counts + before,
+            half_cycle=np.arange(len(counts)) + sum(history.cycles),
             room_c=drive.room_c,
             sensors=drive.sensors,
             history=history,
@@ -157,10 +164,20 @@ class ActuatorModel:
             friction_scale=np.ones(len(drive)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
         )
-        for effect in self.chosen:
-            if not (effect.is_clock and history.after_record):
-                ports = effect.apply(ports, given)
+        for part in self._parts:
+            if isinstance(part, LawForm):
+                ports = apply_law(ports, part, np.array([given[name] for name in part.names]))
+            elif not (part.is_clock and history.after_record):
+                ports = part.apply(ports, given)
         return ports
+
+    @cached_property
+    def _parts(self) -> tuple[Effect | LawForm, ...]:
+        """Effects and laws in the order in which they act: by place, laws after effects."""
+        stages = [STAGES.index(effect.acts_on) for effect in self.chosen]
+        stages += [STAGES.index(FAMILIES[form.id].stage) for form in self.laws]
+        parts: list[Effect | LawForm] = [*self.chosen, *self.laws]
+        return tuple(parts[i] for i in sorted(range(len(parts)), key=lambda i: (stages[i], i)))
 
     def simulate(
         self, drive: Drive, values: Mapping[str, float] | None = None, *, history: History | None = None
@@ -237,38 +254,38 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
 
 def _with_spring(common: Array, rig: Rig) -> Array:
     p = common.copy()
-    p[laws.K_A], p[laws.K_M], p[laws.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
+    p[places.K_A], p[places.K_M], p[places.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
     # A fit may try values out of order: a window never closes.
-    p[laws.A_START], p[laws.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
-    p[laws.M_FINISH], p[laws.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
-    p[laws.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
-    p[laws.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
-    p[laws.THETA_CR] = rig.theta_cr_rad
+    p[places.A_START], p[places.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
+    p[places.M_FINISH], p[places.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
+    p[places.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
+    p[places.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
+    p[places.THETA_CR] = rig.theta_cr_rad
     return p
 
 
 def _common_scalars(ports: Ports, *, tanaka: bool, theta_l_deg: float | None) -> Array:
     rig, grid = ports.rig, ports.grid_rad()
-    p = np.zeros(laws.N_SCALARS)
-    p[laws.THETA_P] = rig.theta_p_rad
-    p[laws.TAU_C], p[laws.VISCOUS], p[laws.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
-    p[laws.HAS_LOADING], p[laws.FOLLOWS] = float(ports.loading_nm is not None), ports.loading_follows
-    p[laws.LATENT] = ports.latent_c_s
-    p[laws.SPEED_STEP] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
-    p[laws.DWELL_STEP] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
-    p[laws.PASSIVE_SHARE], p[laws.TANAKA] = ports.passive_share, float(tanaka)
-    p[laws.ROOM_C], p[laws.HOME_HOLD] = ports.room_c, ports.home_hold
-    p[laws.GRID_START], p[laws.GRID_STEP] = grid[0], grid[1] - grid[0]
-    p[laws.HAS_FRICTION] = float(ports.friction_down_nm is not None)
-    p[laws.HAS_STRAY] = float(ports.stray_nm is not None)
-    p[laws.HAS_SIDE] = float(ports.side_nm is not None)
-    p[laws.FIRST_SHARE] = ports.first_share
-    p[laws.HEATING_BEND], p[laws.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
+    p = np.zeros(places.N_SCALARS)
+    p[places.THETA_P] = rig.theta_p_rad
+    p[places.TAU_C], p[places.VISCOUS], p[places.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
+    p[places.HAS_LOADING], p[places.FOLLOWS] = float(ports.loading_nm is not None), ports.loading_follows
+    p[places.LATENT] = ports.latent_c_s
+    p[places.SPEED_STEP] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
+    p[places.DWELL_STEP] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
+    p[places.PASSIVE_SHARE], p[places.TANAKA] = ports.passive_share, float(tanaka)
+    p[places.ROOM_C], p[places.HOME_HOLD] = ports.room_c, ports.home_hold
+    p[places.GRID_START], p[places.GRID_STEP] = grid[0], grid[1] - grid[0]
+    p[places.HAS_FRICTION] = float(ports.friction_down_nm is not None)
+    p[places.HAS_STRAY] = float(ports.stray_nm is not None)
+    p[places.HAS_SIDE] = float(ports.side_nm is not None)
+    p[places.FIRST_SHARE] = ports.first_share
+    p[places.HEATING_BEND], p[places.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
-    p[laws.STEADY] = float(not moving_load)
-    p[laws.UNWOUND_A], p[laws.UNWOUND_B] = ports.history.unwound_rad or (-1.0, -1.0)
-    p[laws.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
+    p[places.STEADY] = float(not moving_load)
+    p[places.UNWOUND_A], p[places.UNWOUND_B] = ports.history.unwound_rad or (-1.0, -1.0)
+    p[places.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
 
 

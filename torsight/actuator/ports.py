@@ -69,6 +69,8 @@ class Ports:
         Number of the half-cycle.
     cycle : (halves,) int64
         How often the driven spring had been heated before each half-cycle, the history's cycles included.
+    half_cycle : (halves,) int64
+        How often either spring had been heated before it.
     room_c : float
         Room temperature.
     sensors : Sensors
@@ -125,6 +127,7 @@ class Ports:
     active: NDArray[np.int8]
     half: NDArray[np.int64]
     cycle: NDArray[np.int64]
+    half_cycle: NDArray[np.int64]
     room_c: float
     sensors: Sensors
     history: History = field(default_factory=History)

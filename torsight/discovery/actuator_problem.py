@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, load_effects, load_nameless
+from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.turns import REVERSAL_C, turning_points
+from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
@@ -59,6 +61,8 @@ class ActuatorProblem:
         In degrees.
     clock_sigma_s : float or None
         How well the clocks were put together by something else than motion and temperature; None: not at all.
+    forms : tuple of LawForm
+        Measured laws that are candidates, too.
     """
 
     drive: Drive
@@ -66,6 +70,7 @@ class ActuatorProblem:
     seed: int = 0
     resolution: float = RESOLUTION_DEG
     clock_sigma_s: float | None = None
+    forms: tuple[LawForm, ...] = ()
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
@@ -86,7 +91,22 @@ class ActuatorProblem:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
         measured = self.drive.angle_rad
         named = [_candidate(effect, measured) for effect in effects]
-        return (*named, *(_candidate(effect, measured, named=False) for effect in load_nameless().values()))
+        nameless = (_candidate(effect, measured, named=False) for effect in load_nameless().values())
+        laws = (Candidate(form.id, "law", form.parameters, named=False) for form in self.forms)
+        return (*named, *nameless, *laws)
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """Places and variables at which a law may be missing."""
+        return laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
+
+    def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
+        """Return the problem with these forms of laws among its candidates."""
+        other = replace(self, forms=tuple(forms))
+        # What depends on the record alone is not worked out again.
+        kept = ("rows", "time_s", "_means", "valid", "block", "rest", "drivers", "laws", "_temperature_errors")
+        other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        return other
 
     @cached_property
     def once(self) -> tuple[str, ...]:
@@ -146,7 +166,9 @@ class ActuatorProblem:
         chosen = tuple(effects)
         if chosen not in self._models:
             always = (effect.id for effect in _always())
-            self._models[chosen] = ActuatorModel(self.spec, (*chosen, *always))
+            forms = tuple(form for form in self.forms if form.id in chosen)
+            effects = tuple(name for name in chosen if name not in {form.id for form in forms})
+            self._models[chosen] = ActuatorModel(self.spec, (*effects, *always), laws=forms)
         return self._models[chosen]
 
     def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:

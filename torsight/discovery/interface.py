@@ -19,6 +19,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.features import Basis
 
@@ -103,6 +104,10 @@ class Problem(Protocol):
         however many samples it has. All False where there is no such thing.
     drivers : mapping of str to (n,) array
         Variables that an effect without a name may depend on.
+    laws : tuple of Law
+        Places and variables at which the model may lack a law.
+    forms : tuple of LawForm
+        Measured laws that are candidates, too.
     resolution : float
         Size of a difference, in units of ``observed``, below which nobody would miss an effect.
     once : tuple of str
@@ -151,6 +156,17 @@ class Problem(Protocol):
     @property
     def resolution(self) -> float:
         """Size below which nobody would miss an effect."""
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Places and variables at which the model may lack a law."""
+
+    @property
+    def forms(self) -> tuple[LawForm, ...]:
+        """Measured laws that are candidates, too."""
+
+    def with_laws(self, forms: Sequence[LawForm]) -> Problem:
+        """Return the problem with these forms of laws among its candidates, each under its law's id."""
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
         """Return the model's values (n,) with the effects named switched on.

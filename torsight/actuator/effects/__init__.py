@@ -23,7 +23,8 @@ from torsight.core.parameter import Parameter
 ActsOn = Literal["temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
 Array = NDArray[np.float64]
-_STAGES: Final = ("temperature", "phase", "torque", "friction", "reading")
+STAGES: Final = ("temperature", "phase", "torque", "friction", "reading")
+"""Places at which effects and laws act, in the order in which they do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,4 +145,4 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
 
 def _order(effect: Effect) -> tuple[int, int, str]:
     """Return where an effect acts: first what the sensors say, then what the rig does, the camera last."""
-    return _STAGES.index(effect.acts_on), effect.order, effect.id
+    return STAGES.index(effect.acts_on), effect.order, effect.id

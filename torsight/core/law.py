@@ -1,0 +1,174 @@
+r"""A law: a smooth function of one variable at one place of a model, as values on nodes.
+
+What a model lacks need not have a form that anybody has written down. A law has none: it is a function with a Gaussian
+prior of zero mean, known by its values :math:`f` on nodes of its variable, linear between them. Its prior is a bank of
+kernels :math:`s^2 K_j`: a few usual forms (a constant, a slope, a wave once per turn) and smooth functions of several
+lengths; which kernel and which size :math:`s` a record asks for is found by marginal likelihood, so that a law costs
+what its flexibility is worth (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), ch. 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+_KEPT = 1e-5
+"""Share of a kernel's largest eigenvalue below which a direction of the law is left out: a third of a per cent of its
+size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kernel:
+    """One member of a law's prior.
+
+    Attributes
+    ----------
+    name : str
+        A few plain words (``"slope"``, ``"smooth, 120 °"``).
+    matrix : (k, k) float64
+        Covariance of the law's values on its nodes at size one; need not have full rank.
+    smooth : bool
+        True for a free function of some length, False for a usual form.
+    """
+
+    name: str
+    matrix: Array
+    smooth: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Law:
+    """A place and a variable at which a model may lack a law.
+
+    Attributes
+    ----------
+    id : str
+        Unique among laws and effects of a problem; begins the names of its parameters.
+    port, driver, spring : str
+        Where it acts, on what it depends, and for which spring (``a``, ``b``, ``both``; empty where there is none).
+    unit : str
+        Of its values.
+    title : str
+        A few plain words (``"friction over the angle"``).
+    nodes : (k,) float64
+        Values of the driver, rising.
+    scale : float
+        A size of the law that matters, in ``unit``: steps of derivatives, and the middle of the sizes that are tried.
+    kernels : tuple of Kernel
+        The bank of its prior.
+    time_like : bool
+        True where the driver only counts time or cycles: such a law says when something changed and not why, and holds
+        for no later time.
+    """
+
+    id: str
+    port: str
+    driver: str
+    unit: str
+    title: str
+    nodes: Array
+    scale: float
+    kernels: tuple[Kernel, ...]
+    spring: str = ""
+    time_like: bool = False
+
+    def free(self) -> LawForm:
+        """Return the law with its values on the nodes as parameters."""
+        return LawForm(self.id, self.nodes, np.eye(len(self.nodes)), self.unit, self.scale, prior=False)
+
+    def form(self, kernel: Kernel, size: float) -> LawForm:
+        """Return the law under one kernel of one size: independent coefficients with standard deviation one."""
+        share, directions = np.linalg.eigh(kernel.matrix)
+        kept = share > _KEPT * share[-1]
+        basis = directions[:, kept][:, ::-1] * np.sqrt(share[kept][::-1]) * size
+        return LawForm(self.id, self.nodes, basis, self.unit, self.scale, prior=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawForm:
+    """A law as parameters: its values on the nodes are ``basis`` times them.
+
+    Attributes
+    ----------
+    id : str
+        Of the law.
+    nodes : (k,) float64
+        Values of the driver, rising.
+    basis : (k, r) float64
+        Values on the nodes per parameter, in ``unit``.
+    unit : str
+        Of the law's values.
+    scale : float
+        Of the law, in ``unit``.
+    prior : bool
+        Whether the parameters have a standard normal prior; without one they are the values on the nodes.
+    """
+
+    id: str
+    nodes: Array
+    basis: Array
+    unit: str
+    scale: float
+    prior: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(f"{self.id}@{i:02d}" for i in range(self.basis.shape[1]))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters; zero is the null of each."""
+        unit, sigma = ("", 1.0) if self.prior else (self.unit, None)
+        return tuple(Parameter(name=name, value=0.0, unit=unit, sigma=sigma, null=0.0) for name in self.names)
+
+    def values(self, parameters: Sequence[float] | Array) -> Array:
+        """Return the law's values on its nodes (k,)."""
+        return np.asarray(self.basis @ np.asarray(parameters, np.float64))
+
+    def at(self, driver: Array, parameters: Sequence[float] | Array) -> Array:
+        """Return the law where its driver has these values; beyond the nodes the outermost value holds."""
+        return np.interp(driver, self.nodes, self.values(parameters))
+
+
+def squared_exponential(nodes: Array, length: float) -> Array:
+    """Return the covariance (k, k) of a smooth function with this length, standard deviation one."""
+    off = (nodes[:, None] - nodes[None, :]) / length
+    return np.asarray(np.exp(-0.5 * off**2))
+
+
+def outer(values: Array) -> Array:
+    """Return the covariance (k, k) of a function known up to its size, root mean square one over the nodes."""
+    unit = values / max(float(np.sqrt(np.mean(values**2))), 1e-300)
+    return np.outer(unit, unit)
+
+
+def slope(nodes: Array) -> Array:
+    """Return the covariance (k, k) of a straight line through zero in the middle of the nodes."""
+    return outer(nodes - 0.5 * (nodes[0] + nodes[-1]))
+
+
+def smooth_kernels(
+    nodes: Array, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
+) -> tuple[Kernel, ...]:
+    """Return smooth kernels whose lengths are shares of the nodes' range; with ``line`` each has a slope beside it."""
+    span = float(nodes[-1] - nodes[0])
+    beside = slope(nodes) if line else np.zeros((len(nodes), len(nodes)))
+    spacing = float(np.max(np.diff(nodes)))
+    lengths = [share * span for share in shares if share * span >= spacing]
+    return tuple(
+        Kernel(f"smooth over {length:.3g}", beside + squared_exponential(nodes, length), smooth=True)
+        for length in lengths
+    )
+
+
+def usual_kernels(nodes: Array, forms: Sequence[tuple[str, Array]]) -> tuple[Kernel, ...]:
+    """Return kernels of usual forms, each known up to its size."""
+    return tuple(Kernel(name, outer(values), smooth=False) for name, values in forms)
