@@ -9,8 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.laws import law_to_json, laws_from
 from torsight.core.config import get_names, get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.law import LawForm
 
 Array = NDArray[np.float64]
 
@@ -20,10 +22,11 @@ _NO_SHARE: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Another explanation of the same record that it cannot tell from the model's own: effects and all values."""
+    """Another explanation of the same record that it cannot tell from the model's own: effects, laws and all values."""
 
     effects: tuple[str, ...]
     values: Mapping[str, float]
+    laws: tuple[LawForm, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +64,14 @@ class Doubt:
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "residual_deg": self.residual_deg,
-            "alternatives": [{"effects": list(a.effects), "values": dict(a.values)} for a in self.alternatives],
+            "alternatives": [
+                {
+                    "effects": list(a.effects),
+                    "values": dict(a.values),
+                    "laws": [law_to_json(form) for form in a.laws],
+                }
+                for a in self.alternatives
+            ],
         }
 
 
@@ -109,4 +119,5 @@ def _alternative(table: Mapping[str, Any]) -> Alternative:
     where = "doubt, alternatives"
     effects = get_names(table, "effects", where=where)
     values = get_table(table, "values", where=where, required=True)
-    return Alternative(effects, {name: get_number(values, name, where=where) for name in values})
+    laws = laws_from(table.get("laws", []), where=f"{where}, laws")
+    return Alternative(effects, {name: get_number(values, name, where=where) for name in values}, laws)

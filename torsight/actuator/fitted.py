@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import chosen_effects
+from torsight.actuator.laws import law_to_json, laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.spec import actuator_from
 from torsight.core.config import get_names, get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError, TorsightError
+from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import check_keys, read_json, write_json
 from torsight.core.units import DEG
@@ -79,8 +81,6 @@ class FittedModel:
         Fitted values of the free parameters, public names and units.
     cycles : (int, int)
         How often A and B were heated in the record of the fit; effects with a memory go on counting from there.
-    closure : mapping or None
-        A learned correction, as plain numbers; whoever learned it evaluates it.
     account : mapping
         What people may want to know of the fit (error, noise floor, source).
     turns : int
@@ -99,7 +99,6 @@ class FittedModel:
     model: ActuatorModel
     values: Mapping[str, float]
     cycles: tuple[int, int] = (0, 0)
-    closure: Mapping[str, Any] | None = None
     account: Mapping[str, Any] = field(default_factory=dict)
     turns: int = 0
     start_angle_rad: float | None = None
@@ -156,7 +155,8 @@ class FittedModel:
         """Return the models of explanations that the record could not tell from this one."""
         others = self.doubt.alternatives if self.doubt is not None else ()
         return tuple(
-            replace(self, model=replace(self.model, effects=other.effects), values=other.values) for other in others
+            replace(self, model=replace(self.model, effects=other.effects, laws=other.laws), values=other.values)
+            for other in others
         )
 
     def _moved(self, step: Mapping[str, float], way: float) -> FittedModel:
@@ -189,7 +189,6 @@ def fitted_model(
     values: Mapping[str, float],
     drive: Drive,
     *,
-    closure: Mapping[str, Any] | None = None,
     account: Mapping[str, Any] | None = None,
     doubt: Doubt | None = None,
 ) -> FittedModel:
@@ -205,7 +204,6 @@ def fitted_model(
         model=model,
         values={name: float(value) for name, value in values.items() if name in names},
         cycles=(springs.count(0), springs.count(1)),
-        closure=closure,
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
@@ -241,7 +239,7 @@ def write_model(path: Path, fitted: FittedModel) -> None:
             "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
             "duration_s": fitted.duration_s,
             "end": None if fitted.end is None else _end_to_json(fitted.end),
-            "closure": fitted.closure,
+            "laws": [law_to_json(form) for form in model.laws],
             "account": dict(fitted.account),
             "doubt": None if fitted.doubt is None else fitted.doubt.to_json(),
         },
@@ -290,10 +288,9 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     if content.get("theta_l_deg") is not None:
         theta_l_deg = get_number(content, "theta_l_deg", where=where, lower=0.0, upper=2e4)
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
-    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg)
+    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(_whole(cycles, name, 0, _MOST_CYCLES, where="cycles") for name in ("a", "b"))
-    closure = get_table(content, "closure", where=where) if content.get("closure") is not None else None
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
@@ -304,12 +301,11 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     if content.get("doubt") is not None:
         doubt = doubt_from(get_table(content, "doubt", where=where), free=[p.name for p in model.parameters])
         for other in doubt.alternatives:
-            _values(other.values, ActuatorModel(spec, other.effects, model.phase_law, theta_l_deg))
+            _values(other.values, ActuatorModel(spec, other.effects, model.phase_law, theta_l_deg, other.laws))
     return FittedModel(
         model=model,
         values=_values(get_table(content, "values", where=where, required=True), model),
         cycles=(counts[0], counts[1]),
-        closure=closure,
         account=get_table(content, "account", where=where),
         turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
         start_angle_rad=start_rad,
@@ -317,6 +313,17 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         end=end,
         doubt=doubt,
     )
+
+
+def _laws(content: Mapping[str, Any], *, where: str) -> tuple[LawForm, ...]:
+    """Return the laws of a model file; one of before there were laws has none, or a stand-in that is no longer read."""
+    if content.get("closure") is not None:
+        raise ConfigError(
+            "the model has a learned stand-in of an earlier version",
+            where=f"{where}, key closure",
+            do="run 'torsight discover' on the record again: a measured law takes its place",
+        )
+    return laws_from(content.get("laws", []), where=f"{where}, key laws")
 
 
 def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:

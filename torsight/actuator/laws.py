@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from torsight.actuator.drive import Drive
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
 from torsight.actuator.springs import Rig
+from torsight.core.config import get_number, get_text
+from torsight.core.errors import ConfigError
 from torsight.core.law import Kernel, Law, LawForm, outer, slope, smooth_kernels, usual_kernels
 from torsight.core.units import DEG, MNM
 
@@ -75,6 +77,45 @@ def apply_law(ports: Ports, form: LawForm, parameters: Array) -> Ports:
     """Return the ports with a law of the given parameters."""
     values = form.values(parameters)
     return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, form.nodes, values))
+
+
+def law_to_json(form: LawForm) -> dict[str, Any]:
+    """Return a form of a law as it stands in ``model.json``."""
+    return {
+        "id": form.id,
+        "nodes": form.nodes.tolist(),
+        "basis": form.basis.tolist(),
+        "unit": form.unit,
+        "scale": form.scale,
+    }
+
+
+def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
+    """Read the laws of a ``model.json``.
+
+    Raises
+    ------
+    ConfigError
+        When the list is damaged: an unknown law, nodes that do not rise, a basis that does not fit them.
+    """
+    if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+        raise ConfigError("is no list of laws", where=where, value=repr(entries)[:80])
+    return tuple(_law_from(entry, where=where) for entry in entries)
+
+
+def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
+    name = get_text(entry, "id", where=where, choices=tuple(FAMILIES))
+    try:
+        nodes = np.array(entry.get("nodes"), np.float64).reshape(-1)
+        basis = np.array(entry.get("basis"), np.float64).reshape(len(nodes), -1)
+    except (TypeError, ValueError) as error:
+        raise ConfigError("a law's nodes and basis are no tables of numbers", where=where, value=name) from error
+    rising = len(nodes) > 0 and bool(np.all(np.diff(nodes) > 0.0))
+    if not (rising and basis.shape[1] and np.isfinite(nodes).all() and np.isfinite(basis).all()):
+        raise ConfigError("a law has no rising nodes with finite values", where=where, value=name)
+    unit = get_text(entry, "unit", where=where)
+    scale = get_number(entry, "scale", where=where, lower=0.0, upper=1e6)
+    return LawForm(name, nodes, basis, unit, scale, prior=True)
 
 
 def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
@@ -187,7 +228,7 @@ def _waves(nodes: Array) -> tuple[Kernel, ...]:
         Kernel(f"wave, {n} per turn", outer(np.sin(n * turn)) + outer(np.cos(n * turn)), smooth=False)
         for n in range(1, 7)
     )
-    forms = usual_kernels(nodes, [("constant", np.ones_like(nodes)), ("slope", nodes - nodes.mean())])
+    forms = usual_kernels([("constant", np.ones_like(nodes)), ("slope", nodes - nodes.mean())])
     return (*forms, *waves, *smooth_kernels(nodes))
 
 
@@ -196,13 +237,23 @@ def _wound(nodes: Array) -> tuple[Kernel, ...]:
     onsets = np.quantile(nodes, [0.5, 0.6, 0.7, 0.8])
     forms = [("slope", nodes - nodes[0])]
     forms += [(f"cubic beyond {onset:.0f}°", np.maximum(0.0, nodes - onset) ** 3) for onset in onsets]
-    return (*usual_kernels(nodes, forms), *smooth_kernels(nodes, shares=(0.5, 0.25, 0.12)))
+    return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25, 0.12)))
 
 
 def _plain(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a slope, a bow and smooth functions, all without a mean: that is another value of the model."""
     middle = nodes - 0.5 * (nodes[0] + nodes[-1])
-    forms = [("constant", np.ones_like(nodes)), ("slope", middle), ("bow", middle**2 - np.mean(middle**2))]
-    return (*usual_kernels(nodes, forms), *smooth_kernels(nodes, shares=(0.5, 0.25, 0.12)))
+    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
+    return (
+        *usual_kernels([("slope", middle), ("bow", middle**2 - np.mean(middle**2))]),
+        *(Kernel(kernel.name, _centred(kernel.matrix), smooth=True) for kernel in smooth),
+    )
+
+
+def _centred(matrix: Array) -> Array:
+    """Return the covariance of the same function less its mean over the nodes."""
+    less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
+    return np.asarray(less_mean @ matrix @ less_mean)
 
 
 def _from_zero(nodes: Array) -> tuple[Kernel, ...]:
@@ -210,7 +261,7 @@ def _from_zero(nodes: Array) -> tuple[Kernel, ...]:
     off = nodes - nodes[0]
     smooth = smooth_kernels(off, shares=(0.7, 0.35, 0.2))
     return (
-        *usual_kernels(nodes, [("proportional", off), ("root", np.sqrt(off))]),
+        *usual_kernels([("proportional", off), ("root", np.sqrt(off))]),
         *(Kernel(kernel.name, _pinned(kernel.matrix), smooth=True) for kernel in smooth),
     )
 
@@ -224,7 +275,7 @@ def _pinned(matrix: Array) -> Array:
 def _through_zero(nodes: Array) -> tuple[Kernel, ...]:
     """Return functions of a signed variable: proportional, its sign's, and smooth ones."""
     forms = [("proportional", nodes), ("square", nodes * np.abs(nodes))]
-    return (*usual_kernels(nodes, forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
+    return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
 
 
 def _counted(nodes: Array) -> tuple[Kernel, ...]:
@@ -234,7 +285,7 @@ def _counted(nodes: Array) -> tuple[Kernel, ...]:
     forms += [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in (2.0, 5.0) if len(nodes) > n]
     smooth = smooth_kernels(off, shares=(0.7, 0.35), line=True)
     steps = Kernel("from one to the next", np.minimum.outer(off, off) / max(off[-1], 1.0), smooth=True)
-    return (*usual_kernels(nodes, forms), *(Kernel(k.name, _pinned(k.matrix), smooth=True) for k in smooth), steps)
+    return (*usual_kernels(forms), *(Kernel(k.name, _pinned(k.matrix), smooth=True) for k in smooth), steps)
 
 
 def _drifting(nodes: Array) -> tuple[Kernel, ...]:
@@ -391,7 +442,7 @@ def _signs(_drive: Drive) -> Array:
 
 
 def _antisymmetric(nodes: Array) -> tuple[Kernel, ...]:
-    return usual_kernels(nodes, [("sign", nodes)])
+    return usual_kernels([("sign", nodes)])
 
 
 _ALL: Final = (

@@ -169,6 +169,6 @@ def smooth_kernels(
     )
 
 
-def usual_kernels(nodes: Array, forms: Sequence[tuple[str, Array]]) -> tuple[Kernel, ...]:
+def usual_kernels(forms: Sequence[tuple[str, Array]]) -> tuple[Kernel, ...]:
     """Return kernels of usual forms, each known up to its size."""
     return tuple(Kernel(name, outer(values), smooth=False) for name, values in forms)

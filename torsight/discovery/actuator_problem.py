@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, load_effects, load_nameless
+from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.fit import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
 from torsight.actuator.spec import ActuatorSpec
@@ -85,15 +86,13 @@ class ActuatorProblem:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Every effect file as a candidate, but for what is always fitted; then the mechanisms without a name."""
+        """Every effect file as a candidate, but for what is always fitted; then the measured laws."""
         effects = [effect for effect in load_effects().values() if effect.family not in ALWAYS]
         if self.clock_sigma_s is not None:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
         measured = self.drive.angle_rad
         named = [_candidate(effect, measured) for effect in effects]
-        nameless = (_candidate(effect, measured, named=False) for effect in load_nameless().values())
-        laws = (Candidate(form.id, "law", form.parameters, named=False) for form in self.forms)
-        return (*named, *nameless, *laws)
+        return (*named, *(Candidate(form.id, "law", form.parameters) for form in self.forms))
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
@@ -115,8 +114,10 @@ class ActuatorProblem:
 
     @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
-        """Starts of what is always fitted."""
-        return tuple(start for effect in _always() for start in effect.starts)
+        """Starts of what is always fitted, and the sticks' zero in the middle of what was read."""
+        starts = tuple(start for effect in _always() for start in effect.starts)
+        zero = ({"zero_deg": middle_deg(self.drive)},) if any(p.name == "zero_deg" for p in self.parameters) else ()
+        return (*starts, *zero)
 
     @cached_property
     def time_s(self) -> Array:
@@ -286,7 +287,7 @@ def _clock_known(effect: Effect, sigma_s: float) -> Effect:
     return replace(effect, parameters=own)
 
 
-def _candidate(effect: Effect, angle_rad: Array, *, named: bool = True) -> Candidate:
+def _candidate(effect: Effect, angle_rad: Array) -> Candidate:
     own = effect.propose
     measured = () if effect.starts_from is None else effect.starts_from(angle_rad)
     starts = (*effect.starts, *measured)
@@ -297,9 +298,7 @@ def _candidate(effect: Effect, angle_rad: Array, *, named: bool = True) -> Candi
     propose = None if own is None else in_radians
     # The time of an event is known to about a second once it is found; its bounds span all times.
     scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
-    return Candidate(
-        effect.id, effect.family, effect.parameters, starts, propose, scales, named=named, drivers=effect.drivers
-    )
+    return Candidate(effect.id, effect.family, effect.parameters, starts, propose, scales, laws=effect.laws)
 
 
 def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -7,24 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.model import Simulation
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.closure import correction_rad
 from torsight.discovery.fitting import Fit
 
 _STILL_C_S = 0.01
 """A driven spring whose temperature changes by less than this rests."""
-
-
-def extended_angle(model: FittedModel, drive: Drive) -> tuple[NDArray[np.float64], Simulation]:
-    """Return the extended model's angle on the record itself, rad, a learned stand-in included; and its simulation."""
-    simulation = model.model.simulate(drive, model.values)
-    if model.closure is None:
-        return simulation.angle_rad, simulation
-    return simulation.angle_rad + correction_rad(model.closure, drive, simulation), simulation
 
 
 def curve_columns(
@@ -33,7 +22,7 @@ def curve_columns(
     """Return the columns, one row per row of the drive; angles in degrees as read, NaN where not measured."""
     drive = problem.drive
     before = problem.simulate(plain.values, plain.effects)
-    extended_rad, after = extended_angle(extended, drive)
+    after = extended.model.simulate(drive, extended.values)
     observed = drive.angle_rad / DEG
     ahead_deg = 360.0 * drive.turns
     is_a = drive.cycles.active == 0
@@ -44,9 +33,9 @@ def curve_columns(
         "angle_deg": observed + ahead_deg,
         "angle_sigma_deg": drive.angle_sigma_rad / DEG,
         "plain_deg": before.angle_rad / DEG + ahead_deg,
-        "extended_deg": extended_rad / DEG + ahead_deg,
+        "extended_deg": after.angle_rad / DEG + ahead_deg,
         "residual_before_deg": observed - before.angle_rad / DEG,
-        "residual_after_deg": observed - extended_rad / DEG,
+        "residual_after_deg": observed - after.angle_rad / DEG,
         "temp_a_c": drive.temp_a_c,
         "temp_b_c": drive.temp_b_c,
         "half_cycle": np.asarray(drive.cycles.half, np.int64),

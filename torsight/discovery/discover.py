@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.doubt import Alternative, Doubt, principal_axes
-from torsight.actuator.effects import load_effects, load_nameless
+from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
@@ -22,25 +22,26 @@ from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.closure import actuator_closure
-from torsight.discovery.common import mean_square
-from torsight.discovery.contenders import Contender
-from torsight.discovery.curves import curve_columns, extended_angle
-from torsight.discovery.engine import Findings, find_missing
+from torsight.discovery.curves import curve_columns
+from torsight.discovery.engine import Findings, find_missing, law_shares
+from torsight.discovery.explanation import Explanation
 from torsight.discovery.fitting import less
-from torsight.discovery.interface import Closure
 from torsight.discovery.intervals import covariance, joint_covariance
-from torsight.discovery.next_experiment import NextExperiment, next_experiment
+from torsight.discovery.law_tables import measured_laws
+from torsight.discovery.measured_law import MeasuredLaw
+from torsight.discovery.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.noise import reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
 from torsight.discovery.validate import HeldOut
+from torsight.discovery.verdict import Decision
 
 Array = NDArray[np.float64]
 
 CONTRADICTED_SIGMAS: Final = 4.0
 """A characterised value that the record moves by more than this is named."""
 _DRAWS: Final = 2000
+_SETS_TOLD: Final = 12
 
 
 @one_thread()
@@ -86,25 +87,19 @@ def discover(
 def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:
     field, decision = findings.field, findings.decision
     base, chosen = field.base, decision.chosen
-    spread = covariance(field, chosen)
-    plain_spread = covariance(field, base)
+    spread = covariance(chosen)
     parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
-    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(plain_spread)))
+    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(covariance(base))))
     fixed = _fixed(problem)
     before, after = _errors(problem, base, findings.before), _errors(problem, chosen, findings.after)
-    model = _model(problem, chosen)
-    if findings.closure is not None:
-        values, learned = actuator_closure(problem, chosen.fit, findings.closure, field.fitter.weight)
-        model = replace(model, values=values, closure=learned)
-        after = _learned_errors(problem, model, findings.closure)
     account = {"found_by": "discovery", **after.to_json()}
-    model = replace(model, account=account, doubt=_doubt(problem, findings, after))
+    model = replace(_model(problem, chosen), account=account, doubt=_doubt(problem, findings, after))
     pulls, plain_pulls = _pulls(problem, chosen), _pulls(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     return DiscoveryReport(
         verdict=findings.verdict,
-        effects=_effects(findings, spread, parameters, seed=seed),
-        alternatives=tuple(rival.effects for rival in decision.rivals),
+        effects=_effects(findings, seed=seed),
+        alternatives=tuple(rival.members for rival in decision.rivals),
         drivers=findings.drivers,
         before=before,
         after=after,
@@ -120,7 +115,15 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
         curves=curve_columns(problem, base.fit, model, blocks),
         model=model,
         covariance=spread,
+        laws=_laws(problem, findings),
     )
+
+
+def _laws(problem: ActuatorProblem, findings: Findings) -> tuple[MeasuredLaw, ...]:
+    """Return the measured laws of the chosen set as they are told."""
+    decision, field = findings.decision, findings.field
+    names = {law: name for law, (name, _) in decision.named.items()}
+    return measured_laws(problem, decision.chosen, law_shares(field, decision.chosen), names)
 
 
 def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
@@ -129,37 +132,29 @@ def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -
     if findings.verdict != "ambiguous":
         return None
     rivals = (decision.chosen, *decision.rivals)
-    needed = Settings().rival_gain
-    return next_experiment(problem, findings.field, rivals, needed_gain=needed, progress=progress)
+    return next_experiment(problem, findings.field, rivals, needed_gain=NEEDED_GAIN, progress=progress)
 
 
-def _model(problem: ActuatorProblem, chosen: Contender) -> FittedModel:
+def _problem(explanation: Explanation) -> ActuatorProblem:
+    """Return the problem with an explanation's laws among its candidates."""
+    return cast("ActuatorProblem", explanation.fitter.problem)
+
+
+def _model(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
     """Return the extended model with what the record leaves behind."""
-    return fitted_model(problem.model(chosen.effects), chosen.fit.values, problem.drive)
+    return fitted_model(_problem(chosen).model(chosen.fit.effects), chosen.fit.values, problem.drive)
 
 
 def _doubt(problem: ActuatorProblem, findings: Findings, after: Errors) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be."""
     chosen, rivals = findings.decision.chosen, findings.decision.rivals
-    others = (fitted_model(problem.model(rival.effects), rival.fit.values, problem.drive) for rival in rivals)
+    others = (_model(problem, rival) for rival in rivals)
     return Doubt(
         names=tuple(p.name for p in chosen.fit.parameters),
-        covariance=joint_covariance(findings.field, chosen),
+        covariance=joint_covariance(chosen),
         residual_deg=after.rmse_train_deg if isnan(after.rmse_held_out_deg) else after.rmse_held_out_deg,
-        alternatives=tuple(Alternative(tuple(other.model.effects), other.values) for other in others),
+        alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in others),
     )
-
-
-def _learned_errors(problem: ActuatorProblem, model: FittedModel, closure: Closure) -> Errors:
-    """Return the errors with a learned stand-in; each block's from the others, over the time that rows stand for."""
-    drive = problem.drive
-    good = np.isfinite(drive.angle_rad) & drive.known
-    fitted, _ = extended_angle(model, drive)
-    train = float(np.sqrt(np.mean((drive.angle_rad - fitted)[good] ** 2))) / DEG
-    valid, square = problem.valid, mean_square(problem, closure.residual)
-    total = float(np.var(drive.angle_rad[good] / DEG))
-    each = _by_half_cycle(closure.residual[valid], problem.block[valid], np.unique(problem.block[valid]).tolist())
-    return Errors(train, float(np.sqrt(square)), 1.0 - square / total, each)
 
 
 def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
@@ -182,24 +177,25 @@ def _floor(problem: ActuatorProblem, findings: Findings) -> float:
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
         reading = reading_noise(problem, findings.field.stretches, residual)
-    noise = problem.smooth_noise(fit.values, fit.effects)
+    noise = _problem(findings.decision.chosen).smooth_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
     return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
 
 
-def _errors(problem: ActuatorProblem, contender: Contender, held_out: HeldOut | None) -> Errors:
+def _errors(problem: ActuatorProblem, contender: Explanation, held_out: HeldOut | None) -> Errors:
     """Return the errors over every row of the record, blocks predicted from the others for the held-out ones."""
-    drive, effects = problem.drive, contender.effects
+    drive, effects = problem.drive, contender.fit.effects
+    own = _problem(contender)
     observed = drive.angle_rad / DEG
     good = np.isfinite(observed) & drive.known
-    fitted = problem.simulate(contender.fit.values, effects).angle_rad / DEG
+    fitted = own.simulate(contender.fit.values, effects).angle_rad / DEG
     train = float(np.sqrt(np.mean((observed - fitted)[good] ** 2)))
     if held_out is None:
         return Errors(train, float("nan"), float("nan"))
     predicted = np.empty(len(drive))
     for label, values in held_out.folds:
         rows = drive.cycles.half == label
-        predicted[rows] = problem.simulate(values, effects).angle_rad[rows] / DEG
+        predicted[rows] = own.simulate(values, effects).angle_rad[rows] / DEG
     error = (observed - predicted)[good]
     total = observed[good] - observed[good].mean()
     each = _by_half_cycle(error, drive.cycles.half[good], [label for label, _ in held_out.folds])
@@ -212,7 +208,7 @@ def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int])
     return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
 
 
-def _pulls(problem: ActuatorProblem, contender: Contender) -> tuple[Pull, ...]:
+def _pulls(problem: ActuatorProblem, contender: Explanation) -> tuple[Pull, ...]:
     values = contender.fit.values
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
 
@@ -222,35 +218,44 @@ def _characterised(problem: ActuatorProblem, pulls: tuple[Pull, ...]) -> tuple[P
     return tuple(pull for pull in pulls if pull.name in problem.spec.values)
 
 
-def _effects(
-    findings: Findings, spread: Array, parameters: Mapping[str, Estimate], *, seed: int
-) -> tuple[FoundEffect, ...]:
+def _effects(findings: Findings, *, seed: int) -> tuple[FoundEffect, ...]:
     decision, field = findings.decision, findings.field
     chosen = decision.chosen
-    names = [p.name for p in chosen.fit.parameters]
-    rng = np.random.default_rng(seed)
-    draws = _drawn(chosen.fit.solution.x, spread, rng)
     found = []
-    for name in chosen.effects if chosen.named else ():
+    for member, (name, where) in decision.named.items():
         effect = load_effects()[name]
-        own = {p.name: parameters[p.name] for p in effect.parameters}
-        columns = {p.name: draws[:, names.index(p.name)] for p in effect.parameters}
-        for item in effect.derived:
-            value = item.value(chosen.fit.values)
-            drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])
-            own[item.name] = _derived(value, drawn, item.unit, item.period)
-        without = field.contenders.get(less(chosen.effects, name))
+        part = field.explanations.get(less(chosen.members, member))
         found.append(
             FoundEffect(
                 id=name,
                 family=effect.family,
                 title=effect.title,
-                parameters=own,
-                probability=sum(weight for held, weight in decision.probability.items() if name in held),
-                gain=float("nan") if without is None else without.cost - chosen.cost,
+                parameters=_own_parameters(effect, where, seed=seed),
+                probability=_probability(decision, {member, name}),
+                gain=float("nan") if part is None else chosen.log_evidence - part.log_evidence,
             )
         )
     return tuple(sorted(found, key=lambda item: -item.gain))
+
+
+def _probability(decision: Decision, members: set[str]) -> float:
+    """Return the probability that one of these is missing: of all sets that hold one."""
+    return min(1.0, sum(weight for held, weight in decision.probability.items() if members & set(held)))
+
+
+def _own_parameters(effect: Effect, where: Explanation, *, seed: int) -> dict[str, Estimate]:
+    """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
+    spread, x = covariance(where), where.fit.solution.x
+    estimates = estimates_of(where.fit.parameters, x, np.sqrt(np.diag(spread)))
+    names = [p.name for p in where.fit.parameters]
+    draws = _drawn(x, spread, np.random.default_rng(seed))
+    own = {p.name: estimates[p.name] for p in effect.parameters}
+    columns = {p.name: draws[:, names.index(p.name)] for p in effect.parameters}
+    for item in effect.derived:
+        value = item.value(where.fit.values)
+        drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])
+        own[item.name] = _derived(value, drawn, item.unit, item.period)
+    return own
 
 
 def _drawn(mean: Array, spread: Array, rng: np.random.Generator) -> Array:
@@ -270,13 +275,15 @@ def _derived(value: float, drawn: Array, unit: str, period: float | None) -> Est
 
 def _evidence(findings: Findings) -> dict[str, Any]:
     field, decision = findings.field, findings.decision
+    single = {one.members[0]: one for one in field.explanations.values() if len(one.members) == 1}
+    ranked = sorted(decision.probability.items(), key=lambda item: (-item[1], item[0]))
     return {
-        "threshold": decision.threshold,
-        "share_explained": decision.share_explained,
-        "over_floor_before": decision.excess,
-        "over_floor_after": decision.left,
-        "best_set": list(decision.best.effects),
-        "gains": {contender.effects[0]: field.base.cost - contender.cost for contender in field.of_size(1)},
+        "probability_missing": decision.missing,
+        "over_floor_before": decision.over_floor_before,
+        "over_floor_after": decision.over_floor,
+        "best_set": list(decision.chosen.members),
+        "sets": [{"members": list(members), "probability": weight} for members, weight in ranked[:_SETS_TOLD]],
+        "gains": {name: one.log_evidence - field.base.log_evidence for name, one in single.items()},
     }
 
 
@@ -291,11 +298,11 @@ def _notes(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull,
     if far:
         listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
         notes.append(f"The record contradicts characterised values: {listed}; check the actuator file")
-    chosen = findings.decision.chosen
-    if not chosen.named:
-        titles = ", ".join(load_nameless()[name].title for name in chosen.effects)
-        notes.append(f"What is missing is none of the library's effects; it acts like {titles}, which stands in for it")
-    if chosen.effects:
+    if findings.decision.over_floor > Settings().explained:
+        notes.append(
+            f"What is left is {findings.decision.over_floor:.1f} times the noise floor: the record is not explained"
+        )
+    if findings.decision.chosen.members:
         pulled = [pull for pull in plain_pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
         if pulled:
             listed = ", ".join(f"{p.name} by {p.sigmas:+.1f} σ" for p in pulled)

@@ -1,29 +1,25 @@
 """The engine: from a record and a model to what the model lacks.
 
-The order of work: fit the base model; measure the noise floor and what a residual is worth (:mod:`.noise`); fit every
-candidate together with the base, then sets of the best (:mod:`.search`); believe what beats chance and predicts blocks
-that the fit has not seen, name what is adequate, tell rivals (:mod:`.decide`); and where something real is left without
-a name, learn a stand-in and say what it depends on (:mod:`.stand_in`).
+Fit the base model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); read the
+answer off their posterior (:mod:`.verdict`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
-from torsight.discovery.common import mean_square
-from torsight.discovery.contenders import Field
-from torsight.discovery.decide import Decision, decide
-from torsight.discovery.interface import Closure, Problem
+from torsight.discovery.explanation import Explanation, Field
+from torsight.discovery.fitting import less
+from torsight.discovery.interface import Problem
 from torsight.discovery.search import Search
 from torsight.discovery.settings import Settings
-from torsight.discovery.solver import Array
-from torsight.discovery.stand_in import LEAST_GAIN, declared_drivers, learn_closure, likely_driver
 from torsight.discovery.validate import HeldOut, block_labels
+from torsight.discovery.verdict import Decision, decide
 
 Verdict = Literal["none", "identified", "ambiguous", "unknown"]
 
@@ -37,15 +33,13 @@ class Findings:
     verdict : str
         ``none``, ``identified``, ``ambiguous`` or ``unknown``.
     field : Field
-        Everything that was fitted, at the last weights.
+        Everything that was fitted.
     decision : Decision
-        What is named and why.
+        What is said and why.
     before, after : HeldOut or None
-        Prediction of unseen blocks by the base model and by the named set; None where there is one block only.
-    closure : Closure or None
-        The learned stand-in, for ``unknown``; None where a mechanism without a name stands in.
+        Prediction of unseen blocks by the base model and by the chosen set; None where there is one block only.
     drivers : tuple of (str, float)
-        What is missing depends on this, for ``unknown``: variable and share, strongest first.
+        What the measured laws depend on: variable and share of what they explain, strongest first.
     """
 
     verdict: Verdict
@@ -53,7 +47,6 @@ class Findings:
     decision: Decision
     before: HeldOut | None
     after: HeldOut | None
-    closure: Closure | None
     drivers: tuple[tuple[str, float], ...] = ()
 
 
@@ -69,7 +62,7 @@ def find_missing(
     settings : Settings, optional
         How to decide.
     seed : int
-        Of the draws for the threshold; the same seed gives the same answer.
+        Kept with the answer; nothing here is drawn.
     progress : Progress
         Told how far the work is.
 
@@ -78,43 +71,41 @@ def find_missing(
     InputError
         When no sample counts.
     """
+    del seed
     chosen_settings = settings or Settings()
     if not np.any(problem.valid):
         raise InputError("no sample counts", where="record", do="record it again")
     can_hold_out = len(block_labels(problem)) > 1
-    field = Search(problem, settings=chosen_settings, progress=progress).run()
-    decision = decide(field, settings=chosen_settings, seed=seed, can_hold_out=can_hold_out, progress=progress)
-    before = after = closure = None
-    if can_hold_out:
-        before, after = field.base.held_out, decision.chosen.held_out
-        if not decision.chosen.effects:
-            much, nearest = decision.much_left, decision.nearest
-            closure = learn_closure(field, field.base, seed=seed, least_gain=0.0 if much else LEAST_GAIN)
-            if much and closure is not None and _nearer(problem, before.residual, closure.residual):
-                closure = None
-            if nearest is not None and (
-                closure is None or _nearer(problem, nearest.held_out.residual, closure.residual)
-            ):
-                decision, after, closure = replace(decision, chosen=nearest), nearest.held_out, None
-    unnamed = closure is not None or decision.much_left
-    drivers: tuple[tuple[str, float], ...] = ()
-    if not decision.chosen.named:
-        drivers = declared_drivers(field, decision.chosen)
-    elif closure is not None:
-        drivers = closure.drivers
-    elif unnamed and can_hold_out and not decision.chosen.effects:
-        drivers = likely_driver(field, field.base, seed=seed)
-    return Findings(_verdict(decision, unnamed=unnamed), field, decision, before, after, closure, drivers)
+    search = Search(problem, settings=chosen_settings, progress=progress)
+    field = search.run()
+    decision = decide(field, settings=chosen_settings, choices=search.choices, can_hold_out=can_hold_out)
+    before = field.base.held_out if can_hold_out else None
+    after = decision.chosen.held_out if can_hold_out else None
+    return Findings(_verdict(decision), field, decision, before, after, _drivers(field, decision.chosen))
 
 
-def _nearer(problem: Problem, residual: Array, other: Array) -> bool:
-    """Return whether the first of two residuals of unseen blocks is less, over time."""
-    return mean_square(problem, residual) < mean_square(problem, other)
+def _verdict(decision: Decision) -> Verdict:
+    if not decision.chosen.members:
+        return "none"
+    if decision.rivals:
+        return "ambiguous"
+    return "unknown" if decision.unnamed else "identified"
 
 
-def _verdict(decision: Decision, *, unnamed: bool) -> Verdict:
-    if not decision.chosen.named:
-        return "unknown"
-    if decision.chosen.effects:
-        return "ambiguous" if decision.rivals else "identified"
-    return "unknown" if unnamed else "none"
+def law_shares(field: Field, chosen: Explanation) -> dict[str, float]:
+    """Return the share of each law of a set in the evidence that would be lost without its laws."""
+    lost = {}
+    for item in chosen.laws:
+        part = field.explanations.get(less(chosen.members, item.law.id))
+        without = field.base.log_evidence if part is None else part.log_evidence
+        lost[item.law.id] = max(chosen.log_evidence - without, 1e-9)
+    total = sum(lost.values())
+    return {name: size / total for name, size in lost.items()}
+
+
+def _drivers(field: Field, chosen: Explanation) -> tuple[tuple[str, float], ...]:
+    """Return what a set's laws depend on, with their shares."""
+    shares, found = law_shares(field, chosen), dict[str, float]()
+    for item in chosen.laws:
+        found[item.law.driver] = found.get(item.law.driver, 0.0) + shares[item.law.id]
+    return tuple(sorted(found.items(), key=lambda pair: -pair[1]))

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.discovery.features import Basis
 
 Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
 
@@ -46,11 +45,8 @@ class Candidate:
         name to size).
     propose : callable or None
         From times and a residual (measured less model; NaN where not measured) to more such points.
-    named : bool
-        False for a mechanism that only competes with those that have a name here: where it explains the record better
-        than all of them, something without a name is missing.
-    drivers : tuple of str
-        What a mechanism without a name depends on.
+    laws : tuple of str
+        Ids of the problem's laws of which it is a usual form.
     """
 
     id: str
@@ -59,8 +55,7 @@ class Candidate:
     starts: tuple[Mapping[str, float], ...] = ()
     propose: Propose | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
-    named: bool = True
-    drivers: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
 
     def starting_points(
         self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None
@@ -179,34 +174,3 @@ class Problem(Protocol):
 
         Zeros where the inputs are known.
         """
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Closure:
-    """A learned stand-in for a missing effect without a name; see :mod:`torsight.discovery.stand_in`.
-
-    Attributes
-    ----------
-    shift : mapping of str to float
-        What the model's parameters move by when the stand-in takes over what they had imitated.
-    bases : tuple of Basis
-        How the drivers become features.
-    weights : tuple of float
-        One per feature; the correction is the sum of weight · feature.
-    drivers : tuple of (str, float)
-        Variable and its share of what is explained, strongest first.
-    held_out_gain : float
-        Share of the residual's information that it removes on blocks it has not seen (0 to 1).
-    ridge : float
-        Precision of the weights' prior.
-    residual : (n,) float64
-        Residual of every block, predicted from the others.
-    """
-
-    shift: Mapping[str, float]
-    bases: tuple[Basis, ...]
-    weights: tuple[float, ...]
-    drivers: tuple[tuple[str, float], ...]
-    held_out_gain: float
-    ridge: float
-    residual: NDArray[np.float64]

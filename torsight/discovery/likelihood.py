@@ -37,11 +37,14 @@ class Likelihood:
         Standard deviation that the inputs account for.
     rest : (n,) bool
         Whether the sample is part of a rest.
+    correlation_samples : float
+        Integrated correlation time of the residual in motion.
     """
 
     count: Array
     floor: Array
     rest: NDArray[np.bool_]
+    correlation_samples: float
 
     @classmethod
     def of(cls, stretches: Stretches, floor: Array, correlation_samples: float) -> Likelihood:
@@ -51,23 +54,34 @@ class Likelihood:
             length = stop - start
             count[start:stop] = 1.0 / (length if at_rest else min(max(correlation_samples, 1.0), length))
             rest[start:stop] = at_rest
-        return cls(count, floor, rest)
+        return cls(count, floor, rest, correlation_samples)
 
     def variance(self, residual: Array) -> Array:
         """Return the variance (n,) of every sample with the discrepancy's most probable size."""
-        square = self.floor**2 + 1e-30
-        out = square.copy()
-        for kind in (self.rest, ~self.rest):
+        motion, rest = self.discrepancy(residual)
+        return np.asarray(self.floor**2 + 1e-30 + np.where(self.rest, rest, motion) ** 2)
+
+    def discrepancy(self, residual: Array) -> tuple[float, float]:
+        """Return the discrepancy's most probable size in motion and at rest."""
+        sizes = []
+        for kind in (~self.rest, self.rest):
             rows = kind & (self.count > 0.0)
-            if rows.any():
-                out[rows] += _discrepancy(residual[rows] ** 2, square[rows], self.count[rows])
-        return out
+            square = self.floor[rows] ** 2 + 1e-30
+            sizes.append(_discrepancy(residual[rows] ** 2, square, self.count[rows]) if rows.any() else 0.0)
+        return float(np.sqrt(sizes[0])), float(np.sqrt(sizes[1]))
 
     def log(self, residual: Array) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
         rows = self.count > 0.0
         variance = self.variance(residual)[rows]
         return -0.5 * float(self.count[rows] @ (residual[rows] ** 2 / variance + np.log(variance)))
+
+    def promise(self, residual: Array) -> float:
+        """Return by how much the logarithm would grow if nothing but what the inputs account for were left."""
+        rows = self.count > 0.0
+        count, variance = self.count[rows], self.variance(residual)[rows]
+        beyond = float(count @ (residual[rows] ** 2 / variance)) - float(np.sum(count))
+        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(variance / (self.floor[rows] ** 2 + 1e-30)))
 
     def weight(self, residual: Array) -> Array:
         """Return the information per sample (n,), zero where it does not count."""

@@ -22,6 +22,7 @@ from torsight.core.law import Kernel, Law, LawForm
 from torsight.discovery.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.interface import Problem
 from torsight.discovery.likelihood import Likelihood
+from torsight.discovery.priors import outlier_precision, prior_cost_of
 from torsight.discovery.solver import Space, jacobian
 
 Array = NDArray[np.float64]
@@ -30,8 +31,11 @@ SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Sizes that are tried, in scales of the law: three decades in steps of a half."""
 _STEP: Final = 0.1
 """Difference step of a law's value, in its scale."""
-_ITERATIONS: Final = 14
+ITERATIONS: Final = 14
+"""Steps of a measurement; most end after five."""
 _HALVINGS: Final = 5
+_LITTLE: Final = 1e-6
+"""Information about a free value, in one over its scale squared."""
 _SETTLED: Final = 0.3
 """Gain in log units below which a step no longer matters."""
 
@@ -54,6 +58,8 @@ class Measured:
         Of the family, comparable among fits of one record under one likelihood.
     size : float
         Size of the form, in the law's scale.
+    bank : float
+        By how much the family's evidence differs from that of its most probable form alone.
     """
 
     law: Law
@@ -62,6 +68,7 @@ class Measured:
     values: Mapping[str, float]
     log_evidence: float
     size: float
+    bank: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,13 +85,16 @@ def members(law: Law) -> list[_Member]:
     """Return the bank: half of the prior on smooth kernels, half on usual forms, shared by their sizes."""
     smooth = sum(kernel.smooth for kernel in law.kernels)
     usual = len(law.kernels) - smooth
-    found = []
-    for kernel in law.kernels:
-        half = 0.5 if smooth and usual else 1.0
-        share = half / ((smooth if kernel.smooth else usual) * len(SIZES))
-        for size in SIZES:
-            found.append(_Member(kernel, size, law.form(kernel, size * law.scale), float(np.log(share))))
-    return found
+    half = 0.5 if smooth and usual else 1.0
+
+    def log_prior(kernel: Kernel) -> float:
+        return float(np.log(half / ((smooth if kernel.smooth else usual) * len(SIZES))))
+
+    return [
+        _Member(kernel, size, law.form(kernel, size * law.scale), log_prior(kernel))
+        for kernel in law.kernels
+        for size in SIZES
+    ]
 
 
 def measure_law(
@@ -94,6 +104,8 @@ def measure_law(
     *,
     effects: EffectSet = (),
     likelihood: Likelihood,
+    iterations: int = ITERATIONS,
+    law_values: Array | None = None,
 ) -> Measured:
     """Measure a law beside the base model and a set of effects.
 
@@ -109,8 +121,12 @@ def measure_law(
         Effects (and laws that are known already) that are part of the model.
     likelihood : Likelihood
         Of the record.
+    iterations : int
+        Steps at most.
+    law_values : (k,) float64, optional
+        Values of the law on its nodes from which to begin; zero without.
     """
-    return _Measurement(problem, law, effects, likelihood).run(start)
+    return _Measurement(problem, law, effects, likelihood).run(start, iterations, law_values)
 
 
 class _Measurement:
@@ -123,6 +139,7 @@ class _Measurement:
         scales = {name: scale for effect in effects for name, scale in known[effect].scales.items()}
         self._parameters = (*problem.parameters, *own)
         self._names = [p.name for p in self._parameters]
+        self._base = len(problem.parameters)
         self._node_names = list(free.names)
         space = space_of(self._parameters, scales=scales)
         k = len(law.nodes)
@@ -148,17 +165,19 @@ class _Measurement:
         """Return the priors' logarithm at a point: the parameters', and the law's under one member."""
         m = len(self._names)
         f = u[m:]
-        own = self._space.prior_residual(u)[:m]
-        return -0.5 * float(own @ own) - 0.5 * float(f @ precision @ f)
+        return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
-    def run(self, start: Mapping[str, float]) -> Measured:
+    def run(self, start: Mapping[str, float], iterations: int, law_values: Array | None) -> Measured:
+        """Step from a start until nothing is gained."""
         m = len(self._names)
         u = np.zeros(m + len(self._node_names))
         u[:m] = [start[name] for name in self._names]
+        if law_values is not None:
+            u[m:] = law_values
         u = self._space.clip(u)
         at_u = self._model(u)
         picture = self._picture(u, at_u)
-        for _ in range(_ITERATIONS):
+        for _ in range(iterations):
             best = picture.best
             precision = _precision(best.form.basis)
             now = self._likelihood.log(self._residual(at_u)) + self._prior(_projected(u, m, best.form), precision)
@@ -188,7 +207,9 @@ class _Measurement:
         residual = self._residual(at_u)
         weight = self._likelihood.weight(residual)
         names = len(self._names)
-        return _Picture.of(derivative, residual, weight, u=u, space=self._space, names=names, bank=self._members)
+        information = prior_information(self._space, u, self._base)[:names]
+        return _Picture.of(derivative, residual, weight, u=u, space=self._space, information=information,
+                           bank=self._members)  # fmt: skip
 
     def _measured(self, u: Array) -> Measured:
         m, at_u = len(self._names), self._model(u)
@@ -199,9 +220,9 @@ class _Measurement:
         values |= dict(zip(best.form.names, z.tolist(), strict=True))
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
         here = self._likelihood.log(self._residual(at_u)) + self._prior(u, _precision(best.form.basis))
-        here += picture.occam[picture.place] + best.log_prior
-        total = here + float(logsumexp(picture.evidence) - picture.evidence[picture.place])
-        return Measured(self._law, best.form, best.kernel.name, values, total, best.size)
+        here += picture.occam[picture.place]
+        bank = best.log_prior + float(logsumexp(picture.evidence) - picture.evidence[picture.place])
+        return Measured(self._law, best.form, best.kernel.name, values, here + bank, best.size, bank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,9 +240,19 @@ class _Picture:
         return self.bank[self.place]
 
     @classmethod
-    def of(cls, derivative: Array, residual: Array, weight: Array, *, u: Array, space: Space, names: int,
-           bank: list[_Member]) -> _Picture:  # fmt: skip
+    def of(
+        cls,
+        derivative: Array,
+        residual: Array,
+        weight: Array,
+        *,
+        u: Array,
+        space: Space,
+        information: Array,
+        bank: list[_Member],
+    ) -> _Picture:
         """Work out evidence and posterior mean of every member."""
+        names = len(information)
         weighted = derivative * weight[:, None]
         normal = derivative.T @ weighted
         # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
@@ -232,7 +263,6 @@ class _Picture:
         there = residual + derivative @ origin
         side = derivative.T @ (weight * there)
         square = float(weight @ there**2)
-        information = np.where(held, 1.0 / space.prior_sigma**2, 1e-6 / space.scale**2)[:names]
         evidence, occam = np.empty(len(bank)), np.empty(len(bank))
         means = []
         for i, member in enumerate(bank):
@@ -265,12 +295,12 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     space, x = fitter.space(fit.effects), fit.solution.x
     residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
     derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
-    held = np.isfinite(space.prior_sigma)
-    information = np.where(held, 1.0 / space.prior_sigma**2, 1e-6 / space.scale**2)
+    base = len(fitter.problem.parameters)
+    information = prior_information(space, x, base)
     matrix = derivative.T @ (derivative * weight[:, None]) + np.diag(information)
-    total = likelihood.log(residual) - 0.5 * float(np.sum(space.prior_residual(x) ** 2))
+    total = likelihood.log(residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
-    for i in range(len(fitter.problem.parameters), len(x)):
+    for i in range(base, len(x)):
         parameter, scale = fit.parameters[i], float(space.scale[i])
         if parameter.sigma is not None:
             total -= float(np.log(parameter.sigma))
@@ -278,6 +308,18 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
             off = (x[i] - (parameter.null if parameter.null is not None else parameter.value)) / scale
             total += 0.5 * float(np.log(2.0 / np.pi)) - float(np.log(scale * (1.0 + off**2)))
     return total
+
+
+def prior_information(space: Space, x: Array, base: int) -> Array:
+    """Return one over the variances (m,) of the priors at a point.
+
+    A base value without a prior is free; an effect's is known to its order of magnitude (:func:`log_evidence`).
+    Of the first ``base`` values any may simply be wrong (:mod:`torsight.discovery.priors`).
+    """
+    weak = np.where(np.arange(len(x)) < base, _LITTLE, 1.0)
+    information = np.where(np.isfinite(space.prior_sigma), space.prior_information, weak / space.scale**2)
+    information[:base] *= outlier_precision(space.prior_residual(x)[:base])
+    return information
 
 
 def _precision(basis: Array) -> Array:

@@ -18,17 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from torsight.core.wording import effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.contenders import Contender, Field
+from torsight.discovery.explanation import Explanation, Field
 from torsight.discovery.fitting import in_parallel
 from torsight.discovery.noise import Scales, Stretches, information
 from torsight.discovery.programme import Heat, Played, Programme
 from torsight.discovery.programme_menu import Habits, in_words, menu
-from torsight.discovery.separation import Explanation, least_gain, linear_gains, refitted_gains
+from torsight.discovery.separation import Rival, least_gain, linear_gains, refitted_gains
+from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
 
@@ -38,6 +40,8 @@ _LITTLE: Final = 4.0
 """... and one below this many times is too little to rely on."""
 _SURE: Final = 30.0
 """Standard deviations beyond which the noise is not what could go wrong."""
+NEEDED_GAIN: Final = Settings().apart
+"""Gain at which rivals cease to be rivals."""
 _LEAST_DURATION_S: Final = 3600.0
 _DURATION_FACTOR: Final = 1.5
 _FINALISTS: Final = 3
@@ -93,7 +97,7 @@ class NextExperiment:
 def next_experiment(
     problem: ActuatorProblem,
     field: Field,
-    contenders: Sequence[Contender],
+    explanations: Sequence[Explanation],
     *,
     needed_gain: float,
     progress: Progress = silent,
@@ -104,14 +108,14 @@ def next_experiment(
     ----------
     problem, field
         The record at hand with everything that was fitted to it.
-    contenders : sequence of Contender
-        The named set and its rivals.
+    explanations : sequence of Explanation
+        The chosen set and its rivals.
     needed_gain : float
         Gain at which rivals cease to be rivals.
     progress : Progress
         Told how far the search is.
     """
-    planner = _Planner(problem, field, contenders, needed_gain=needed_gain, progress=progress)
+    planner = _Planner(problem, field, explanations, needed_gain=needed_gain, progress=progress)
     repeat = planner.weigh(problem.drive, refitted=True)
     best = planner.best()
     return planner.answer(best, repeat_gain=least_gain(repeat))
@@ -134,7 +138,7 @@ class _Planner:
         self,
         problem: ActuatorProblem,
         field: Field,
-        contenders: Sequence[Contender],
+        explanations: Sequence[Explanation],
         *,
         needed_gain: float,
         progress: Progress,
@@ -144,9 +148,10 @@ class _Planner:
         self._needed_gain = needed_gain
         self._enough = _ENOUGH * needed_gain
         self._progress = progress
-        self._explanations = [_explanation(problem, contender) for contender in contenders]
-        chosen = contenders[0].fit
-        simulation = problem.simulate(chosen.values, chosen.effects)
+        self._rivals = [_rival(problem, one) for one in explanations]
+        chosen = explanations[0]
+        self._left = field.likelihood.discrepancy(chosen.residual)
+        simulation = problem.with_laws(_forms(chosen)).simulate(chosen.fit.values, chosen.fit.effects)
         self._heat = Heat.of(problem.drive)
         habits = Habits.of(problem.drive, (simulation.xi_a, simulation.xi_b))
         self._menu = menu(habits, self._heat)
@@ -183,13 +188,17 @@ class _Planner:
         """Return the gains (k, k) that a record under these temperatures would give."""
         planned, weight = self._planned(drive)
         gains = refitted_gains if refitted else linear_gains
-        return gains(planned.predict, self._explanations, weight)
+
+        def predict(values: Mapping[str, float], rival: Rival) -> Array:
+            return planned.with_laws(rival.forms).predict(values, rival.effects)
+
+        return gains(predict, self._rivals, weight)
 
     def answer(self, best: _Weighed, *, repeat_gain: float) -> NextExperiment:
         """Return the answer with its words and columns."""
         played = best.programme.play(self._heat)
         gain = least_gain(best.gains)
-        names = [" with ".join(effect_name(name) for name in one.name) for one in self._explanations]
+        names = [" with ".join(effect_name(name) for name in one.name) for one in self._rivals]
         gains = {"gain": gain, "repeat_gain": repeat_gain, "needed_gain": self._needed_gain}
         text = _sentence(in_words(best.programme), names, **gains)
         return NextExperiment(
@@ -221,9 +230,9 @@ class _Planner:
 
     def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Array]:
         """Return the planned record as a problem, and the information per sample that it would carry."""
-        own, first = self._problem.drive, self._explanations[0]
+        own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
-        angle_rad = self._problem.model(first.effects).simulate(drive, values).angle_rad
+        angle_rad = self._problem.with_laws(first.forms).model(first.effects).simulate(drive, values).angle_rad
         sigma_rad = float(np.nanmedian(own.angle_sigma_rad)) if np.isfinite(own.angle_sigma_rad).any() else 0.0
         planned = ActuatorProblem(
             replace(
@@ -237,15 +246,15 @@ class _Planner:
             seed=self._problem.seed,
         )
         # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
-        scales, least = self._field.scales, self._problem.resolution
-        wider = Scales(math.hypot(scales.motion, least), math.hypot(scales.rest, least), scales.correlation_samples)
-        floor = np.hypot(planned.sigma, planned.input_noise(values, first.effects))
+        least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
+        wider = Scales(math.hypot(self._left[0], least), math.hypot(self._left[1], least), tau)
+        floor = np.hypot(planned.sigma, planned.with_laws(first.forms).input_noise(values, first.effects))
         return planned, information(Stretches.of(planned), wider, floor)
 
     def _pairs(self, gains: Array) -> list[dict[str, Any]]:
         found = []
-        for j, second in enumerate(self._explanations):
-            for i, first in enumerate(self._explanations[:j]):
+        for j, second in enumerate(self._rivals):
+            for i, first in enumerate(self._rivals[:j]):
                 both = gains[[i, j], [j, i]]
                 gain = least_gain(both)
                 names = [list(first.name), list(second.name)]
@@ -262,24 +271,29 @@ class _Planner:
             "heat_b": (played.driven == 1).astype(np.int8),
         }
         turns_deg = 360.0 * self._problem.drive.turns
-        for one in self._explanations:
+        for one in self._rivals:
             values = {p.name: float(v) for p, v in zip(one.parameters, one.x, strict=True)}
-            angle_rad = self._problem.model(one.effects).simulate(drive, values).angle_rad
+            angle_rad = self._problem.with_laws(one.forms).model(one.effects).simulate(drive, values).angle_rad
             columns[f"{'+'.join(one.name)}_deg"] = (angle_rad / DEG + turns_deg).round(3)
         return columns
 
 
-def _explanation(problem: ActuatorProblem, contender: Contender) -> Explanation:
-    """Return a contender as a later record would see it: without events of this one."""
+def _forms(explanation: Explanation) -> tuple[LawForm, ...]:
+    return tuple(item.form for item in explanation.laws)
+
+
+def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
+    """Return an explanation as a later record would see it: without events of this one."""
     events = {candidate.id for candidate in problem.candidates if candidate.propose is not None}
-    lasting = tuple(name for name in contender.effects if name not in events)
+    lasting = tuple(name for name in explanation.fit.effects if name not in events)
     own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
     kept: list[tuple[Parameter, float]] = [
         (p, float(v))
-        for p, v in zip(contender.fit.parameters, contender.fit.solution.x, strict=True)
+        for p, v in zip(explanation.fit.parameters, explanation.fit.solution.x, strict=True)
         if p.name not in own
     ]
-    return Explanation(contender.effects, lasting, tuple(p for p, _ in kept), np.array([v for _, v in kept]))
+    x = np.array([v for _, v in kept])
+    return Rival(explanation.members, lasting, tuple(p for p, _ in kept), x, _forms(explanation))
 
 
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:

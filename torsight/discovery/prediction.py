@@ -1,4 +1,4 @@
-"""Predictions of a discovered model with how far to trust them, the learned stand-in included."""
+"""Predictions of a discovered model with how far to trust them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from torsight.actuator.model import Simulation
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
-from torsight.discovery.closure import correction_rad
 from torsight.discovery.temperature_errors import draw_errors, with_errors
 
 Array = NDArray[np.float64]
@@ -45,8 +44,7 @@ class PredictedAngle:
 
 def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Array:
     """Return the angle (n,) in radians at the instants of a later temperature log, as a camera would read it."""
-    prediction = model.predict(log, start_angle_rad=start_angle_rad)
-    return prediction.angle_rad + _learned_rad(model, prediction.drive, prediction.simulation)
+    return model.predict(log, start_angle_rad=start_angle_rad).angle_rad
 
 
 def predict_with_sigma(
@@ -85,16 +83,14 @@ def predict_with_sigma(
     """
     prediction = model.predict(log, start_angle_rad=start_angle_rad, where=where)
     drive, simulation = prediction.drive, prediction.simulation
-    learned = _learned_rad(model, drive, simulation)
-    angle = prediction.angle_rad + learned
+    angle = prediction.angle_rad
     if model.doubt is None:
         return PredictedAngle(angle, np.full(len(angle), np.nan), simulation)
-    own = simulation.angle_rad + learned
+    own = simulation.angle_rad
     square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
     for done, (other, its_drive, share) in enumerate(others):
         progress("uncertainty", done, len(others))
-        there = other.simulate(its_drive)
-        square += share * (there.angle_rad + _learned_rad(other, its_drive, there) - own) ** 2
+        square += share * (other.simulate(its_drive).angle_rad - own) ** 2
     progress("uncertainty", len(others), len(others))
     return PredictedAngle(angle, np.where(np.isfinite(angle), np.sqrt(square), np.nan), simulation)
 
@@ -107,10 +103,3 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
     yield from ((other, drive, 1.0 / (1 + len(alternatives))) for other in alternatives)
     for errors in draw_errors(drive, seed=0, count=_DRAWS):
         yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS
-
-
-def _learned_rad(model: FittedModel, drive: Drive, simulation: Simulation) -> Array:
-    """Return what a model's learned stand-in adds (n,), zeros where it has none."""
-    if model.closure is None:
-        return np.zeros(len(drive))
-    return correction_rad(model.closure, drive, simulation)

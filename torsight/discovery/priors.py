@@ -34,6 +34,18 @@ def outlier_cost(sigmas: Array) -> Array:
     return np.asarray(2.0 * (at_mean - np.logaddexp(narrow, wide)))
 
 
+def outlier_precision(sigmas: Array) -> Array:
+    """Return the precision of the normal distribution that stands for the mixture at a distance, mean kept.
+
+    Half the slope of :func:`outlier_cost` over the distance, as iteratively reweighted least squares takes it.
+    """
+    square = np.asarray(sigmas, np.float64) ** 2
+    narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
+    wide = np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
+    share = np.exp(wide - np.logaddexp(narrow, wide))
+    return np.asarray((1.0 - share) + share / _WRONG_SIGMAS**2)
+
+
 def prior_cost(problem: Problem, fit: Fit) -> float:
     """Return the cost of a fit's distance from all priors; only base values can be simply wrong."""
     return prior_cost_at(problem, fit, fit.solution.x)
@@ -41,8 +53,11 @@ def prior_cost(problem: Problem, fit: Fit) -> float:
 
 def prior_cost_at(problem: Problem, fit: Fit, x: Array) -> float:
     """Return the same for other values (m,) of a fit's parameters."""
-    sigmas = space_of(fit.parameters).prior_residual(x)
-    base = len(problem.parameters)
+    return prior_cost_of(space_of(fit.parameters).prior_residual(x), len(problem.parameters))
+
+
+def prior_cost_of(sigmas: Array, base: int) -> float:
+    """Return the cost of distances in standard deviations, of which the first ``base`` are base values."""
     return float(np.sum(outlier_cost(sigmas[:base])) + np.sum(sigmas[base:] ** 2))
 
 

@@ -17,16 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.fitting import EffectSet, space_of
 from torsight.discovery.solver import Array, jacobian, solve
 
-Predict = Callable[[Mapping[str, float], EffectSet], Array]
-"""From parameter values and the effects that are switched on to a planned record's values (n,)."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Explanation:
+class Rival:
     """One fitted set of effects, as a planned record would see it.
 
     Attributes
@@ -39,17 +37,20 @@ class Explanation:
         Free parameters with bounds and priors.
     x : (m,) float64
         Their fitted values.
+    forms : tuple of LawForm
+        The forms of the laws among the effects.
     """
 
     name: EffectSet
     effects: EffectSet
     parameters: tuple[Parameter, ...]
     x: Array
+    forms: tuple[LawForm, ...] = ()
 
     def model(self, predict: Predict) -> Callable[[Array], Array]:
         """Return the planned record's values as a function of the parameters."""
         names = [p.name for p in self.parameters]
-        return lambda x: predict(dict(zip(names, x.tolist(), strict=True)), self.effects)
+        return lambda x: predict(dict(zip(names, x.tolist(), strict=True)), self)
 
     @property
     def prior_cost(self) -> float:
@@ -57,7 +58,11 @@ class Explanation:
         return float(np.sum(space_of(self.parameters).prior_residual(self.x) ** 2))
 
 
-def linear_gains(predict: Predict, explanations: Sequence[Explanation], weight: Array) -> Array:
+Predict = Callable[[Mapping[str, float], Rival], Array]
+"""From parameter values of a rival to a planned record's values (n,)."""
+
+
+def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Array) -> Array:
     """Return by how much each explanation (column) costs more than each that is taken as true (row), (k, k).
 
     NaN on the diagonal, and where the other explanation holds the true one: it would fit as well, and what tells them
@@ -86,9 +91,7 @@ def linear_gains(predict: Predict, explanations: Sequence[Explanation], weight: 
     return gains
 
 
-def refitted_gains(
-    predict: Predict, explanations: Sequence[Explanation], weight: Array, *, max_iterations: int = 8
-) -> Array:
+def refitted_gains(predict: Predict, explanations: Sequence[Rival], weight: Array, *, max_iterations: int = 8) -> Array:
     """Return the same as :func:`linear_gains` with every other explanation really refitted."""
     models = [one.model(predict) for one in explanations]
     gains = np.full((len(explanations), len(explanations)), np.nan)
@@ -114,5 +117,5 @@ def least_gain(gains: Array) -> float:
     return max(0.0, float(known.min())) if len(known) else 0.0
 
 
-def _tells(true: Explanation, other: Explanation) -> bool:
+def _tells(true: Rival, other: Rival) -> bool:
     return true is not other and not set(true.effects) <= set(other.effects)

@@ -2,65 +2,51 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How the engine decides; the defaults are those that the blind suite was run with.
+    """How the engine decides: probabilities, a share, and budgets.
 
     Attributes
     ----------
-    most_effects : int
-        Largest set that is tried.
+    missing : float
+        Probability, before the record is looked at, that one further effect or law is missing; shared by all of them
+        alike. Two cost the square of it.
+    certain : float
+        Probability that something is missing from which it is said.
+    credible : float
+        Share of the probability whose sets are told as explanations.
+    explained : float
+        What is left after an explanation, in noise floors, up to which it is called explained.
+    form_share : float
+        Share of what a free law explains that a usual form of it must explain, too, to give the law its name.
+    most : int
+        Largest set of effects and laws that is tried.
     beam : int
-        Sets per size that are extended.
-    most_extensions : int
-        Larger sets per size that are fitted, the most promising ones.
-    least_held_out_gain : float
-        Share of the held-out squared error that an effect must remove.
-    rival_gain : float
-        Sets within this cost of the best explain the record as well ...
-    rival_share : float
-        ... and so do those within this share of what the best one leaves beyond the floor.
-    share_explained : float
-        A set is named where it explains this share of what was to explain ...
-    unseen_left : float
-        ... and leaves no more than this share of the squared error of the base model on unseen blocks, or little, ...
-    near_floor : float
-        ... or leaves less than this many times the floor.
-    share_of_rest : float
-        In a set of several each one must remove this share of what is left beyond the floor without it, on blocks that
-        the fit has not seen: a second name is not given for the error of the first one's form.
-    share_of_all : float
-        For the same reason each one must remove this share of the base model's squared error on such blocks, unless it
-        is one of two, less is left with it than is worth a name or than a tenth of what is left without it, it removes
-        clearly more than is worth a name, and its values do not hang together with the other's.
-    least_size : float
-        An effect that takes less than this many of the problem's resolutions (root mean square) from the residual is
-        not worth a name, unless it is in plain sight.
-    plain_over_floor, plain_share, plain_held_out : float
-        An effect is in plain sight where so many times the floor is left without it, it explains this share of that,
-        and no more than this share of the score on unseen blocks is left with it.
-    least_unknown, over_floor_unknown : float
-        Something is missing, named or not, where the residual exceeds so many resolutions and so many times a floor
-        that was measured at rests.
+        Sets of each size that are extended.
     """
 
-    most_effects: int = 3
-    beam: int = 3
-    most_extensions: int = 12
-    least_held_out_gain: float = 0.02
-    rival_gain: float = 12.0
-    rival_share: float = 0.5
-    share_explained: float = 0.8
-    unseen_left: float = 0.33
-    near_floor: float = 2.0
-    share_of_rest: float = 0.6
-    share_of_all: float = 0.05
-    least_size: float = 2.0
-    plain_over_floor: float = 1.6
-    plain_share: float = 0.9
-    plain_held_out: float = 0.5
-    least_unknown: float = 4.5
-    over_floor_unknown: float = 3.0
+    missing: float = 0.5
+    certain: float = 0.99
+    credible: float = 0.95
+    explained: float = 2.0
+    form_share: float = 0.9
+    most: int = 3
+    beam: int = 2
+
+    def price(self, choices: int) -> float:
+        """Return what one more member of a set costs in log units, of so many that there are to choose from."""
+        return math.log(choices / self.missing)
+
+    @property
+    def surely(self) -> float:
+        """Change of −2 log L, beyond the prior's price, from which it is certain that something is missing."""
+        return 2.0 * math.log(self.certain / (1.0 - self.certain))
+
+    @property
+    def apart(self) -> float:
+        """Change of −2 log L from which, of two that were as likely, one alone is told."""
+        return 2.0 * math.log(self.credible / (1.0 - self.credible))

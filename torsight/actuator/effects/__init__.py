@@ -79,8 +79,8 @@ class Effect:
         True for an error between two recorders' clocks: it is not applied in predictions.
     order : int
         Among effects that act at the same place, smaller ones come first; then the ids decide.
-    drivers : tuple of str
-        What it depends on, strongest first, where it is never named (:mod:`torsight.actuator.nameless`).
+    laws : tuple of str
+        Ids of the laws (:mod:`torsight.actuator.laws`) of which it is a usual form.
     """
 
     id: str
@@ -95,34 +95,18 @@ class Effect:
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
     is_clock: bool = False
     order: int = 0
-    drivers: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
 
 
 @functools.cache
 def load_effects() -> Mapping[str, Effect]:
     """Return all effects of this folder by id, in the order of their ids."""
-    return _effects_in(__name__)
-
-
-@functools.cache
-def load_nameless() -> Mapping[str, Effect]:
-    """Return the mechanisms that compete with the named effects by id; see :mod:`torsight.actuator.nameless`."""
-    return _effects_in("torsight.actuator.nameless")
-
-
-@functools.cache
-def load_mechanisms() -> Mapping[str, Effect]:
-    """Return both, named and nameless, by id."""
-    return {**load_effects(), **load_nameless()}
-
-
-def _effects_in(package: str) -> Mapping[str, Effect]:
     found = {}
-    folder = importlib.import_module(package).__path__
+    folder = importlib.import_module(__name__).__path__
     for module in sorted(pkgutil.iter_modules(folder), key=lambda item: item.name):
-        effect = importlib.import_module(f"{package}.{module.name}").EFFECT
+        effect = importlib.import_module(f"{__name__}.{module.name}").EFFECT
         if effect.id != module.name:
-            msg = f"{module.name}.py of {package} declares the id {effect.id}"
+            msg = f"{module.name}.py of {__name__} declares the id {effect.id}"
             raise ValueError(msg)
         found[effect.id] = effect
     return found
@@ -136,7 +120,7 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     ConfigError
         For an id that no file declares.
     """
-    known = load_mechanisms()
+    known = load_effects()
     for name in ids:
         if name not in known:
             raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(load_effects()))

@@ -57,4 +57,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts=({"coil_friction_mnm_per_rad": 0.3, "coil_onset_deg": 690.0}, {"coil_onset_deg": 550.0}),
+    laws=("friction_angle_deg",),
 )

@@ -59,4 +59,5 @@ EFFECT: Final = Effect(
         Derived("tilt_amplitude_deg", "°", lambda v: math.hypot(v[_NAMES[2]], v[_NAMES[3]])),
         _phase(_NAMES[2], _NAMES[3]),
     ),
+    laws=("reading_angle_deg",),
 )

@@ -56,4 +56,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts=({"fatigue_per_cycle": 0.03},),
+    laws=("phase_cycle", "phase_half_cycle"),
 )

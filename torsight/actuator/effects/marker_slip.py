@@ -81,4 +81,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     propose=propose,
+    laws=("reading_time_s",),
 )

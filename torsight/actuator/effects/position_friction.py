@@ -63,4 +63,5 @@ EFFECT: Final = Effect(
         Derived("amplitude", "", lambda v: math.hypot(v["friction_sine"], v["friction_cosine"])),
         Derived("phase_rad", "rad", lambda v: math.atan2(v["friction_cosine"], v["friction_sine"]), period=math.tau),
     ),
+    laws=("friction_angle_deg",),
 )

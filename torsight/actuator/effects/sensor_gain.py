@@ -42,4 +42,5 @@ EFFECT: Final = Effect(
     parameters=(Parameter(name="contact_gain", value=0.97, unit="", lower=0.6, upper=1.4, null=1.0),),
     apply=apply,
     starts=({"contact_gain": 1.03}, {"contact_gain": 0.92}),
+    laws=("temperature_temp_active_c",),
 )

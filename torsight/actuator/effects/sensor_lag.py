@@ -47,4 +47,5 @@ EFFECT: Final = Effect(
     apply=apply,
     order=-1,
     starts=({"lag_s": 10.0},),
+    laws=("temperature_temp_rate_c_s",),
 )

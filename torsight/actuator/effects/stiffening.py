@@ -69,4 +69,5 @@ EFFECT: Final = Effect(
         {"stiffening_mnm_per_rad3": 0.03, "stiffening_onset_deg": 640.0, "stiffening_exponent": 1.0},
         {"stiffening_mnm_per_rad3": 0.04, "stiffening_onset_deg": 660.0, "stiffening_loading_share": 0.9},
     ),
+    laws=("winding_winding_deg", "loading_winding_deg", "loading_alone_winding_deg"),
 )

@@ -36,4 +36,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts=({"viscous_mnm_s_per_rad": 20.0},),
+    laws=("friction_angle_rate_deg_s",),
 )

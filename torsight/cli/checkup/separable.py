@@ -22,8 +22,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
-from torsight.discovery.null import LEAST_GAIN
-from torsight.discovery.separation import Explanation, linear_gains
+from torsight.discovery.separation import Rival, linear_gains
 from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
@@ -70,25 +69,26 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
     weight = np.gradient(drive.time_s) / CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [(), *((effect.id,) for effect in effects)]}
     explanations = [
-        Explanation(chosen, chosen, model.parameters, np.array([parameter.value for parameter in model.parameters]))
+        Rival(chosen, chosen, model.parameters, np.array([parameter.value for parameter in model.parameters]))
         for chosen, model in models.items()
     ]
     needed = sum(1 + len(one.x) for one in explanations)
     done = 0
 
-    def predict(values: Mapping[str, float], chosen: tuple[str, ...]) -> Array:
+    def predict(values: Mapping[str, float], rival: Rival) -> Array:
         nonlocal done
         done = min(done + 1, needed)
         progress("what discovery can tell", done, needed)
-        return models[chosen].simulate(drive, values).angle_rad
+        return models[rival.effects].simulate(drive, values).angle_rad
 
     gains = linear_gains(predict, explanations, weight)
     progress("what discovery can tell", needed, needed)
     names = [effect.id for effect in effects]
     # The first row and column are the plain model's; the rows are what is taken as true.
     left = dict(zip(names, np.maximum(gains[1:, 0], 0.0).tolist(), strict=True))
-    visible = tuple(name for name in names if left[name] >= LEAST_GAIN)
-    rival = Settings().rival_gain
+    settings = Settings()
+    least = 2.0 * settings.price(len(names)) + settings.surely
+    visible = tuple(name for name in names if left[name] >= least)
     between = {
         (one, other): min(gains[i, j], gains[j, i])
         for (i, one), (j, other) in combinations(enumerate(names, start=1), 2)
@@ -96,7 +96,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
     return Separable(
         visible=visible,
         hidden=tuple(name for name in names if name not in visible),
-        alike=tuple(pair for pair, gain in between.items() if set(pair) <= set(visible) and gain < rival),
+        alike=tuple(pair for pair, gain in between.items() if set(pair) <= set(visible) and gain < settings.apart),
         left_deg={name: math.sqrt(gain / float(np.sum(weight))) / DEG for name, gain in left.items()},
     )
 

@@ -24,10 +24,9 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="latent_heat",
-    family="unnamed",
+    family="heat",
     acts_on="temperature",
     title="latent heat",
     parameters=(Parameter(name="latent_c_s", value=30.0, unit="°C s", lower=0.0, upper=2000.0, null=0.0),),
     apply=apply,
-    drivers=("angle_rate_deg_s", "temp_rate_c_s"),
 )

@@ -36,11 +36,10 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="backlash",
-    family="unnamed",
+    family="mechanics",
     acts_on="reading",
     title="play between disk and stick",
     parameters=(Parameter(name="play_deg", value=1.0, unit="°", lower=0.0, upper=60.0, null=0.0),),
     apply=apply,
     starts=({"play_deg": 4.0},),
-    drivers=("direction",),
 )

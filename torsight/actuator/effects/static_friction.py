@@ -25,7 +25,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="static_friction",
-    family="unnamed",
+    family="friction",
     acts_on="friction",
     title="friction that grows at rest",
     parameters=(
@@ -35,5 +35,5 @@ EFFECT: Final = Effect(
     apply=apply,
     # Motion begins with a jump: from far off the residual hardly says which way the excess should go.
     starts=({"static_excess": 0.6}, {"static_excess": 1.0}),
-    drivers=("dwell_s", "angle_rate_deg_s"),
+    laws=("friction_dwell_s",),
 )

@@ -3,7 +3,7 @@ r"""Stops at both ends of the stroke, as stiff as each other.
 .. math:: τ_b − τ_a − τ_f − k \, ((φ − φ_+)_+ − (φ_- − φ)_+) = 0
 
 φ_+ and φ_- where the stops stand (°), k their stiffness (mN·m/rad). Predicted residual and source:
-:mod:`torsight.actuator.nameless.end_stop`, for the strokes to both sides.
+:mod:`torsight.actuator.effects.end_stop`, for the strokes to both sides.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from torsight.actuator.effects import Array, Effect, Values
-from torsight.actuator.nameless.end_stop import ends_deg, stop_torque
+from torsight.actuator.effects.end_stop import ends_deg, stop_torque
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
@@ -34,7 +34,7 @@ def starts_from(angle_rad: Array) -> tuple[Values, ...]:
 
 EFFECT: Final = Effect(
     id="end_stops",
-    family="unnamed",
+    family="mechanics",
     acts_on="torque",
     title="stops at both ends",
     parameters=(
@@ -44,5 +44,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts_from=starts_from,
-    drivers=("angle_deg",),
+    laws=("torque_angle_deg",),
 )

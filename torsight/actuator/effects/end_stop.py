@@ -46,7 +46,7 @@ def starts_from(angle_rad: Array) -> tuple[Values, ...]:
 
 EFFECT: Final = Effect(
     id="end_stop",
-    family="unnamed",
+    family="mechanics",
     acts_on="torque",
     title="a stop at one end",
     parameters=(
@@ -55,5 +55,5 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts_from=starts_from,
-    drivers=("angle_deg",),
+    laws=("torque_angle_deg",),
 )

@@ -30,7 +30,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="creep",
-    family="unnamed",
+    family="material",
     acts_on="torque",
     title="a wound spring that gives way with time",
     parameters=(
@@ -39,5 +39,4 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     starts=({"creep_per_decade": 0.05},),
-    drivers=("dwell_s", "time_s"),
 )

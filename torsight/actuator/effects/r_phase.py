@@ -35,7 +35,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="r_phase",
-    family="unnamed",
+    family="material",
     acts_on="torque",
     title="a small early step of either spring",
     parameters=(
@@ -44,5 +44,4 @@ EFFECT: Final = Effect(
         Parameter(name="r_phase_width_c", value=12.0, unit="°C", lower=1.0, upper=40.0, sigma=5.0),
     ),
     apply=apply,
-    drivers=("temp_active_c", "temp_passive_c"),
 )
