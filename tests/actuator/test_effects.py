@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator.effects import chosen_effects, load_effects, load_mechanisms
+from torsight.actuator.effects import chosen_effects, load_effects
 from torsight.actuator.effects.stiffening import extra_torque
 from torsight.actuator.fit import fit_model
 from torsight.actuator.model import ActuatorModel
@@ -31,7 +31,7 @@ HALVES = [
     {"spring": "a", "peak_c": 84.0, "ramp_s": 220.0, "heat_s": 260.0},
 ]
 RISE_RAD = math.radians(100.0)
-DECLARED = load_mechanisms()
+DECLARED = load_effects()
 # What the rig has, and the same in the words of the effect file: value and how near it must come (relative, absolute).
 TRUTH = {
     "sensor_lag": ({"lag_s": 5.0}, {"lag_s": (5.0, 0.06, 0.0)}),
@@ -66,21 +66,13 @@ TRUTH = {
     ),
     "backlash": ({"gap_deg": 4.0}, {"play_deg": (4.0, 0.03, 0.0)}),
     "creep": ({"relaxation": 0.03}, {}),
-    "direction_friction": ({"asymmetry": 0.25}, {"friction_asymmetry": (0.25, 0.1, 0.0)}),
-    "local_torque": (
-        {"height_mnm": 0.2, "angle_deg": 50.0, "form": "magnet"},
-        {"local_angle_deg": (50.0, 0.0, 5.0), "local_mnm": (0.0, 0.0, 0.03)},
-    ),
-    "reading_drift": ({"rate_deg_h": 8.0}, {"reading_drift_deg_h": (8.0, 0.05, 0.0)}),
     "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
     "latent_heat": ({"latent_c_s": 60.0}, {"latent_c_s": (60.0, 0.06, 0.0)}),
-    "room_drift": ({"rate_c_h": 3.0}, {"room_drift_c_h": (3.0, 0.0, 0.8)}),
     "end_stop": (
         {"angle_deg": 205.0, "stiffness_mnm_per_rad": 10.0, "side": "negative"},
         {"stop_deg": (-205.0, 0.0, 0.5), "stop_mnm_per_rad": (10.0, 0.15, 0.0)},
     ),
     "static_friction": ({"excess": 0.6, "ageing_s": 60.0}, {"static_excess": (0.6, 0.1, 0.0)}),
-    "thermistor_curve": ({"bulge_c": 1.5}, {"curve_bulge_c": (1.5, 0.1, 0.0)}),
 }
 
 

@@ -7,20 +7,22 @@ import pytest
 from actuator_programmes import programme
 
 from torsight.actuator import kernel
-from torsight.actuator.effects import load_mechanisms
+from torsight.actuator.effects import load_effects
+from torsight.actuator.laws import FAMILIES
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
+from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 
 HALVES = [(0, [(82.0, 0.2)]), (1, [(62.0, 0.3), (55.0, 0.2), (80.0, 0.15)]), (0, [(58.0, 0.25)]), (1, [(84.0, 0.3)])]
 TOGETHER = [
     ("position_friction", "stiffening", "viscous_friction"),
-    ("coil_friction", "nonuniform_temperature", "stray_torque"),
+    ("coil_friction", "end_stops", "nonuniform_temperature"),
     ("creep", "heat_crosstalk", "position_friction"),
-    ("r_phase", "static_friction", "warm_friction"),
+    ("r_phase", "static_friction"),
 ]
-SETS = [(), *((name,) for name in sorted(load_mechanisms())), *TOGETHER]
+SETS = [(), *((name,) for name in sorted(load_effects())), *TOGETHER]
 
 
 def warmed_log() -> TemperatureLog:
@@ -37,9 +39,23 @@ def warmed_log() -> TemperatureLog:
 
 @pytest.mark.parametrize("effects", SETS, ids="+".join)
 def test_short_ways_and_long_one_lead_to_the_same(effects, monkeypatch):
-    model = ActuatorModel(reference_spec(), effects)
+    same_by_both_ways(ActuatorModel(reference_spec(), effects), monkeypatch)
+
+
+@pytest.mark.parametrize("name", sorted(FAMILIES))
+def test_short_ways_and_long_one_lead_to_the_same_under_a_law(name, monkeypatch):
+    """A wave over the driver, as large as the law's usual size."""
+    family = FAMILIES[name]
+    nodes = {"values": np.arange(8.0), "phase": np.arange(4.0)}.get(family.port, np.linspace(-300.0, 300.0, 41))
+    wave = np.sin(np.linspace(0.3, 9.0, len(nodes))) * family.scale * (0.8 if family.unit == "mN·m" else 1.0)
+    form = LawForm(name, nodes, wave[:, None], family.unit, family.scale, prior=True)
+    model = ActuatorModel(reference_spec(), laws=(form,))
+    same_by_both_ways(model, monkeypatch, {form.names[0]: 1.0})
+
+
+def same_by_both_ways(model, monkeypatch, more=None):
     drive = model.prepare_log(warmed_log(), start_angle_rad=170.0 * DEG)
-    values = {k: v for effect in model.chosen for start in effect.starts[:1] for k, v in start.items()}
+    values = {k: v for effect in model.chosen for start in effect.starts[:1] for k, v in start.items()} | (more or {})
     short = model.simulate(drive, values)
     slid, glide = [], kernel.glide
 

@@ -38,7 +38,7 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
         cost[sigma_s], offset_s[sigma_s] = fit.cost, fit.values["clock_offset_s"]
     assert abs(offset_s[None]) > 2.0
     assert abs(offset_s[0.05]) < 0.5 * abs(offset_s[None])
-    assert cost[0.05] > cost[None] + Settings().rival_gain
+    assert cost[0.05] > cost[None] + Settings().apart
 
 
 @pytest.mark.parametrize(

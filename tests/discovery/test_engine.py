@@ -30,7 +30,7 @@ def test_one_missing_effect_is_named_with_its_value(name: str) -> None:
     assert findings.verdict == "identified"
     assert chosen.effects == (name,)
     index = [p.name for p in chosen.fit.parameters].index(next(iter(usual_candidates()[name])))
-    sigma = np.sqrt(covariance(findings.field, chosen)[index, index])
+    sigma = np.sqrt(covariance(chosen)[index, index])
     assert abs(chosen.fit.solution.x[index] - size) < 4.0 * sigma
     assert sigma < 0.2 * size
 
@@ -43,40 +43,10 @@ def test_two_missing_effects_are_both_named() -> None:
     assert findings.decision.chosen.effects == ("coulomb", "warmth")
 
 
-@pytest.mark.parametrize(("ripple", "named"), [(0.0, ("coulomb", "warmth")), (0.2, ("coulomb",))])
-def test_beside_a_large_effect_a_small_one_must_explain_nearly_all_that_is_left(
-    ripple: float, named: tuple[str, ...]
-) -> None:
-    s = signals()
-    small = 0.1 * (s["warm"] - 20.0) + ripple * np.sin(2.0 * np.pi * s["position"] / 0.3)
-    findings = find_missing(machine(3.0 * np.sign(s["speed"]) + small, seed=5))
-    assert findings.decision.chosen.effects == named
-
-
-@pytest.mark.parametrize(
-    ("size", "ripple", "named"),
-    [(0.0, 0.0, ()), (0.02, 0.0, ()), (0.15, 0.0, ("coulomb",)), (0.15, 0.15, ())],
-    ids=["nothing", "below the floor", "plain", "beside another one"],
-)
-def test_what_is_too_small_for_a_name_gets_one_in_plain_sight(
-    size: float, ripple: float, named: tuple[str, ...]
-) -> None:
-    s = signals()
-    extra = size * np.sign(s["speed"]) + ripple * np.sin(2.0 * np.pi * s["position"] / 0.3)
-    # Nobody would miss a difference of one; the noise is known to be 0.05 and white.
-    problem = machine(extra, seed=3, tau=1.0, sigma=0.05, resolution=1.0)
+@pytest.mark.parametrize(("size", "named"), [(0.0, ()), (0.02, ()), (0.15, ("coulomb",))])
+def test_what_noise_hides_gets_no_name(size: float, named: tuple[str, ...]) -> None:
+    problem = machine(size * np.sign(signals()["speed"]), seed=3, tau=6.0)
     assert find_missing(problem).decision.chosen.effects == named
-    blind = Settings(plain_over_floor=np.inf)
-    assert find_missing(problem, settings=blind).decision.chosen.effects == ()
-
-
-def test_a_second_effect_in_plain_sight_is_named() -> None:
-    s = signals()
-    extra = 5.0 * np.sign(s["speed"]) + 0.05 * (s["warm"] - 20.0)
-    problem = machine(extra, seed=3, tau=1.0, sigma=0.05, resolution=1.0)
-    assert find_missing(problem).decision.chosen.effects == ("coulomb", "warmth")
-    blind = Settings(plain_over_floor=np.inf)
-    assert find_missing(problem, settings=blind).decision.chosen.effects == ("coulomb",)
 
 
 def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
@@ -92,27 +62,42 @@ def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
     assert sum(findings.decision.probability.values()) == pytest.approx(1.0)
 
 
-def test_what_has_no_name_is_unknown_with_what_it_depends_on() -> None:
+def test_what_has_no_name_is_a_law_over_what_it_depends_on() -> None:
     s = signals()
     extra = 0.5 * np.sin(2.0 * np.pi * s["position"] / 0.3)
     findings = find_missing(machine(extra, seed=4, candidates={"drift": usual_candidates()["drift"]}))
     assert findings.verdict == "unknown"
-    assert findings.closure is not None
-    assert findings.closure.drivers[0][0] == "position"
-    assert findings.closure.held_out_gain > 0.8
+    assert [name for name, _ in findings.drivers] == ["position"]
+    (law,) = findings.decision.chosen.laws
+    values = [findings.decision.chosen.fit.values[name] for name in law.form.names]
+    truth = 0.5 * np.sin(2.0 * np.pi * law.law.nodes / 0.3)
+    # Over 1200 samples of noise 0.05 with correlation 6, 25 nodes: 0.05 √(25 · 6 / 1200) = 0.018, and the base's
+    # offset and gain may take a constant and a slope from it.
+    left = law.form.values(values) - truth
+    left -= np.polyval(np.polyfit(law.law.nodes, left, 1), law.law.nodes)
+    assert np.sqrt(np.mean(left**2)) < 0.06
+
+
+def test_a_usual_form_of_a_law_gives_it_its_name() -> None:
+    """The law over the position explains what a spring does as well: both are one answer, by the name of the form."""
+    made = machine(0.5 * signals()["position"], seed=7)
+    named = tuple(replace(c, laws=("position",)) if c.id == "spring" else c for c in made.candidates)
+    findings = find_missing(replace(made, candidates=named))
+    assert findings.verdict == "identified"
+    assert [name for name, _ in findings.decision.named.values()] == ["spring"]
 
 
 def test_the_same_seed_gives_the_same_answer() -> None:
     extra = 0.3 * np.sign(signals()["speed"])
     one, two = (find_missing(machine(extra, seed=6), seed=1) for _ in range(2))
-    assert one.decision.threshold == two.decision.threshold
+    assert one.decision.probability == two.decision.probability
     assert np.array_equal(one.decision.chosen.fit.solution.x, two.decision.chosen.fit.solution.x)
 
 
 def test_held_out_blocks_are_those_of_explicit_fits() -> None:
     problem = machine(0.0, seed=8)
     findings = find_missing(problem)
-    fitter, fit = findings.field.fitter, findings.field.base.fit
+    fitter, fit = findings.field.base.fitter, findings.field.base.fit
     found = held_out_by_refit(fitter, fit)
     columns = np.column_stack([problem.columns["gain"], problem.columns["offset"]])
     root = np.sqrt(fitter.weight)
@@ -157,25 +142,8 @@ def test_scales_are_what_lies_beyond_the_floor() -> None:
     assert scales.motion == pytest.approx(0.4, rel=0.1)
 
 
-def test_more_can_be_asked_of_a_name() -> None:
-    extra = 0.3 * np.sign(signals()["speed"])
-    strict = Settings(share_explained=1.1, near_floor=0.0)
-    assert find_missing(machine(extra, seed=6), settings=strict).decision.chosen.effects == ()
-
-
-def test_what_nothing_explains_is_stood_in_for_by_the_mechanism_that_comes_nearest() -> None:
-    resting = np.tile(np.arange(LENGTH) < 30, BLOCKS)
-    # Neither is a function of anything that is known; the mechanism without a name is the larger part.
-    half, rest = (np.where(resting, 0.0, noise(seed, size=1.0, tau=25.0)) for seed in (21, 22))
-    made = machine(0.5 * half + 0.25 * rest, seed=4, candidates={"half": {"half_n": half}}, sigma=0.05, tau=1.0)
-    nameless = tuple(replace(c, named=False, drivers=("warm",)) for c in made.candidates)
-    findings = find_missing(replace(made, candidates=nameless, rest=resting))
-    assert findings.verdict == "unknown"
-    assert findings.decision.chosen.effects == ("half",)
-    assert [name for name, _ in findings.drivers] == ["warm"]
-    assert findings.closure is None
-    index = [p.name for p in findings.decision.chosen.fit.parameters].index("half_n")
-    assert findings.decision.chosen.fit.solution.x[index] == pytest.approx(0.5, abs=0.1)
-    assert findings.after is not None
-    left = [np.sqrt(np.nanmean(each.residual**2)) for each in (findings.before, findings.after) if each is not None]
-    assert left[1] < 0.7 * left[0]
+def test_more_can_be_asked_before_anything_is_said() -> None:
+    problem = machine(0.02 * np.sign(signals()["speed"]), seed=6, tau=1.0)
+    least = find_missing(problem).decision.missing
+    strict = Settings(certain=0.5 * (1.0 + least))
+    assert find_missing(problem, settings=strict).decision.chosen.effects == ()

@@ -15,13 +15,14 @@ from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.contenders import Contender, Field
+from torsight.discovery.explanation import Explanation, Field
 from torsight.discovery.fitting import Fitter
+from torsight.discovery.likelihood import Likelihood
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.noise import Scales, Stretches, information
 from torsight.discovery.programme import HalfCyclePlan, Heat, Leg, Programme
 from torsight.discovery.programme_menu import Habits, menu
-from torsight.discovery.separation import Explanation, least_gain, linear_gains, refitted_gains
+from torsight.discovery.separation import Rival, least_gain, linear_gains, refitted_gains
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.values import declared_from
 
@@ -29,22 +30,22 @@ NAMES = ("a", "b", "c")
 PRIOR = (1.0, 0.5, 2.0)
 
 
-def explanation(name: str, x: np.ndarray) -> Explanation:
+def rival(name: str, x: np.ndarray) -> Rival:
     parameters = tuple(
         Parameter(name=f"{name}_{key}", value=0.0, unit="", sigma=sigma)
         for key, sigma in zip(NAMES, PRIOR, strict=True)
     )
-    return Explanation((name,), (name,), parameters, x)
+    return Rival((name,), (name,), parameters, x)
 
 
 def test_a_gain_is_what_stacked_least_squares_leaves() -> None:
     rng = np.random.default_rng(4)
     design = {name: rng.standard_normal((40, 3)) for name in ("one", "two")}
     weight = rng.uniform(0.2, 3.0, 40)
-    both = [explanation(name, rng.standard_normal(3)) for name in design]
+    both = [rival(name, rng.standard_normal(3)) for name in design]
 
-    def predict(values: dict[str, float], effects: tuple[str, ...]) -> np.ndarray:
-        (name,) = effects
+    def predict(values: dict[str, float], one: Rival) -> np.ndarray:
+        (name,) = one.effects
         return design[name] @ np.array([values[f"{name}_{key}"] for key in NAMES])
 
     for gains in (linear_gains(predict, both, weight), refitted_gains(predict, both, weight)):
@@ -59,11 +60,11 @@ def test_a_gain_is_what_stacked_least_squares_leaves() -> None:
 
 
 def test_what_holds_the_true_explanation_can_only_be_told_from_the_other_side() -> None:
-    small = explanation("one", np.zeros(3))
+    small = rival("one", np.zeros(3))
     event = replace(small, name=("bump",), effects=())
 
-    def predict(values: dict[str, float], effects: tuple[str, ...]) -> np.ndarray:
-        return np.full(5, len(effects) + 0.0 * sum(values.values()))
+    def predict(values: dict[str, float], one: Rival) -> np.ndarray:
+        return np.full(5, len(one.effects) + 0.0 * sum(values.values()))
 
     gains = linear_gains(predict, [small, event], np.ones(5))
     assert np.isnan(gains[1, 0])
@@ -133,7 +134,8 @@ def field_of(table: SyncedTable, spec: ActuatorSpec, names: tuple[str, ...]) -> 
     fitter = Fitter(problem, information(stretches, scales, problem.sigma))
     base = fitter.base()
     fits = [base, *(fitter.extend(base, name) for name in names)]
-    return problem, Field(fitter, stretches, scales, problem.sigma, {f.effects: Contender(f, fitter) for f in fits})
+    found = {fit.effects: Explanation(fitter, fit, (), -0.5 * fit.cost) for fit in fits}
+    return problem, Field(Likelihood.of(stretches, np.hypot(problem.sigma, 0.1), 4.0), stretches, found)
 
 
 def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_is_true() -> None:
@@ -141,7 +143,7 @@ def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_
     names = ("clock_offset", "sensor_lag")
     usual = [{"spring": s, "peak_c": 75.0, "ramp_s": 350.0, "heat_s": 370.0, "cool_s": 250.0} for s in "ab"]
     problem, field = field_of(record({"sensor_lag": {"lag_s": 5.0}}, usual), spec, names)
-    rivals = [field.contenders[(name,)] for name in names]
+    rivals = [field.explanations[(name,)] for name in names]
     found = next_experiment(problem, field, rivals, needed_gain=12.0)
     assert isinstance(found, NextExperiment)
     assert found.gain > 12.0 > found.repeat_gain
@@ -162,7 +164,7 @@ def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_
     protocol = half_cycles(found.segments)
     for truth in ({"sensor_lag": {"lag_s": 5.0}}, {"clock_offset": {"offset_s": 5.0}}):
         _, new = field_of(record(truth, protocol), spec, names)
-        cost = {name: new.contenders[(name,)].cost for name in names}
+        cost = {name: new.explanations[(name,)].cost for name in names}
         (true,) = truth
         (other,) = set(names) - {true}
         assert cost[other] > cost[true] + 12.0

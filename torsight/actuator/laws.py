@@ -2,8 +2,8 @@
 
 A family is a port with a driver. Which values its driver takes, and so where its nodes lie, comes from the record
 (:func:`laws_of`); what a law does to the model, from its port alone (:func:`apply_law`), so that a model file needs no
-record. Ports are those of :class:`torsight.actuator.ports.Ports`; angles are in degrees, torques in mN·m and friction in
-shares of τ_c, as they stand in files.
+record. Ports are those of :class:`torsight.actuator.ports.Ports`; angles are in degrees, torques in mN·m, friction in
+shares of τ_c.
 """
 
 from __future__ import annotations
@@ -459,7 +459,7 @@ _ALL: Final = (
            _angle_nodes, 0.1, _waves),
     Family("friction_temp_active_c", "friction", "temp_active_c", "", "friction over the driven spring's temperature",
            "friction", _friction_active, _active_nodes, 0.1, _plain),
-    Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the passive spring's temperature",
+    Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the other spring's temperature",
            "friction", _friction_passive, _passive_nodes, 0.1, _plain),
     Family("friction_angle_rate_deg_s", "friction", "angle_rate_deg_s", "", "friction over the speed", "friction",
            _friction_speed, _speed_nodes, 0.1, _from_zero),

@@ -70,9 +70,9 @@ def _law(
     values = form.values([chosen.fit.values[name] for name in form.names])
     sigma = np.sqrt(np.maximum(np.diag(form.basis @ spread[np.ix_(places, places)] @ form.basis.T), 0.0))
     if law.driver == "spring":
-        low, mean = np.zeros(2), float(np.mean(values[:_TEMPERATURES]))
+        mean = float(np.mean(values[:_TEMPERATURES]))
         together = float(np.mean(sigma[:_TEMPERATURES]))
-        driver, curve, width = np.array([0.0, 1.0]), low + [0.0, mean], low + [0.0, together]
+        driver, curve, width = np.array([0.0, 1.0]), np.array([0.0, mean]), np.array([0.0, together])
         scales, covered = _Scales(1.0, law.unit, lambda x: x), np.ones(2, np.bool_)
     else:
         counted = law.time_like and law.driver == "cycle"
@@ -159,4 +159,5 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float) -> str:
     if law.port == "friction":
         value = value + tau_c_mnm
     low, high = float(value.min()), float(value.max())
-    return f"{_WHAT[law.port]} goes from {number(low)} to {number(high)} {law.unit} over {variable_name(law.driver)}, {over}"
+    size = f"from {number(low)} to {number(high)} {law.unit}"
+    return f"{_WHAT[law.port]} goes {size} over {variable_name(law.driver)}, {over}"

@@ -4,10 +4,10 @@ r"""What a residual is worth: a Gaussian likelihood whose noise is inferred and 
 
 r residual, n_i what the inputs account for (reading noise, noise of the temperatures), s the size of the discrepancy
 that is left, one for motion and one for rests, each at its most probable value. Neighbouring residuals are not
-independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ the residual's integrated correlation
-time in samples; a rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps intervals and
-evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica
-21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains
+independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ the residual's integrated
+correlation time in samples; a rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps
+intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and Firth,
+Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains
 as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
 """
 
@@ -39,22 +39,25 @@ class Likelihood:
         Whether the sample is part of a rest.
     correlation_samples : float
         Integrated correlation time of the residual in motion.
+    least : float
+        Least size of the discrepancy: no model is right to better than a difference that nobody would miss.
     """
 
     count: Array
     floor: Array
     rest: NDArray[np.bool_]
     correlation_samples: float
+    least: float = 0.0
 
     @classmethod
-    def of(cls, stretches: Stretches, floor: Array, correlation_samples: float) -> Likelihood:
+    def of(cls, stretches: Stretches, floor: Array, correlation_samples: float, *, least: float = 0.0) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
         count, rest = np.zeros(len(floor)), np.zeros(len(floor), np.bool_)
         for start, stop, at_rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
             length = stop - start
             count[start:stop] = 1.0 / (length if at_rest else min(max(correlation_samples, 1.0), length))
             rest[start:stop] = at_rest
-        return cls(count, floor, rest, correlation_samples)
+        return cls(count, floor, rest, correlation_samples, least)
 
     def variance(self, residual: Array) -> Array:
         """Return the variance (n,) of every sample with the discrepancy's most probable size."""
@@ -68,7 +71,8 @@ class Likelihood:
             rows = kind & (self.count > 0.0)
             square = self.floor[rows] ** 2 + 1e-30
             sizes.append(_discrepancy(residual[rows] ** 2, square, self.count[rows]) if rows.any() else 0.0)
-        return float(np.sqrt(sizes[0])), float(np.sqrt(sizes[1]))
+        motion, rest = (max(float(np.sqrt(size)), self.least) for size in sizes)
+        return motion, rest
 
     def log(self, residual: Array) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
@@ -81,7 +85,8 @@ class Likelihood:
         rows = self.count > 0.0
         count, variance = self.count[rows], self.variance(residual)[rows]
         beyond = float(count @ (residual[rows] ** 2 / variance)) - float(np.sum(count))
-        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(variance / (self.floor[rows] ** 2 + 1e-30)))
+        least = self.floor[rows] ** 2 + self.least**2 + 1e-30
+        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(variance / least))
 
     def weight(self, residual: Array) -> Array:
         """Return the information per sample (n,), zero where it does not count."""

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LinearProblem:
     """A :class:`torsight.discovery.interface.Problem` whose model is Σ parameter · column.
 
@@ -22,7 +25,7 @@ class LinearProblem:
     ----------
     columns : mapping of str to (n,) array
         Column of every parameter, of the base model and of the candidates.
-    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution
+    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms
         As in the protocol.
     """
 
@@ -37,6 +40,25 @@ class LinearProblem:
     rest: NDArray[np.bool_]
     drivers: Mapping[str, Array] = field(default_factory=dict)
     resolution: float = 0.0
+    forms: tuple[LawForm, ...] = ()
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """Laws that are added to the output, one over each driver."""
+        size = float(np.std(self.observed[self.valid])) if self.valid.any() else 1.0
+        found = (_law(name, driver[self.valid], size) for name, driver in self.drivers.items())
+        return tuple(law for law in found if law is not None)
+
+    def with_laws(self, forms: Sequence[LawForm]) -> LinearProblem:
+        """Return the problem with these forms of laws among its candidates."""
+        known = {form.id for form in self.forms}
+        own = tuple(candidate for candidate in self.candidates if candidate.id not in known)
+        columns = dict(self.columns)
+        for form in forms:
+            at_rows = np.column_stack([form.at(self.drivers[form.id], row) for row in np.eye(len(form.names))])
+            columns |= dict(zip(form.names, at_rows.T, strict=True))
+        laws = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
+        return replace(self, columns=columns, candidates=(*own, *laws), forms=tuple(forms))
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return Σ value · column over the base and the named effects."""
@@ -51,6 +73,25 @@ class LinearProblem:
         """Return zeros: the columns are known."""
         del values, effects
         return np.zeros(len(self.observed))
+
+
+_NODES: Final = 25
+"""A wave needs five nodes a period: five of them fit into a driver's range."""
+_SCALE: Final = 0.03
+"""Size of a law that matters, as a share of the output's."""
+_TIME_LIKE: Final = ("time_s", "cycle")
+
+
+def _law(name: str, driver: Array, size: float) -> Law | None:
+    """Return the law over a driver; None where the driver does not change."""
+    places = np.unique(driver)
+    if len(places) < 2:
+        return None
+    nodes = places if len(places) < _NODES else np.linspace(float(places[0]), float(places[-1]), _NODES)
+    smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
+    kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
+    scale = _SCALE * size
+    return Law(name, "output", name, "", f"the output over {name}", nodes, scale, kernels, time_like=name in _TIME_LIKE)
 
 
 def linear_problem(

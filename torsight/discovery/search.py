@@ -36,6 +36,8 @@ from torsight.discovery.solver import Array
 _SETTLED: Final = 0.3
 """Gain in log units below which a further round of weights no longer matters."""
 _ROUNDS: Final = 6
+TIME: Final = "time_s"
+"""The driver that is a reference and no explanation."""
 _FIRST_CORRELATION: Final = 8.0
 """Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
 leaves is correlated over a whole stroke and says nothing of the noise."""
@@ -50,7 +52,7 @@ class Search:
         self._progress = progress
         self._stretches = Stretches.of(problem)
         self._explanations: dict[EffectSet, Explanation] = {}
-        self._likelihood = Likelihood.of(self._stretches, problem.sigma, 1.0)
+        self._likelihood = Likelihood.of(self._stretches, problem.sigma, 1.0, least=problem.resolution)
 
     def run(self) -> Field:
         """Return the base model and the sets that grew out of the best ones."""
@@ -97,7 +99,7 @@ class Search:
             fitter = Fitter(problem, information(stretches, scales, floor))
             fit = fitter.from_elsewhere(fitter.refit(fit))
         tau = min(scales.correlation_samples, _FIRST_CORRELATION)
-        self._likelihood = Likelihood.of(stretches, floor, tau)
+        self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution)
         return self._settled(problem, fit, ())
 
     def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
@@ -135,7 +137,9 @@ class Search:
         work: list[tuple[Explanation, str | Law]] = []
         planned: set[EffectSet] = set()
         for parent in parents:
-            more: list[str | Law] = [c.id for c in self._problem.candidates] + list(self._problem.laws)
+            more: list[str | Law] = [candidate.id for candidate in self._problem.candidates]
+            # A law of time says when something differs and not why: beside an explanation it would take up its error.
+            more += [law for law in self._problem.laws if size == 1 or law.driver != TIME]
             for item in more:
                 name = item.id if isinstance(item, Law) else item
                 members = tuple(sorted((*parent.members, name)))
@@ -204,7 +208,8 @@ class Search:
         best = self._best()
         residual = best.residual
         tau = correlation_samples(residual, self._stretches)
-        self._likelihood = Likelihood.of(self._stretches, self._floor(best.fit, best.fitter.problem), tau)
+        floor = self._floor(best.fit, best.fitter.problem)
+        self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
         for members, one in list(self._explanations.items()):
             fitter = self._fitter(one.fitter.problem, one.fit)
             bank = one.laws[-1].bank if one.laws else 0.0

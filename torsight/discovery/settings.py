@@ -33,7 +33,7 @@ class Settings:
     certain: float = 0.99
     credible: float = 0.95
     explained: float = 2.0
-    form_share: float = 0.9
+    form_share: float = 0.97
     most: int = 3
     beam: int = 2
 

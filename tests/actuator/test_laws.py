@@ -1,0 +1,101 @@
+"""Laws at the model's ports: zero is the plain model, what they do, and that a file gives them back."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from actuator_programmes import programme
+
+from torsight.actuator.drive import prepare_log
+from torsight.actuator.laws import FAMILIES, law_to_json, laws_from, laws_of
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import reference_spec
+from torsight.core.errors import ConfigError
+from torsight.core.units import DEG
+
+HALVES = [(0, [(82.0, 0.2)]), (1, [(80.0, 0.2)]), (0, [(58.0, 0.25)]), (1, [(84.0, 0.3)])]
+
+
+@pytest.fixture(scope="module")
+def drive():
+    log, _ = programme(HALVES)
+    prepared = prepare_log(log, start_angle_rad=170.0 * DEG)
+    angle_rad = ActuatorModel(reference_spec()).simulate(prepared).angle_rad
+    object.__setattr__(prepared, "angle_rad", angle_rad)
+    return prepared
+
+
+@pytest.fixture(scope="module")
+def laws(drive):
+    return {law.id: law for law in laws_of(drive, 0.79)}
+
+
+def simulated(drive, form, parameters):
+    model = ActuatorModel(reference_spec(), laws=(form,))
+    return model.simulate(drive, dict(zip(form.names, parameters, strict=True)))
+
+
+def test_every_family_is_offered_where_the_record_covers_its_driver(laws):
+    # Nothing warms the spring that is not driven here.
+    assert set(laws) == set(FAMILIES) - {"friction_temp_passive_c"}
+
+
+@pytest.mark.parametrize("name", sorted(set(FAMILIES) - {"friction_temp_passive_c"}))
+def test_zero_is_the_plain_model(name, drive, laws):
+    form = laws[name].free()
+    plain = ActuatorModel(reference_spec()).simulate(drive).angle_rad
+    np.testing.assert_allclose(simulated(drive, form, np.zeros(len(form.names))).angle_rad, plain, rtol=0.0, atol=1e-9)
+
+
+def test_a_constant_law_of_friction_is_more_friction(drive, laws):
+    form = laws["friction_angle_deg"].free()
+    more = ActuatorModel(reference_spec()).simulate(drive, {"tau_c_mnm": 0.79 * 1.2}).angle_rad
+    found = simulated(drive, form, np.full(len(form.names), 0.2)).angle_rad
+    np.testing.assert_allclose(found, more, rtol=0.0, atol=1e-9)
+
+
+def test_friction_over_the_speed_that_rises_in_proportion_is_viscous(drive, laws):
+    law = laws["friction_angle_rate_deg_s"]
+    form = law.free()
+    viscous = ActuatorModel(reference_spec(), ("viscous_friction",))
+    expected = viscous.simulate(drive, {"viscous_mnm_s_per_rad": 8.0}).angle_rad
+    found = simulated(drive, form, 8.0 * DEG * law.nodes / 0.79).angle_rad
+    # Beyond the last node its value holds; nothing moves faster but in jumps.
+    assert np.median(np.abs(found - expected)) < 0.01 * DEG
+
+
+def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):
+    form = laws["values_spring"].free()
+    shift = np.array([1.5, 1.5, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0])
+    plain = ActuatorModel(reference_spec()).simulate(drive).angle_rad
+    found = simulated(drive, form, shift).angle_rad
+    first = drive.cycles.half == 0
+    np.testing.assert_allclose(found[first], plain[first], rtol=0.0, atol=1e-9)
+    # Half-cycle 1 heats B: it begins to move 1.5 °C later, at the same rate, so by as much time.
+    second = drive.cycles.half == 1
+    begins = [drive.temp_b_c[second][np.abs(a[second] - a[second][0]) > 1.0 * DEG][0] for a in (plain, found)]
+    assert begins[1] - begins[0] == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_file_gives_a_law_back(drive, laws):
+    law = laws["torque_angle_deg"]
+    form = law.form(law.kernels[-1], 0.05)
+    (again,) = laws_from(json.loads(json.dumps([law_to_json(form)])), where="model.json")
+    parameters = np.random.default_rng(2).standard_normal(len(form.names))
+    np.testing.assert_array_equal(form.basis, again.basis)
+    np.testing.assert_allclose(
+        simulated(drive, form, parameters).angle_rad, simulated(drive, again, parameters).angle_rad, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("id", "no_such_law"), ("nodes", [3.0, 1.0]), ("nodes", "three"), ("basis", [[float("nan")]]), ("scale", "wide")],
+)
+def test_a_damaged_law_is_named(key, value, laws):
+    law = laws["phase_cycle"]
+    entry = {**law_to_json(law.form(law.kernels[0], 0.01)), key: value}
+    with pytest.raises(ConfigError, match=r"law|choices|known|number|one of"):
+        laws_from([entry], where="model.json, key laws")
