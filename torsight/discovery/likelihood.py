@@ -7,8 +7,9 @@ that is left, one for motion and one for rests, each at its most probable value.
 independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ the residual's integrated
 correlation time in samples; a rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps
 intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and Firth,
-Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains
-as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
+Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight: what leaves
+half as much explains as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc.
+B 63 (2001) 425).
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Every set of effects and laws has a posterior probability: its evidence times the prior that so much is missing, shared
 by all effects and laws alike. Sets that name the same places of the model by different means (a usual form, or a free
 law where that form acts) are one answer. What is said follows from these probabilities: nothing, where it is not
-certain that something is missing; the answer that holds nearly all probability; or all answers that share it. The score on
-half-cycles that a fit has not seen is the check: what a member adds must predict them better, events and laws of time
-apart, which no other half-cycle can tell.
+certain that something is missing; the answer that holds nearly all probability; or all answers that share it. The score
+on half-cycles that a fit has not seen is the check: what a member adds must predict them better, events and laws of
+time apart, which no other half-cycle can tell.
 """
 
 from __future__ import annotations
