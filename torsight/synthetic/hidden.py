@@ -63,10 +63,11 @@ class HeatCrosstalk(HiddenEffect):
     """More heat passes to the other spring, which starts to transform at its own temperature and stress."""
 
     conductance_w_per_k: float = key(0.012, "heat passing directly between the wires", lower=0.0, upper=1.0)
+    share: float = key(1.0, "share of the other spring that gets warm", lower=0.0, upper=1.0)
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        return {"crosstalk": 1, "between_more": self.conductance_w_per_k}
+        return {"crosstalk": 1, "crosstalk_share": self.share, "between_more": self.conductance_w_per_k}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,13 +132,13 @@ class Stiffening(HiddenEffect):
     onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
     form: str = key(
         "cubic",
-        "law; 'loading' is a third slope of the loading curve, which is unwound along the first",
-        choices=("cubic", "third_slope", "quadratic", "loading"),
+        "law; 'loading' is a third slope of the loading curve, which is unwound along the first, 'bend' a cubic of it",
+        choices=("cubic", "third_slope", "quadratic", "loading", "bend"),
     )
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        form = ("cubic", "third_slope", "quadratic", "loading").index(self.form)
+        form = ("cubic", "third_slope", "quadratic", "loading", "bend").index(self.form)
         return {"stiff": self.rise_mnm * MNM, "stiff_onset": self.onset_deg * DEG, "stiff_form": form}
 
 
@@ -170,10 +171,11 @@ class Fatigue(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class MarkerSlip(HiddenEffect):
-    """The moving stick slips on its disk at one moment of the film."""
+    """The moving stick slips on its disk, at one moment of the film or within a few seconds."""
 
     time_s: float = key(300.0, "when, on the film's clock", lower=-1e7, upper=1e7)
     step_deg: float = key(4.0, "by how much", lower=-180.0, upper=180.0)
+    lasts_s: float = key(0.0, "how long it takes", lower=0.0, upper=1e5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,6 +308,15 @@ class Imbalance(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class UnlikeSprings(HiddenEffect):
+    """Spring B has values of its own: it transforms at other temperatures and is stiffer or softer."""
+
+    a_shift_c: float = key(1.0, "by how much B's A_s and A_f are higher than A's", lower=-30.0, upper=30.0)
+    m_shift_c: float = key(1.0, "by how much B's M_s and M_f are higher", lower=-30.0, upper=30.0)
+    modulus_scale: float = key(1.0, "B's moduli as a multiple of A's", lower=0.2, upper=5.0)
+
+
+@dataclass(frozen=True, slots=True)
 class LocalTorque(HiddenEffect):
     """A torque at one place of the turn, alike for both directions."""
 
@@ -388,6 +399,7 @@ HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
     "thermistor_curve": ThermistorCurve,
     "end_stop": EndStop,
     "imbalance": Imbalance,
+    "unlike_springs": UnlikeSprings,
     "local_torque": LocalTorque,
     "reading_drift": ReadingDrift,
     "room_drift": RoomDrift,
