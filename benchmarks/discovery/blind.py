@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from blind_hidden import FORMS, PLACES, Key, drawn_effect, effect_piece, law_piece, shown, together
+from blind_hidden import FORMS, PLACES, Key, drawn_effect, effect_piece, law_piece, shown_deg, together
 from blind_rig import Record, draw_rig, log_uniform, run_rig, seen
 from cases import LIBRARY
 
@@ -89,7 +89,7 @@ def make_record(case: Case, *, turned: bool | None = None) -> Record:
     return replace(
         seen(whole, rig, details),
         sizes_deg={piece.name: size for piece, (_, size) in zip(pieces, sizes, strict=True)},
-        shown_deg=shown(rig, pieces, factors, whole),
+        shown_deg=shown_deg(rig, pieces, factors) if pieces else {},
         details=details,
         law=laws[0] if laws else None,
     )

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from blind_rig import EVERY, ROOM_C, Array, DrawnRig, Hidden, Run, change_deg, run_rig, temperature_rows
+from blind_rig import ROOM_C, Array, DrawnRig, Hidden, Run, on_log_clock
 from cases import LIBRARY, Draw
-from shown import shown_deg
+from shown import shown
 
 from torsight.core.units import DEG, MNM
 from torsight.synthetic.laws import RigLaw, draw_law, factor_for
@@ -18,8 +18,6 @@ from torsight.synthetic.values import declared_from, rig_values
 Key = tuple[str, str]
 
 _WITHIN: Final = 0.1
-_STEP: Final = 0.2
-"""Share of a standard deviation, or of a strength, by which the rig is run once more."""
 
 
 class Place(NamedTuple):
@@ -133,7 +131,8 @@ class Piece:
         sizes: dict[float, float] = {}
 
         def size(factor: float) -> float:
-            sizes[factor] = float(np.sqrt(np.mean(change_deg(rig, plain, self.at(factor)) ** 2)))
+            change = on_log_clock(rig, self.at(factor)) - plain.angle_deg
+            sizes[factor] = float(np.sqrt(np.mean(change**2)))
             return sizes[factor]
 
         factor = factor_for(wanted_deg, size, first=self.first, most=self.most, within=_WITHIN)
@@ -185,32 +184,16 @@ def together(pieces: Sequence[Piece], factors: Sequence[float]) -> Hidden:
     return details, laws
 
 
-def shown(rig: DrawnRig, pieces: Sequence[Piece], factors: Sequence[float], whole: Run) -> dict[str, float]:
+def shown_deg(rig: DrawnRig, pieces: Sequence[Piece], factors: Sequence[float]) -> dict[str, float]:
     """Return by how much each hidden piece shows beyond what values and the other pieces can imitate."""
-    hidden = together(pieces, factors)
-    kept = slice(0, whole.split, EVERY)
-
-    def change_deg(other: Run) -> Array:
-        return (other.read_rad - whole.read_rad)[kept] / DEG
-
-    imitations = [np.full(len(whole.read_rad[kept]), 1e3)]
     spread = declared_from(rig.declared, where="blind suite").uncertainty
-    for name, sigma in spread.items():
-        off = rig_values({**rig.values.public, name: rig.values.public[name] + _STEP * sigma})
-        imitations.append(change_deg(run_rig(replace(rig, values=off), hidden)) / _STEP)
-    # An effect's own strength is as good as free.
-    stronger = [
-        change_deg(run_rig(rig, together(pieces, [f * (1.0 + _STEP * (i == k)) for k, f in enumerate(factors)])))
-        / _STEP
-        for i in range(len(pieces))
-    ]
-    found = {}
-    for i, piece in enumerate(pieces):
-        without = run_rig(rig, together(pieces, [f * (k != i) for k, f in enumerate(factors)]))
-        moved = whole.read_rad[temperature_rows(whole, piece.at(factors[i])[0])]
-        change = (without.read_rad - moved)[kept] / DEG
-        found[piece.name] = shown_deg(change, imitations + [column for k, column in enumerate(stronger) if k != i])
-    return found
+
+    def angle_deg(off: Mapping[str, float], times: Sequence[float]) -> Array:
+        values = {name: value + off.get(name, 0.0) for name, value in rig.values.public.items()}
+        strengths = [factor * by for factor, by in zip(factors, times, strict=True)]
+        return on_log_clock(replace(rig, values=rig_values(values)), together(pieces, strengths))
+
+    return dict(zip((piece.name for piece in pieces), shown(angle_deg, spread, len(pieces)), strict=True))
 
 
 def _range(place: Key, plain: Run, rig: DrawnRig) -> tuple[float, float]:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
-from torsight.synthetic.hidden import HIDDEN, ClockOffset, HiddenEffect
+from torsight.synthetic.hidden import HIDDEN, ClockOffset
 from torsight.synthetic.laws import RigLaw
+from torsight.synthetic.mechanisms import HiddenEffect
 from torsight.synthetic.protocol import HalfCycle, Protocol
 from torsight.synthetic.rig import RigRecord, Sensor, reading_angle, simulate_rig
 from torsight.synthetic.values import REFERENCE, RigValues, declared_from, draw_values
@@ -139,6 +140,11 @@ class Run:
     signals: RigRecord
     split: int
 
+    @property
+    def angle_deg(self) -> Array:
+        """The record's angle row by row, °."""
+        return self.read_rad[: self.split : EVERY] / DEG
+
 
 def run_rig(rig: DrawnRig, hidden: Hidden) -> Run:
     """Run record and later programme in one go, so that what the rig remembers goes on; noise is the same each time."""
@@ -168,12 +174,13 @@ def temperature_rows(run: Run, details: Mapping[str, Mapping[str, object]]) -> N
     return at
 
 
-def change_deg(rig: DrawnRig, plain: Run, hidden: Hidden) -> Array:
-    """Return what something hidden changes in the angle of the record, row by row."""
-    other = run_rig(rig, hidden)
-    # A clock's error moves the temperatures; the angle that belongs to them moves as much.
-    moved = plain.read_rad[temperature_rows(plain, hidden[0])]
-    return (other.read_rad - moved)[: plain.split : EVERY] / DEG
+def on_log_clock(rig: DrawnRig, hidden: Hidden) -> Array:
+    """Return the record's angle, °, beside the temperatures that the merged table shows: a clock's error moves it."""
+    run = run_rig(rig, hidden)
+    rows = np.arange(0, run.split, EVERY)
+    moved = np.clip(2 * rows - temperature_rows(run, hidden[0])[rows], 0, len(run.read_rad) - 1)
+    angle_deg: Array = run.read_rad[moved] / DEG
+    return angle_deg
 
 
 def seen(run: Run, rig: DrawnRig, details: Mapping[str, Mapping[str, object]]) -> Record:

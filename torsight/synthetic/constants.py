@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import njit
 from torsight.core.units import DEG
-from torsight.synthetic.hidden import HiddenEffect, NonuniformTemperature, UnlikeSprings
+from torsight.synthetic.hidden import NonuniformTemperature
 from torsight.synthetic.laws import NODES, SLOTS, RigLaw
+from torsight.synthetic.mechanisms import HiddenEffect, UnlikeSprings
 from torsight.synthetic.values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG

@@ -19,7 +19,7 @@ recoverable     half_cycle, cycle (of the spring itself)              relative c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -50,7 +50,7 @@ OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "ha
 _GROWS: Final = (("friction", "rate"), ("friction", "dwell"))
 _LINEAR: Final = (("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
 _SHORTEST, _LONGEST = 0.1, 0.5
-_FIRST_GUESSES: Final = 12
+_MOST_TRIES: Final = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,18 +154,12 @@ def factor_for(wanted: float, change: Callable[[float], float], *, first: float,
         Relative error of the size that is good enough.
     """
     low, high, factor = 0.0, most, min(first, most)
-    for _ in range(_FIRST_GUESSES):
+    for _ in range(_MOST_TRIES):
         size = change(factor)
         if abs(size / wanted - 1.0) < within or (size < wanted and factor >= most):
             return factor
         low, high = (factor, high) if size < wanted else (low, factor)
         # In proportion where that stays between the bounds, else the middle.
         guess = factor * wanted / max(size, 1e-3 * wanted)
-        factor = guess if low < guess < high else 0.5 * (low + high)
-        factor = most if not np.isfinite(factor) else factor
+        factor = min(guess, most) if low < guess < high or guess >= most == high else 0.5 * (low + high)
     return factor
-
-
-def of_port(laws: Sequence[RigLaw], port: str) -> tuple[RigLaw, ...]:
-    """Return the laws of one port."""
-    return tuple(item for item in laws if item.port == port)

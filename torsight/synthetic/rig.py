@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from torsight.core.units import DEG
 from torsight.synthetic.constants import Constants, pack, to_records, zones
-from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip, ReadingDrift, RoomDrift
+from torsight.synthetic.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
 from torsight.synthetic.laws import RigLaw, read_with, recoverable_share
+from torsight.synthetic.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
 from torsight.synthetic.protocol import Commands, Protocol, commands
 from torsight.synthetic.springs import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
 from torsight.synthetic.values import RigValues
