@@ -19,7 +19,8 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
-from torsight.synthetic.hidden import HIDDEN, ClockOffset, HiddenEffect
+from torsight.synthetic.hidden import HIDDEN, ClockOffset
+from torsight.synthetic.mechanisms import HiddenEffect
 from torsight.synthetic.protocol import HalfCycle, Protocol
 from torsight.synthetic.rig import RigRecord, Sensor, reading_angle, simulate_rig
 from torsight.synthetic.values import RigValues, declared_from, draw_values

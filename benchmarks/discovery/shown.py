@@ -1,69 +1,60 @@
-"""How far each hidden effect of a record shows at all, whatever discovery makes of it.
+"""How far something hidden in a record shows at all, whatever discovery makes of it.
 
-An effect may move the angle by degrees and still leave nothing: the other effects and the characterised values, within
-what is known of them, take it up. So the set of what is hidden is fitted, and the set without one of them, from
-several starts each; what the smaller set misses more on half-cycles that it has not seen is what that one shows. Both
-are given all that the library has; nothing is searched for.
+An effect may move the angle by degrees and still leave nothing: the characterised values, within what is known of them,
+and what else is hidden take it up. So the rig is run once more with each of those a little off, and what no such change
+imitates is what shows. The rig alone is asked, neither the model under test nor its engine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import permutations
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from torsight.discovery.fitting import Fit, Fitter
-from torsight.discovery.interface import Problem
-from torsight.discovery.noise import Scales, Stretches, first_scales, information, residual_scales
-from torsight.discovery.validate import held_out_by_refit
+Array = NDArray[np.float64]
 
-_ROUNDS = 2
+_ROW_SIGMA_DEG: Final = 1.0
+"""What a row at four per second tells of a value, against the value's prior: errors of 0.1° that last 25 s."""
+_STEP: Final = 0.2
+"""Share of a standard deviation, or of a strength, by which the rig is off."""
 
 
-def shown(problem: Problem, names: Sequence[str]) -> dict[str, float]:
-    """Return by how much the held-out error (root mean square over time) grows without each effect.
+def shown(
+    angle_deg: Callable[[Mapping[str, float], Sequence[float]], Array], spread: Mapping[str, float], count: int
+) -> list[float]:
+    """Return by how much each of several hidden pieces shows, ° root mean square.
 
-    The root of the difference of the mean squares, in units of what is measured; 0 where the smaller set does as well.
+    Parameters
+    ----------
+    angle_deg : callable
+        The angle (n,) of a rig whose values are off by so much, with each piece at so many times its strength.
+    spread : mapping of str to float
+        One standard deviation of each value that is not exact.
+    count : int
+        Number of pieces.
     """
-    stretches = Stretches.of(problem)
-    fitter = _fitter(problem, stretches, first_scales(problem, stretches), problem.sigma)
-    whole = _grown(fitter, names)
-    for _ in range(_ROUNDS):
-        # What a sample is worth follows from what the whole set leaves.
-        residual = np.where(problem.valid, problem.observed - whole.solution.prediction, 0.0)
-        floor = np.hypot(problem.sigma, problem.input_noise(whole.values, whole.effects))
-        fitter = _fitter(problem, stretches, residual_scales(residual, stretches, floor), floor)
-        whole = min(fitter.refit(whole, max_iterations=12), _grown(fitter, names), key=lambda fit: fit.cost)
-    least = _missed(fitter, whole)
-    found = {}
-    for name in names:
-        others = [other for other in names if other != name]
-        part = fitter.ordered(others)
-        near = {p.name: whole.values[p.name] for p in fitter.parameters(part)}
-        without = min(_grown(fitter, others), fitter.fit(part, [near]), key=lambda fit: fit.cost)
-        found[name] = float(np.sqrt(max(0.0, _missed(fitter, without) - least)))
+    ones = np.ones(count)
+    whole = angle_deg({}, ones.tolist())
+    # Nobody knows the zero of the sticks, nor the strength of an effect.
+    zero = np.full(len(whole), 1e3)
+    values = [(angle_deg({name: _STEP * sigma}, ones.tolist()) - whole) / _STEP for name, sigma in spread.items()]
+    each = np.eye(count)
+    stronger = [(angle_deg({}, (ones + _STEP * each[i]).tolist()) - whole) / _STEP for i in range(count)]
+    found = []
+    for i in range(count):
+        change = angle_deg({}, (ones - each[i]).tolist()) - whole
+        found.append(left_over(change, [zero, *values, *(column for k, column in enumerate(stronger) if k != i)]))
     return found
 
 
-def _fitter(problem: Problem, stretches: Stretches, scales: Scales, floor: np.ndarray) -> Fitter:
-    return Fitter(problem, information(stretches, scales, floor))
+def left_over(change_deg: Array, imitations_deg: Sequence[Array]) -> float:
+    """Return what is left of a change (n,), root mean square, once imitations have taken up what they can.
 
-
-def _grown(fitter: Fitter, names: Sequence[str]) -> Fit:
-    """Return the best fit of a set that is put together one by one, in every order."""
-    found = []
-    base = fitter.base()
-    for order in permutations(names):
-        fit = base
-        for name in order:
-            fit = fitter.extend(fit, name)
-        found.append(fit)
-    return min(found, key=lambda fit: fit.cost)
-
-
-def _missed(fitter: Fitter, fit: Fit) -> float:
-    """Return the mean square over time by which half-cycles are missed that were each predicted from the others."""
-    problem = fitter.problem
-    left = held_out_by_refit(fitter, fit).residual[problem.valid]
-    return float(np.average(left**2, weights=np.gradient(problem.time_s)[problem.valid]))
+    Each imitation (n,) is what a value changes per standard deviation of what is known of it.
+    """
+    columns = np.column_stack(imitations_deg)
+    normal = columns.T @ columns / _ROW_SIGMA_DEG**2 + np.eye(columns.shape[1])
+    taken = columns @ np.linalg.solve(normal, columns.T @ change_deg / _ROW_SIGMA_DEG**2)
+    return float(np.sqrt(np.mean((change_deg - taken) ** 2)))

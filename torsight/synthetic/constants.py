@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.core.units import DEG
-from torsight.synthetic.hidden import HiddenEffect, NonuniformTemperature
+from torsight.synthetic.hidden import NonuniformTemperature
+from torsight.synthetic.laws import NODES, SLOTS, RigLaw
+from torsight.synthetic.mechanisms import HiddenEffect, UnlikeSprings
 from torsight.synthetic.values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG
@@ -58,6 +61,7 @@ class Constants(NamedTuple):
     quantum_c: float
     # hidden effects of phase, torque and friction
     crosstalk: int
+    crosstalk_share: float
     zone_scale: float
     zone_form: int
     coil: float
@@ -106,6 +110,7 @@ _NULLS: Final[Mapping[str, float]] = {
     "sensor_form": 0,
     "bulge_c": 0.0,
     "crosstalk": 0,
+    "crosstalk_share": 1.0,
     "between_more": 0.0,
     "zone_scale": 5.0,
     "zone_form": 0,
@@ -155,10 +160,53 @@ _WHOLE: Final = frozenset(
 )
 
 
-def to_record(constants: Constants) -> NDArray[np.void]:
-    """Return the constants as an array of one record, which compiled functions take by reference."""
-    layout = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
-    return np.array([tuple(constants)], dtype=layout)
+def to_records(
+    constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
+) -> NDArray[np.void]:
+    """Return the constants as two records, which compiled functions take by reference: with spring A's and B's values.
+
+    ``law`` holds each law's values on its nodes, one row per slot; where ``law_step`` is 0 there is none.
+    """
+    layout: list[Any] = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
+    layout += [("law", np.float64, (len(SLOTS), NODES)), ("law_start", np.float64, len(SLOTS))]
+    records = np.zeros(2, dtype=[*layout, ("law_step", np.float64, len(SLOTS))])
+    for record, own in zip(records, (constants, _second(constants, effects)), strict=True):
+        for name, value in own._asdict().items():
+            record[name] = value
+    for item in laws:
+        if (item.port, item.driver) in SLOTS:
+            row = SLOTS[item.port, item.driver]
+            for number in {"a": (0,), "b": (1,), "both": (0, 1)}[item.spring]:
+                records["law"][number, row] = item.on_nodes()
+                records["law_start"][number, row] = item.start
+                records["law_step"][number, row] = (item.stop - item.start) / (NODES - 1)
+    return records
+
+
+def _second(constants: Constants, effects: Mapping[str, HiddenEffect]) -> Constants:
+    """Return the constants with spring B's values."""
+    effect = effects.get("unlike_springs")
+    if not isinstance(effect, UnlikeSprings):
+        return constants
+    scaled = {name: getattr(constants, name) * effect.modulus_scale for name in ("k_a", "k_m", "k_s")}
+    return constants._replace(a_s=constants.a_s + effect.a_shift_c, m_s=constants.m_s + effect.m_shift_c, **scaled)
+
+
+@njit(cache=True)
+def has_law(c: Any, slot: int) -> bool:
+    """Return whether a rig has a law in a slot."""
+    return bool(c.law_step[slot] != 0.0)
+
+
+@njit(cache=True)
+def law(c: Any, slot: int, x: float) -> float:
+    """Return a law's value, 0 where the rig has none in that slot: lines between nodes, held beyond the ends."""
+    if not has_law(c, slot):
+        return 0.0
+    place = min(max((x - c.law_start[slot]) / c.law_step[slot], 0.0), NODES - 1.0)
+    node = min(int(place), NODES - 2)
+    part = place - node
+    return float((1.0 - part) * c.law[slot, node] + part * c.law[slot, node + 1])
 
 
 def pack(

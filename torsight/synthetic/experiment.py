@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG, PPM
-from torsight.synthetic.hidden import ClockOffset, HiddenEffect
+from torsight.synthetic.hidden import ClockOffset
+from torsight.synthetic.mechanisms import HiddenEffect
 from torsight.synthetic.rig import RigRecord, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 

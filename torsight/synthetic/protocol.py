@@ -50,12 +50,13 @@ class HalfCycle:
 
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """All half-cycles in order, in the time that they really take."""
+    """All half-cycles in order, in the time that they really take; a prelude replaces the homing before the record."""
 
     half_cycles: tuple[HalfCycle, ...]
     rest_s: float
     time_factor: float
     home: bool
+    prelude: tuple[HalfCycle, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -174,11 +175,12 @@ def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: fl
     """
     parts: list[tuple[int, float, HalfCycle | None, int, int]] = []
     recorded = 0
-    if protocol.home:
-        for item in homing(protocol.time_factor):
+    before = protocol.prelude or (homing(protocol.time_factor) if protocol.home else ())
+    if before:
+        for item in before:
             parts += [(1 + item.spring, item.heat_s, item, 0, -1), (-1 - item.spring, item.cool_s, None, 0, -1)]
         recorded = sum(round(part[1] / sample_s) for part in parts)
-    parts.append((0 if not protocol.home else -2, before_s + protocol.rest_s, None, 0, -1))
+    parts.append((-1 - before[-1].spring if before else 0, before_s + protocol.rest_s, None, 0, -1))
     count = [0, 0]
     for number, item in enumerate(protocol.half_cycles):
         cycle = count[item.spring]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import DEG
-from torsight.synthetic.constants import Constants, pack, to_record, zones
-from torsight.synthetic.hidden import Backlash, Eccentricity, HiddenEffect, MarkerSlip, ReadingDrift, RoomDrift
+from torsight.synthetic.constants import Constants, pack, to_records, zones
+from torsight.synthetic.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.integrator import SIGNALS, integrate
 from torsight.synthetic.keys import key
+from torsight.synthetic.laws import RigLaw, read_with, recoverable_share
+from torsight.synthetic.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
 from torsight.synthetic.protocol import Commands, Protocol, commands
 from torsight.synthetic.springs import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
 from torsight.synthetic.values import RigValues
@@ -129,6 +131,7 @@ def simulate_rig(
     protocol: Protocol,
     *,
     effects: Mapping[str, HiddenEffect] | None = None,
+    laws: Sequence[RigLaw] = (),
     mechanics: Mechanics | None = None,
     thermal: Thermal | None = None,
     sensor: Sensor | None = None,
@@ -146,6 +149,8 @@ def simulate_rig(
         What is done to it.
     effects : mapping, optional
         Hidden effects by id (:mod:`torsight.synthetic.hidden`).
+    laws : sequence of RigLaw
+        Laws of no particular form (:mod:`torsight.synthetic.laws`); those of the reading are not part of the record.
     mechanics, thermal, sensor
         Sections of the scene; defaults where left out.
     rng : numpy Generator, optional
@@ -168,15 +173,17 @@ def simulate_rig(
     noise_c += _room_drift(since_s, effects)[:, None]
     start_rad = home_angle(values)
     weight, cooler_c = zones(effects)
+    pair = to_records(constants, effects, laws)
     rows = integrate(
-        to_record(constants),
+        pair,
         np.array([start_rad, thermal.room_c, thermal.room_c, thermal.room_c]),
-        home_state(constants, start_rad),
+        home_state(pair, start_rad),
         weight,
         cooler_c,
         orders.command,
         orders.reference_c,
         orders.cycle,
+        recoverable_share(laws, half_cycle=orders.half_cycle, cycle=orders.cycle),
         noise_c,
         sensor.sample_s,
         mechanics.substeps,
@@ -214,7 +221,7 @@ def home_angle(values: RigValues) -> float:
     return min(0.33 * (0.5 * values.theta_p_rad - values.theta_cr_rad) * 1.5, 0.5 * values.theta_p_rad)
 
 
-def home_state(c: Constants, angle_rad: float) -> NDArray[np.float64]:
+def home_state(pair: NDArray[np.void], angle_rad: float) -> NDArray[np.float64]:
     """Return both springs as cold martensite at an angle, driven there by B (the model's home).
 
     Each is on its loading curve; where that leaves more than the friction torque between them, A was unwound
@@ -222,9 +229,10 @@ def home_state(c: Constants, angle_rad: float) -> NDArray[np.float64]:
     """
     state = np.zeros((2, COLUMNS))
     state[:, [FACTOR, WARMING, XI]] = 1.0
-    theta_a, theta_b = 0.5 * c.theta_p + angle_rad, 0.5 * c.theta_p - angle_rad
-    state[:, THETA_MAX] = theta_a, theta_b
-    state[0, THETA_MAX] = unwound_from(c, theta_a, loading(c, theta_b) + c.tau_c)
+    half_rad = 0.5 * pair[0]["theta_p"]
+    theta_a, theta_b = half_rad + angle_rad, half_rad - angle_rad
+    held_nm = loading(pair[1], theta_b) + pair[0]["tau_c"]
+    state[:, THETA_MAX] = unwound_from(pair[0], theta_a, held_nm), theta_b
     return state
 
 
@@ -253,9 +261,12 @@ def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> 
 
 
 def reading_angle(
-    angle_rad: NDArray[np.float64], time_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]
+    angle_rad: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    effects: Mapping[str, HiddenEffect],
+    laws: Sequence[RigLaw] = (),
 ) -> NDArray[np.float64]:
-    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip and drift on top of φ.
+    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip, drift and laws on top of φ.
 
     Parameters
     ----------
@@ -265,8 +276,10 @@ def reading_angle(
         Film clock.
     effects : mapping
         Hidden effects by id.
+    laws : sequence of RigLaw
+        Those of the reading are added.
     """
-    read = angle_rad.copy()
+    read = angle_rad + read_with(laws, angle_rad=angle_rad, time_s=time_s)
     for effect in effects.values():
         if isinstance(effect, Backlash):
             read = play(read, effect.gap_deg * DEG)
@@ -278,7 +291,9 @@ def reading_angle(
             read = read + (lever if effect.form == "lever" else effect.amplitude_deg * DEG * np.sin(turned))
     for effect in effects.values():
         if isinstance(effect, MarkerSlip):
-            read = read + np.where(time_s >= effect.time_s, effect.step_deg * DEG, 0.0)
+            since_s = time_s - effect.time_s
+            done = np.clip(since_s / effect.lasts_s, 0.0, 1.0) if effect.lasts_s > 0.0 else since_s >= 0.0
+            read = read + done * effect.step_deg * DEG
         if isinstance(effect, ReadingDrift):
             settles_s = effect.settles_h * 3600.0
             read = read - effect.rate_deg_h / 3600.0 * DEG * settles_s * np.expm1(-np.maximum(time_s, 0.0) / settles_s)

@@ -13,8 +13,9 @@ import numpy as np
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
 from torsight.core.storage import check_keys, read_toml
-from torsight.synthetic.hidden import HiddenEffect, read_hidden
+from torsight.synthetic.hidden import read_hidden
 from torsight.synthetic.keys import key, read_section
+from torsight.synthetic.mechanisms import HiddenEffect
 from torsight.synthetic.protocol import Protocol, read_protocol
 from torsight.synthetic.rig import Mechanics, Sensor, Thermal
 from torsight.synthetic.values import Declared, RigValues, declared_from, draw_values

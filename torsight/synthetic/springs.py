@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import njit
-from torsight.synthetic.constants import ONSET_SCALE_RAD, Constants
+from torsight.synthetic.constants import ONSET_SCALE_RAD, Constants, has_law, law
+from torsight.synthetic.laws import SLOTS
 
 # Columns of a spring's state.
 THETA_MAX: Final = 0
@@ -35,7 +36,13 @@ HEATING: Final = 1.0
 COOLING: Final = 2.0
 
 LOADING: Final = 3
-"""Stiffening that belongs to the loading curve."""
+BEND: Final = 4
+"""Stiffening that belongs to the loading curve: a third slope, or a cubic."""
+
+_WINDING: Final = SLOTS["winding", "winding"]
+_LOADING: Final = SLOTS["loading", "winding"]
+_STEEPEST: Final = 0.8
+"""Share of the way from the second slope to the first that a bend may steepen: what is steeper is no spring."""
 
 _TORQUE_TOLERANCE_NM: Final = 1e-12
 _LN_100: Final = math.log(100.0)
@@ -43,10 +50,22 @@ _LN_100: Final = math.log(100.0)
 
 @njit(cache=True)
 def loading(c: Constants, theta: float) -> float:
-    """Return the martensite loading curve, N·m: two slopes, and a third one where the rig's has one."""
+    """Return the martensite loading curve, N·m: two slopes, and where the rig has one a third, a bend or a law."""
     if theta <= c.theta_cr:
         return c.k_m * theta
-    return c.k_m * c.theta_cr + c.k_s * (theta - c.theta_cr) + third_slope(c) * max(theta - c.stiff_onset, 0.0)
+    tau: float = c.k_m * c.theta_cr + c.k_s * (theta - c.theta_cr) + third_slope(c) * max(theta - c.stiff_onset, 0.0)
+    return tau + bend(c, theta) + law(c, _LOADING, theta)
+
+
+@njit(cache=True)
+def bend(c: Constants, theta: float) -> float:
+    """Return what a loading curve that stiffens as a cubic has more than two slopes, N·m."""
+    if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
+        return 0.0
+    steepest = _STEEPEST * (c.k_m - c.k_s)
+    limit = ONSET_SCALE_RAD * math.sqrt(steepest * ONSET_SCALE_RAD / (3.0 * c.stiff))
+    past = theta - c.stiff_onset
+    return c.stiff * (min(past, limit) / ONSET_SCALE_RAD) ** 3 + steepest * max(past - limit, 0.0)
 
 
 @njit(cache=True)
@@ -61,11 +80,29 @@ def unwound_from(c: Constants, theta: float, tau: float) -> float:
     if tau >= loading(c, theta):
         return theta
     start = max(theta, c.theta_cr)
+    if c.stiff_form == BEND or has_law(c, _LOADING):
+        return unwound_along(c, theta, tau, start)
     over = max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0)
     second = max(c.stiff_onset - start, 0.0) if c.stiff_form == LOADING else np.inf
     if over <= second * (c.k_m - c.k_s):
         return start + over / (c.k_m - c.k_s)
     return start + second + (over - second * (c.k_m - c.k_s)) / (c.k_m - c.k_s - third_slope(c))
+
+
+@njit(cache=True)
+def unwound_along(c: Constants, theta: float, tau: float, start: float) -> float:
+    """Return the same for a loading curve of any shape that is nowhere as steep as K_M, by bisection."""
+    low, reach = start, 0.1
+    while loading(c, start + reach) - c.k_m * (start + reach - theta) > tau and reach < 1e3:
+        low, reach = start + reach, 2.0 * reach
+    high = start + reach
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if loading(c, middle) - c.k_m * (middle - theta) > tau:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @njit(cache=True)
@@ -84,9 +121,11 @@ def recoverable(c: Constants, theta_max: float) -> float:
 
 @njit(cache=True)
 def side_torque(c: Constants, theta: float, temp_c: float) -> float:
-    """Return what stands beside the phase law: a wound spring's stiffening, and the early step of the R-phase."""
+    """Return what stands beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
     power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
-    tau = 0.0 if c.stiff_form == LOADING else past_onset(theta, c.stiff_onset, c.stiff, power)
+    tau = law(c, _WINDING, theta)
+    if c.stiff_form < LOADING:
+        tau += past_onset(theta, c.stiff_onset, c.stiff, power)
     if c.r_step != 0.0:
         x = min(max((temp_c - c.r_start) / c.r_width, 0.0), 1.0)
         tau += c.k_m * c.r_step * 0.5 * (1.0 - math.cos(math.pi * x))
@@ -153,7 +192,7 @@ def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c
         wound = max(theta, s[THETA_MAX])
         tau = (loading(c, wound) - c.k_m * (wound - theta)) * s[FACTOR]
         if xi < 1.0:
-            tau += stiffness * recoverable(c, wound) * (1.0 - xi)
+            tau += c.crosstalk_share * stiffness * recoverable(c, wound) * (1.0 - xi)
     else:
         tau = s[TAU_R] + stiffness * ((theta - s[THETA_R]) - s[THETA_L] * (xi - s[XI_R]))
         if s[MODE] == COOLING:
@@ -295,13 +334,14 @@ def start_heating(
     theta: float,
     temp_c: float,
     cycle: float,
+    share: float,
 ) -> None:
-    """Switch a cold spring on: it recovers what its last winding left, less what fatigue took."""
+    """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
     set_martensite(c, s, xi0, xi, theta, temp_c)
     left = (1.0 - c.fatigue) ** cycle
     if c.fatigue_form != 0:
         left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
-    whole = recoverable(c, s[THETA_MAX])
+    whole = share * recoverable(c, s[THETA_MAX])
     if c.fatigue_form == 2:
         s[THETA_L] = max(0.0, whole - (1.0 - left) * recoverable(c, 0.66 * c.theta_p))
     else:

@@ -1,0 +1,165 @@
+"""Laws that no form fits: smooth random functions of one variable at one place of the rig.
+
+A law is a table over its driver. Those of the compiled integrator have a slot each there; those of the reading and of
+the recoverable angle act before and after it. Values are what is added, or a relative change:
+
+==============  ====================================================  ======================================
+port            drivers                                               value
+==============  ====================================================  ======================================
+torque          angle φ (rad)                                         added torque, N·m
+friction        angle, temperature of the driven spring (°C), angle   relative change of the Coulomb torque
+                rate (rad/s), dwell (time at rest, s; at its end)
+reading         angle, time (s)                                       added to the angle that is read, rad
+temperature     temperature, temp_rate (K/s)                          wire less sensor, K
+winding         winding θ of the spring itself (rad)                  added torque, N·m, alike in both ways
+loading         winding                                               added to the loading curve, N·m
+recoverable     half_cycle, cycle (of the spring itself)              relative change of θ_L
+==============  ====================================================  ======================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError
+
+Floats = NDArray[np.float64]
+
+NODES: Final = 256
+"""Nodes of a law in the integrator: lines between them miss a law of the shortest length by 2e-4 of its size."""
+
+SLOTS: Final[Mapping[tuple[str, str], int]] = {
+    ("torque", "angle"): 0,
+    ("friction", "angle"): 1,
+    ("friction", "temperature"): 2,
+    ("friction", "rate"): 3,
+    ("friction", "dwell"): 4,
+    ("temperature", "temperature"): 5,
+    ("temperature", "temp_rate"): 6,
+    ("winding", "winding"): 7,
+    ("loading", "winding"): 8,
+}
+"""Rows of the integrator's table of laws, by port and driver."""
+OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
+"""Laws that act beside the integrator."""
+_GROWS: Final = (("friction", "rate"), ("friction", "dwell"))
+_LINEAR: Final = (("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
+_SHORTEST, _LONGEST = 0.1, 0.5
+_MOST_TRIES: Final = 12
+
+
+@dataclass(frozen=True, eq=False)
+class RigLaw:
+    """One law of a rig.
+
+    Attributes
+    ----------
+    port, driver : str
+        Where it acts and over what (see the module).
+    start, stop : float
+        Ends of the driver's range in SI units and °C; beyond them the value is held.
+    values : (n,) float64
+        Values at equal distances from start to stop, in the port's unit.
+    spring : str
+        ``a``, ``b`` or ``both``: whose, where a port has one per spring.
+    """
+
+    port: str
+    driver: str
+    start: float
+    stop: float
+    values: Floats
+    spring: str = "both"
+
+    def __post_init__(self) -> None:
+        known = (*SLOTS, *OUTSIDE)
+        if (self.port, self.driver) not in known or not self.stop > self.start or len(self.values) < 2:
+            raise ConfigError(
+                "is no law of the rig",
+                where=f"law of {self.port} over {self.driver}",
+                value=f"{len(self.values)} values from {self.start:g} to {self.stop:g}",
+                limit="; ".join(f"{port} over {driver}" for port, driver in known),
+            )
+
+    def __call__(self, driver: Floats) -> Floats:
+        """Return the law's values (n,) at values of its driver."""
+        nodes = np.linspace(self.start, self.stop, len(self.values))
+        return np.asarray(np.interp(driver, nodes, self.values), np.float64)
+
+    def on_nodes(self) -> Floats:
+        """Return the values on the integrator's nodes."""
+        return self(np.linspace(self.start, self.stop, NODES))
+
+    def scaled(self, factor: float) -> RigLaw:
+        """Return the law with all values multiplied."""
+        return replace(self, values=self.values * factor)
+
+
+def draw_law(
+    port: str, driver: str, *, start: float, stop: float, rng: np.random.Generator, spring: str = "both"
+) -> RigLaw:
+    """Draw a law from a Gaussian process with a Gaussian kernel; its largest value is 1.
+
+    The length is drawn between 1/10 and 1/2 of the range. Over cycles and time a straight line of random slope is
+    added. Friction over rate and over dwell only grows, from 0 on: one that falls makes the motion unstable, and what
+    is drawn then is the logarithm of its slope.
+    """
+    place = np.linspace(0.0, 1.0, NODES)
+    length = rng.uniform(_SHORTEST, _LONGEST)
+    kernel = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
+    values = np.linalg.cholesky(kernel + 1e-9 * np.eye(NODES)) @ rng.standard_normal(NODES)
+    if (port, driver) in _LINEAR:
+        values += 2.0 * rng.standard_normal() * (place - 0.5)
+    if (port, driver) in _GROWS:
+        values = np.concatenate([[0.0], np.cumsum(np.exp(values[1:]))])
+    return RigLaw(port, driver, start, stop, values / np.max(np.abs(values)), spring)
+
+
+def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: NDArray[np.int64], cycle: Floats) -> Floats:
+    """Return by what θ_L is multiplied (n,) in each half-cycle, from its number and the spring's own cycle number."""
+    share = np.ones(len(cycle))
+    for item in laws:
+        if item.port == "recoverable":
+            number = np.maximum(half_cycle, 0).astype(np.float64) if item.driver == "half_cycle" else cycle
+            share *= 1.0 + item(number)
+    return share
+
+
+def read_with(laws: Iterable[RigLaw], *, angle_rad: Floats, time_s: Floats) -> Floats:
+    """Return what laws of the reading add to the angle (n,), rad."""
+    added = np.zeros(len(angle_rad))
+    for item in laws:
+        if item.port == "reading":
+            added += item(angle_rad if item.driver == "angle" else time_s)
+    return added
+
+
+def factor_for(wanted: float, change: Callable[[float], float], *, first: float, most: float, within: float) -> float:
+    """Return the factor at which a change has the wanted size; ``most`` where it stays below it.
+
+    Parameters
+    ----------
+    wanted : float
+        Size of the change.
+    change : callable
+        Size for a factor; it grows with it, about.
+    first, most : float
+        A guess, and the largest factor allowed.
+    within : float
+        Relative error of the size that is good enough.
+    """
+    low, high, factor = 0.0, most, min(first, most)
+    for _ in range(_MOST_TRIES):
+        size = change(factor)
+        if abs(size / wanted - 1.0) < within or (size < wanted and factor >= most):
+            return factor
+        low, high = (factor, high) if size < wanted else (low, factor)
+        # In proportion where that stays between the bounds, else the middle.
+        guess = factor * wanted / max(size, 1e-3 * wanted)
+        factor = min(guess, most) if low < guess < high or guess >= most == high else 0.5 * (low + high)
+    return factor
