@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from torsight.core.records import TemperatureLog
+
+if TYPE_CHECKING:
+    from sync.log_columns import LogColumn
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +82,10 @@ class LogReading:
     coarse_s : float
         Step of stamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0 where
         every row has a stamp of its own.
+    columns : mapping of str to LogColumn
+        Which column of the file was taken for what, by the keys ``time, a, b, ...``.
+    notes : tuple of str
+        What a person should know of that: columns that were guessed or converted.
     """
 
     log: TemperatureLog
@@ -84,3 +93,5 @@ class LogReading:
     restarts: tuple[Restart, ...] = ()
     zero: str | None = None
     coarse_s: float = 0.0
+    columns: Mapping[str, LogColumn] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
