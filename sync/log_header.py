@@ -35,6 +35,11 @@ class Header:
     columns: Mapping[str, LogColumn]
 
 
+def is_row_of_numbers(line: str) -> bool:
+    """Return whether nothing stands in a line but numbers, dates and what parts them."""
+    return _PLAIN_ROW.fullmatch(line) is not None and any(character.isdigit() for character in line)
+
+
 def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> Header:
     """Return the first line that, split, names all columns that are needed, or raise what the nearest one lacks."""
     best = (0, -1)

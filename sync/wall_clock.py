@@ -6,7 +6,9 @@ midnight: the reading that leaves the shorter steps is the right one then, as th
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 _CLOCK: Final = r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?"
 """Hours, minutes, seconds, fraction; some loggers part milliseconds from seconds with a third colon."""
 _DATE: Final = r"(\d{1,4})([./-])(\d{1,2})[./-](\d{1,4})"
+_STAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
 _MONTH_NAMES: Final = ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d %b %Y %H:%M:%S", "%b %d, %Y %H:%M:%S")
 _DAY_S: Final = 86400.0
 _MOST: Final = 0.5
@@ -46,6 +49,45 @@ class Stamps:
     zero: str | None = None
     numeric: bool = False
     note: str | None = None
+
+
+class RunningStamps:
+    """Stamps one by one, as a log grows: the same seconds as :func:`read_stamps` gives for the whole.
+
+    Of dates only the first instant and the time of day count: midnight is where the time of day falls.
+    """
+
+    def __init__(self, factor: float = 1.0) -> None:
+        self._factor = factor
+        self._zero: datetime | None = None
+        self._began_s: float | None = None
+        self._last_s = -np.inf
+        self._days = 0
+
+    def seconds(self, text: str) -> float:
+        """Return the seconds of the next stamp.
+
+        Raises
+        ------
+        ValueError
+            When the text is no stamp.
+        """
+        try:
+            return float(text) * self._factor
+        except ValueError:
+            found = _STAMP.match(text)
+        if found is None:
+            stamp = datetime.fromisoformat(text)
+            self._zero = self._zero or stamp
+            return (stamp - self._zero).total_seconds()
+        hours, minutes, seconds, fraction, half = found.groups()[-5:]
+        hour = int(hours) if half is None else int(hours) % 12 + 12 * (half.lower() == "p")
+        time_s = 3600.0 * hour + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
+        self._days += time_s < self._last_s - 0.5 * _DAY_S
+        self._last_s = time_s
+        if found["date"] and self._began_s is None:
+            self._began_s = time_s
+        return self._days * _DAY_S + time_s - (self._began_s or 0.0)
 
 
 def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -90,8 +91,10 @@ def read_angles(path: Path) -> StickAngles:
     )
 
 
-def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
+def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequence[int] | None = None) -> None:
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
+
+    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
         before = f" after {time_s[row - 1]:g}" if row else ""
         raise InputError(
             "time does not increase",
-            where=f"{path}, row {row + 2}, column time_s",
+            where=f"{path}, row {row + 2 if lines is None else lines[row]}, column time_s",
             value=f"{time_s[row]:g}{before}",
             limit="a larger time than in the row before",
             do="sort or mend the table",
