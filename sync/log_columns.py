@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from sync.log_units import AMPERE, CELSIUS, SECONDS, Unit, split_unit, unit_of
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.frozen import Frozen
 from torsight.core.storage import check_keys
 
 CONTRACT: Final = {
@@ -85,7 +86,7 @@ class LogColumn:
 
 
 @dataclass(frozen=True, slots=True)
-class ChosenColumns:
+class ChosenColumns(Frozen):
     """What the user says of a log's columns: names and units, by the keys :data:`ROLES`."""
 
     names: Mapping[str, str]

@@ -14,6 +14,7 @@ from sync.log_columns import ARRIVED, NEEDED, ChosenColumns, LogColumn, missing_
 from sync.log_units import unit_of
 from sync.repairs import Repair
 from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
@@ -26,7 +27,7 @@ _PLAIN_ROW: Final = re.compile(r"[-+\d.,;:|\sTZeE/]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Header:
+class Header(Frozen):
     """A header line of a log: its place, what parts its fields, its names, and the columns that are used."""
 
     line: int

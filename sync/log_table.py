@@ -26,6 +26,7 @@ from sync.repairs import Repair
 from sync.table_text import TextTable, read_text_table
 from sync.wall_clock import read_stamps
 from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
 from torsight.core.storage import is_parquet, read_table
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _ASIDE: Final = " (not used)"
 
 
 @dataclass(frozen=True, slots=True)
-class LogTable:
+class LogTable(Frozen):
     """The rows of a log as they stand in its file.
 
     Attributes

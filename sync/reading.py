@@ -17,6 +17,7 @@ from sync.log_table import NEEDED_NAMES, read_log_table
 from sync.repairs import LogReading, Repair
 from sync.stamps import OrderedStamps, order_stamps, usual_step_s
 from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
 from torsight.core.plausible import require_stamps, require_units
 from torsight.core.records import TemperatureLog
 
@@ -31,13 +32,13 @@ _MOST_RESTARTS: Final = 20
 
 
 def read_temperature_log(
-    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: AnyPath, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogReading:
     """Read ``TEMPS.csv`` (or Parquet), or a log as an instrument writes it, and mend what can be mended.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         The log; its header may stand on any line.
     columns : mapping of str to str, optional
         Name of the column that holds each of ``time, a, b, heat_a, heat_b, current_a, current_b`` and, where the time
@@ -60,6 +61,7 @@ def read_temperature_log(
         When the file cannot be read, lacks a column, has one in a unit that contradicts what it is to hold, is
         ambiguous in its numbers, or holds too little to use; the message names line and column.
     """
+    path = Path(path)
     table = read_log_table(path, chosen_columns(columns, units))
     frame, first_line, repairs = table.frame, table.first_line, list(table.repairs)
     stamp_s = frame["time_s"].to_numpy(np.float64)

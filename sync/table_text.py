@@ -19,6 +19,7 @@ from sync.log_columns import NOTHING_CHOSEN, ChosenColumns, LogColumn
 from sync.log_header import BLANKS, fields_of, find_header, require_columns, split_line, units_row, without_arrows
 from sync.repairs import Repair
 from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
 from torsight.core.paths import missing_file, require_ordinary
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ _MARKED: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class TextTable:
+class TextTable(Frozen):
     """A table as read: text or numbers per column, and the line of the file on which each row stands.
 
     ``columns`` says where the columns are that the log's keys stand for (:mod:`sync.log_columns`).

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.config import get_names, get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ _NO_SHARE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Alternative:
+class Alternative(Frozen):
     """Another explanation of the same record that it cannot tell from the model's own: effects and all values."""
 
     effects: tuple[str, ...]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sync.log_columns import chosen_columns
 from sync.log_table import NEEDED_NAMES, read_log_table
 from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
 from torsight.core.plausible import require_units
 from torsight.core.records import TemperatureLog
 from torsight.core.storage import number_column
@@ -26,7 +27,7 @@ _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row
 
 
 def read_log(
-    path: Path,
+    path: AnyPath,
     *,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
@@ -36,7 +37,7 @@ def read_log(
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         The log, as an instrument writes it: its header may stand on any line.
     columns, units : mapping of str to str, optional
         Names of its columns, and units that its header does not say; see :func:`sync.read_temperature_log`.
@@ -50,6 +51,7 @@ def read_log(
     InputError
         When a column is missing, a field is no number, times do not increase, or a temperature is none.
     """
+    path = Path(path)
     table = read_log_table(path, chosen_columns(columns, units))
     for repair in table.repairs:
         if repair.kind not in _HARMLESS:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.frozen import Frozen
 from torsight.core.paths import missing_file
 from torsight.core.storage import check_keys, read_toml
 
@@ -27,7 +28,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class Experiment(Frozen):
     """One experiment with every path resolved.
 
     Attributes
