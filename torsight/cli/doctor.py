@@ -35,6 +35,7 @@ def doctor(
     """
     from torsight.cli.checkup.examine import examine, inputs_of
     from torsight.cli.checkup.finding import exit_code, ordered, verdict
+    from torsight.cli.checkup.install import check_install
     from torsight.cli.console import progress_bar, say
 
     chosen = inputs_of(inputs, fps=fps)
@@ -43,7 +44,7 @@ def doctor(
         chosen.columns, chosen.units = named["columns"], named["units"]
     with progress_bar() as progress:
         findings, content = examine(chosen, progress=progress)
-    findings = ordered(findings)
+    findings = ordered([*findings, *check_install()])
     for line in told(findings):
         say(line)
     result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}
