@@ -1,7 +1,8 @@
 # make demo : install into .venv, film a synthetic rig and analyse the film
 # make test : everything that checks the project
 # make docs : the pages of docs/ into docs/_build/
-.PHONY: demo test lint docs clean
+# make dist : wheel and sdist into dist/, each tried in a new environment outside of this tree
+.PHONY: demo test lint docs dist clean
 .DEFAULT_GOAL := demo
 
 VENV := .venv
@@ -41,6 +42,12 @@ test: lint
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
 	@echo "docs/_build/index.html"
+
+dist: $(VENV)/.installed-dev
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python fixtures/try_install.py dist/*.whl
+	$(BIN)/python fixtures/try_install.py dist/*.tar.gz
 
 clean:
 	rm -rf docs/_build demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

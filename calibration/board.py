@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class Board:
         return board
 
 
-def read_board(path: Path) -> Board:
+def read_board(path: AnyPath) -> Board:
     """Read ``BOARD.toml``; the keys stand at the top or in a table ``[board]``.
 
     Raises
@@ -122,6 +123,7 @@ def read_board(path: Path) -> Board:
     InputError
         When the file cannot be read.
     """
+    path = Path(path)
     content = read_toml(path)
     where = str(path)
     if "board" in content:

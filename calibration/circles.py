@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.camera import Camera, Pose
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.paths import AnyPath
 from torsight.core.provenance import file_hash
 from torsight.core.storage import read_table
 
@@ -56,13 +57,13 @@ class CirclesPose:
 
 
 def pose_from_tracks(
-    path: Path, camera: Camera, *, stick_mm: float | None = None, base_above_moving_mm: float = 0.0
+    path: AnyPath, camera: Camera, *, stick_mm: float | None = None, base_above_moving_mm: float = 0.0
 ) -> CirclesPose:
     """Find the rotation axis from ``markers.csv`` of a film of one camera.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         The table of marker positions.
     camera : Camera
         The camera that filmed it.
@@ -80,6 +81,7 @@ def pose_from_tracks(
     NoResultError
         When the markers are seen too seldom or turn too little.
     """
+    path = Path(path)
     if camera.right is not None:
         raise ConfigError(
             "takes no --tracks for a stereo pair",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import missing_file
+from torsight.core.paths import AnyPath, missing_file
 from torsight.core.provenance import file_hash
 
 PICTURE_SUFFIXES: Final = (
@@ -53,7 +53,7 @@ class Picture:
         return int(self.grey.shape[1]), int(self.grey.shape[0])
 
 
-def expand(sources: Sequence[Path]) -> list[Path]:
+def expand(sources: Sequence[AnyPath]) -> list[Path]:
     """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names.
 
     Raises
@@ -62,7 +62,7 @@ def expand(sources: Sequence[Path]) -> list[Path]:
         When one is missing, or a folder or a glob holds no picture.
     """
     files: list[Path] = []
-    for source in sources:
+    for source in map(Path, sources):
         if source.is_dir():
             found = sorted(item for item in source.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
         elif source.exists():

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from calibration.board import Board
 from torsight.core.errors import ConfigError
+from torsight.core.paths import AnyPath
 from torsight.core.storage import atomic_path, write_text
 
 PAGES_MM: Final = {
@@ -213,7 +214,7 @@ def _covered(start: float, end: float, size: int) -> tuple[int, NDArray[np.float
     return first, np.diff(np.clip(edges, start, end))
 
 
-def write_board(path: Path, drawing: Drawing, *, dpi: float = 300.0) -> None:
+def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
     """Write the page; the suffix (svg, pdf or png) decides the format.
 
     Raises
@@ -221,6 +222,7 @@ def write_board(path: Path, drawing: Drawing, *, dpi: float = 300.0) -> None:
     ConfigError
         For another suffix.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".svg":
         write_text(path, svg_text(drawing))

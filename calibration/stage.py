@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from calibration.board import Board
 from calibration.detect import View
@@ -16,7 +19,10 @@ from calibration.verdict import GOOD, Verdict, judge_lens, judge_pair, worst_of
 from calibration.views import Seen, find_views
 from torsight.core.camera import Camera, Intrinsics, require_size
 from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
+from torsight.core.shown import Shown
+from torsight.core.wording import number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,8 +33,8 @@ class Side:
     lens: LensCalibration
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Calibration(Shown):
     """The result of the stage.
 
     Attributes
@@ -57,8 +63,40 @@ class Calibration:
     disk_seen: Seen | None = None
     verdict: Verdict = GOOD
 
+    def facts(self) -> dict[str, str]:
+        """Return the verdict, and each camera's views, error and focal length."""
+        facts: dict[str, str] = {"verdict": self.verdict.word}
+        for name, side in self._sides().items():
+            fit, sigma_px = side.lens.fit, float(side.lens.sigma[0])
+            focal = f"f {fit.intrinsics.matrix[0, 0]:.1f} ± {sigma_px:.1f} px"
+            facts[name] = f"{len(side.lens.kept)} views, error {number(fit.rms_px)} px, {focal}"
+        if self.disk is not None:
+            facts["axis"] = f"tilt {self.disk.tilt_deg:.2f}° ± {self.disk.direction_sigma_deg:.2f}°"
+        return facts
 
-def calibrate_one(images: Sequence[Path], board: Board, *, progress: Progress = silent) -> Calibration:
+    def _sides(self) -> dict[str, Side]:
+        sides = {"camera" if self.right is None else "left camera": self.left, "right camera": self.right}
+        return {name: side for name, side in sides.items() if side is not None}
+
+    def _columns(self) -> dict[str, Any]:
+        """Return one row per view that was used: camera, view, error of its corners."""
+        rows = [
+            (name, int(view), float(error_px))
+            for name, side in self._sides().items()
+            for view, error_px in zip(side.lens.kept, side.lens.fit.error_px, strict=True)
+        ]
+        return {key: [row[place] for row in rows] for place, key in enumerate(("camera", "view", "error_px"))}
+
+    def _draw(self, axes: Any) -> None:
+        for name, side in self._sides().items():
+            residual_px = np.concatenate(side.lens.fit.residual_px)
+            axes.plot(*residual_px.T, ".", markersize=2, label=name)
+        axes.set(xlabel="measured less computed corner, x, px", ylabel="y, px", aspect="equal")
+        if self._sides():
+            axes.legend()
+
+
+def calibrate_one(images: Sequence[AnyPath], board: Board, *, progress: Progress = silent) -> Calibration:
     """Calibrate one camera from pictures or films of a board.
 
     Raises
@@ -74,7 +112,7 @@ def calibrate_one(images: Sequence[Path], board: Board, *, progress: Progress = 
 
 
 def calibrate_two(
-    images: Sequence[Path], right: Sequence[Path], board: Board, *, progress: Progress = silent
+    images: Sequence[AnyPath], right: Sequence[AnyPath], board: Board, *, progress: Progress = silent
 ) -> Calibration:
     """Calibrate a stereo pair from pictures in the same order on both sides, or from two films that start together.
 
@@ -111,7 +149,7 @@ def calibrate_two(
 
 
 def measure_axis(
-    images: Sequence[Path],
+    images: Sequence[AnyPath],
     board: Board,
     intrinsics: Intrinsics,
     *,

@@ -15,6 +15,7 @@ from calibration.detect import View, find_board, goes_on, other_boards_seen
 from calibration.lens import board_normals
 from calibration.pictures import Picture, expand, film_step, is_film, read_pictures, require_same_camera
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 
@@ -63,7 +64,7 @@ class Seen:
 
 
 def find_views(
-    paths: Sequence[Path],
+    paths: Sequence[AnyPath],
     board: Board,
     *,
     step: int | None = None,
@@ -74,7 +75,7 @@ def find_views(
 
     Parameters
     ----------
-    paths : sequence of Path
+    paths : sequence of str or Path
         What to look through.
     board : Board
         The board.

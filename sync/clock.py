@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from sync.repairs import LogReading
 from sync.settle import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
 from torsight.core.errors import NoResultError
 from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
+from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
@@ -36,12 +37,24 @@ _ADVICE: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Found(Shown):
     """The clock, and the log with its restarts where the evidence puts them."""
 
     clock: ClockMap
     reading: LogReading
+
+    def facts(self) -> dict[str, str]:
+        """Return the clock, and what it took to read the log."""
+        return {**self.clock.facts(), **self.reading.facts()}
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the log on the film's clock."""
+        table = dict(self.reading.log.to_frame())
+        return {**table, "time_s": self.clock.to_film_time(self.reading.log.time_s)}
+
+    def _draw(self, axes: Any) -> None:
+        self.clock.plot(axes)
 
 
 @one_thread()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sync.light import LightEvents
 from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def film_light_events(
     place_px: tuple[float, float],
     *,
     fps: float | None = None,
-    timestamps: Path | None = None,
+    timestamps: AnyPath | None = None,
     progress: Progress = silent,
 ) -> LightEvents:
     """Read from a film when a lamp went on and off.
@@ -62,6 +63,7 @@ def film_light_events(
     NoResultError
         When nothing at that place goes on or off.
     """
+    timestamps = None if timestamps is None else Path(timestamps)
     from tracker.source import open_source
 
     source = open_source(film, fps=fps, timestamps=timestamps)

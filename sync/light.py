@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from sync.belief import DRIFT_SIGMA_PPM, Belief
 from sync.jumps import Jump
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.paths import AnyPath
 from torsight.core.records import TemperatureLog
+from torsight.core.shown import Shown, span
 from torsight.core.storage import number_column, read_table
 from torsight.core.units import PPM
 
@@ -34,8 +36,8 @@ _HELD_SIGMAS: Final = 1.8
 _LARGEST_DRIFT: Final = 300.0 * PPM
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LightEvents:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LightEvents(Shown):
     """Changes of the light on the film.
 
     Attributes
@@ -51,6 +53,18 @@ class LightEvents:
     time_s: NDArray[np.float64]
     goes_on: NDArray[np.bool_]
     since_s: NDArray[np.float64] | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return how many changes there are, and when."""
+        return {"changes": str(len(self.time_s)), "time": span(self.time_s, "s")}
+
+    def _columns(self) -> dict[str, Any]:
+        since = {} if self.since_s is None else {"since_s": self.since_s}
+        return {"time_s": self.time_s, "on": self.goes_on, **since}
+
+    def _draw(self, axes: Any) -> None:
+        axes.step(self.time_s, self.goes_on, where="post")
+        axes.set(xlabel="time, s", ylabel="light", yticks=[0, 1], yticklabels=["off", "on"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +111,7 @@ class _Changes:
         return _Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
 
 
-def read_light_events(path: Path) -> LightEvents:
+def read_light_events(path: AnyPath) -> LightEvents:
     """Read film times of a light: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
 
     Without ``on`` every time is one at which the light goes on.
@@ -107,6 +121,7 @@ def read_light_events(path: Path) -> LightEvents:
     InputError
         When the file cannot be read or holds no times.
     """
+    path = Path(path)
     table = read_table(path, required=("time_s",))
     time_s = table["time_s"].to_numpy(np.float64)
     if not np.isfinite(time_s).all():

@@ -12,28 +12,40 @@ from numpy.typing import NDArray
 
 from sync.channels import RANGE_C, clean_channel, in_range
 from sync.joining import join_blocks
+from sync.log_columns import chosen_columns
+from sync.log_table import NEEDED_NAMES, read_log_table
 from sync.repairs import LogReading, Repair
 from sync.stamps import OrderedStamps, order_stamps, usual_step_s
-from sync.table_text import read_text_table
 from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
 from torsight.core.plausible import require_stamps, require_units
 from torsight.core.records import TemperatureLog
-from torsight.core.storage import is_parquet, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
 _SWITCHES: Final = ("heat_a", "heat_b")
-_CURRENTS: Final = ("current_a_a", "current_b_a")
 _COARSE_SHARE: Final = 0.2
 """A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
 _MIN_ROWS: Final = 3
 _MOST_RESTARTS: Final = 20
 
 
-def read_temperature_log(path: Path) -> LogReading:
-    """Read ``TEMPS.csv`` (or Parquet) as it comes and mend what can be mended.
+def read_temperature_log(
+    path: AnyPath, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> LogReading:
+    """Read ``TEMPS.csv`` (or Parquet), or a log as an instrument writes it, and mend what can be mended.
+
+    Parameters
+    ----------
+    path : str or Path
+        The log; its header may stand on any line.
+    columns : mapping of str to str, optional
+        Name of the column that holds each of ``time, a, b, heat_a, heat_b, current_a, current_b`` and, where the time
+        of day stands apart, ``date``: ``{"time": "Time", "a": "Temp A (°C)", "b": "Temp B (°C)"}``.
+        What is not named has the contract's name, or one that says it plainly.
+    units : mapping of str to str, optional
+        Units that the header does not say, by the same keys: ``{"time": "ms", "a": "°F"}``.
 
     Returns
     -------
@@ -43,14 +55,16 @@ def read_temperature_log(path: Path) -> LogReading:
 
     Raises
     ------
+    ConfigError
+        For a key of ``columns`` or ``units`` that is not known, or a unit of another kind.
     InputError
-        When the file cannot be read, lacks ``time_s``, ``temp_a_c`` or ``temp_b_c``, is ambiguous in its numbers, or
-        holds too little to use; the message names line and column.
+        When the file cannot be read, lacks a column, has one in a unit that contradicts what it is to hold, is
+        ambiguous in its numbers, or holds too little to use; the message names line and column.
     """
-    frame, first_line, repairs = _read(path)
-    if len(frame) == 0:
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
-    stamp_s, zero = _stamps(frame["time_s"], path=path, first_line=first_line)
+    path = Path(path)
+    table = read_log_table(path, chosen_columns(columns, units))
+    frame, first_line, repairs = table.frame, table.first_line, list(table.repairs)
+    stamp_s = frame["time_s"].to_numpy(np.float64)
     ordered = order_stamps(stamp_s, first_line=first_line)
     repairs += ordered.repairs
     if len(ordered.row) < _MIN_ROWS:
@@ -69,11 +83,11 @@ def read_temperature_log(path: Path) -> LogReading:
             do="record it again, with a clock that runs",
         )
     _require_order(ordered, len(frame), path=path)
-    columns = {str(name): frame[name] for name in frame.columns if name != "time_s"}
-    stamps, merged = _distinct(ordered, columns, first_line=first_line, repairs=repairs)
-    joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in REQUIRED[1:]])
+    series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
+    stamps, merged = _distinct(ordered, series, first_line=first_line, repairs=repairs)
+    joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]])
     temperatures: dict[str, NDArray[np.float64]] = {}
-    for name in REQUIRED[1:]:
+    for name in NEEDED_NAMES[1:]:
         temperatures[name], told = clean_channel(joined.time_s, merged.numbers[name], name=name)
         repairs += told
         if not np.isfinite(temperatures[name]).any():
@@ -81,7 +95,7 @@ def read_temperature_log(path: Path) -> LogReading:
     require_units(joined.time_s, temperatures, where=str(path))
     switches = _read_switches(merged.numbers, repairs)
     extra: dict[str, NDArray[np.generic]] = {
-        name: values for name, values in merged.numbers.items() if name not in (*REQUIRED, *_SWITCHES)
+        name: values for name, values in merged.numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
     }
     log = TemperatureLog(
         time_s=joined.time_s,
@@ -93,7 +107,15 @@ def read_temperature_log(path: Path) -> LogReading:
     )
     repairs += _gaps(joined.time_s)
     coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
-    return LogReading(log=log, repairs=tuple(repairs), restarts=joined.restarts, zero=zero, coarse_s=coarse_s)
+    return LogReading(
+        log=log,
+        repairs=tuple(repairs),
+        restarts=joined.restarts,
+        zero=table.zero,
+        coarse_s=coarse_s,
+        columns=table.columns,
+        notes=table.notes,
+    )
 
 
 def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
@@ -123,53 +145,6 @@ def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
     )
 
 
-def _read(path: Path) -> tuple[pd.DataFrame, int, list[Repair]]:
-    if is_parquet(path):
-        frame = read_table(path)
-        for name in REQUIRED:
-            if name not in frame.columns:
-                raise InputError(
-                    f"has no column '{name}'", where=str(path), value=", ".join(frame.columns[:12]), do="add the column"
-                )
-        return frame, 1, []
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
-    table = read_text_table(path, required=REQUIRED, numeric=(*_SWITCHES, *_CURRENTS))
-    return table.frame, table.first_line, list(table.repairs)
-
-
-def _stamps(column: pd.Series[Any], *, path: Path, first_line: int) -> tuple[NDArray[np.float64], str | None]:
-    """Return seconds, and the instant of second 0 where the stamps are dates."""
-    import pandas as pd
-
-    if pd.api.types.is_numeric_dtype(column):
-        return column.to_numpy(np.float64), None
-    if pd.api.types.is_datetime64_any_dtype(column):
-        return _since_first(pd.to_datetime(column, utc=True))
-    text = column.astype("string").str.strip().str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
-    numbers = pd.to_numeric(text, errors="coerce")
-    given = int(text.notna().sum())
-    if numbers.notna().sum() > 0.5 * given:
-        return numbers.to_numpy(np.float64, na_value=np.nan), None
-    dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
-    if dates.notna().sum() > 0.5 * given:
-        return _since_first(dates)
-    wrong = int(np.flatnonzero((numbers.isna() & dates.isna() & text.notna()).to_numpy())[0]) if given else 0
-    raise InputError(
-        "is neither a number of seconds nor an ISO 8601 date",
-        where=f"{path}, line {wrong + first_line}, column time_s",
-        value=repr(column.iloc[wrong]),
-        limit="12.345 or 2024-05-01T10:00:00.345",
-        do="export the stamps in one of these forms",
-    )
-
-
-def _since_first(dates: pd.Series[Any]) -> tuple[NDArray[np.float64], str]:
-    first = dates.dropna().iloc[0]
-    seconds = (dates - first).dt.total_seconds().to_numpy(np.float64, na_value=np.nan)
-    return seconds, str(first.isoformat())
-
-
 @dataclass(frozen=True, slots=True)
 class _Columns:
     numbers: dict[str, NDArray[np.float64]]
@@ -193,7 +168,7 @@ def _distinct(
             numbers[name] = column.to_numpy(np.float64, na_value=np.nan)[ordered.row]
             continue
         values = pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-        if name in (*REQUIRED, *_SWITCHES):
+        if name in (*NEEDED_NAMES, *_SWITCHES):
             values = np.where(np.isfinite(values), values, _words(column))
             numbers[name] = values[ordered.row]
         else:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
+from torsight.core.frozen import Frozen
 from torsight.core.records import TemperatureLog
+from torsight.core.shown import Shown
+
+if TYPE_CHECKING:
+    from sync.log_columns import LogColumn
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +67,8 @@ class Restart:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class LogReading:
+@dataclass(frozen=True, slots=True, repr=False)
+class LogReading(Frozen, Shown):
     """A temperature log with strictly increasing stamps, and what it took to get there.
 
     Attributes
@@ -77,6 +84,10 @@ class LogReading:
     coarse_s : float
         Step of stamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0 where
         every row has a stamp of its own.
+    columns : mapping of str to LogColumn
+        Which column of the file was taken for what, by the keys ``time, a, b, ...``.
+    notes : tuple of str
+        What a person should know of that: columns that were guessed or converted.
     """
 
     log: TemperatureLog
@@ -84,3 +95,19 @@ class LogReading:
     restarts: tuple[Restart, ...] = ()
     zero: str | None = None
     coarse_s: float = 0.0
+    columns: Mapping[str, LogColumn] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return what the log holds, where time 0 is, and what was mended."""
+        mended = ", ".join(f"{repair.kind} {repair.count}" for repair in self.repairs) or "nothing"
+        zero = {} if self.zero is None else {"time 0": self.zero}
+        return {**self.log.facts(), **zero, "mended": mended, "restarts": str(len(self.restarts))}
+
+    def _columns(self) -> Mapping[str, Any]:
+        return dict(self.log.to_frame())
+
+    def _draw(self, axes: Any) -> None:
+        self.log.plot(axes)
+        for restart in self.restarts:
+            axes.axvline(self.log.time_s[restart.index], color="grey", linestyle=":", linewidth=0.8)

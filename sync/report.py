@@ -17,7 +17,7 @@ def sync_content(clock: ClockMap, reading: LogReading, table: SyncedTable, *, ma
         "offset_s": {"value": clock.offset_s, "ci95": list(clock.offset_ci95_s)},
         "drift_ppm": {"value": clock.drift_ppm, "ci95": list(clock.drift_ci95_ppm)},
         "method": clock.method,
-        "notes": list(clock.notes),
+        "notes": [*reading.notes, *clock.notes],
         "interpolation": "linear between the log's stamps; switches and further columns hold the last row",
         "max_gap_s": max_gap_s,
         "rows": len(table),
@@ -25,6 +25,7 @@ def sync_content(clock: ClockMap, reading: LogReading, table: SyncedTable, *, ma
         "log": {
             "rows": len(reading.log),
             "zero": reading.zero,
+            "columns": {role: column.to_json() for role, column in reading.columns.items()},
             "repairs": [repair.to_json() for repair in reading.repairs],
             "restarts": [restart.to_json() for restart in reading.restarts],
         },

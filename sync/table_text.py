@@ -6,29 +6,30 @@ one number has other than three digits behind its comma (``1,234`` alone might b
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 import warnings
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sync.labview import labview_header
+from sync.log_columns import NOTHING_CHOSEN, ChosenColumns, LogColumn
+from sync.log_header import BLANKS, fields_of, find_header, require_columns, split_line, units_row, without_arrows
 from sync.repairs import Repair
 from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
 from torsight.core.paths import missing_file, require_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
 _SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
 _DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
-_PREAMBLE_LINES: Final = 60
 _NO_TEXT: Final = {
     b"\x1f\x8b": "a compressed file",
     b"PK\x03\x04": "an archive or a spreadsheet's own format",
@@ -40,42 +41,72 @@ _NO_TEXT: Final = {
 """What a file that is no text begins with."""
 
 
+_BLANKS: Final = re.compile(r"[ \t]+")
+_MARKED: Final = (
+    *("****", "---", "--", "-", "?", "Inf", "-Inf", "inf", "-inf"),
+    *("OVERLOAD", "ERR", "Err", "Error", "OL"),
+)
+"""What instruments write in the place of a reading that they do not have."""
+
+
 @dataclass(frozen=True, slots=True)
-class TextTable:
-    """A table as read: text or numbers per column, and the line of the file on which each row stands."""
+class TextTable(Frozen):
+    """A table as read: text or numbers per column, and the line of the file on which each row stands.
+
+    ``columns`` says where the columns are that the log's keys stand for (:mod:`sync.log_columns`).
+    """
 
     frame: pd.DataFrame
     first_line: int
     repairs: tuple[Repair, ...]
+    columns: Mapping[str, LogColumn]
 
 
-def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[str] = ()) -> TextTable:
-    """Read delimited text whose header names the ``required`` columns.
+def read_text_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> TextTable:
+    """Read delimited text with a header on any line: the first one that names time and both temperatures.
 
-    The decimal sign is that of the ``required`` and the ``numeric`` columns: what stands in others, as a note or a
-    version, says nothing about it.
+    The decimal sign is that of the columns that are used: what stands in others, as a note or a version, says nothing
+    about it.
 
     Raises
     ------
     InputError
-        When the file is missing, empty, binary, without a required column, or ambiguous in its decimal sign.
+        When the file is missing, empty, binary, without a needed column, or ambiguous in columns or decimal sign.
     """
+    text, repairs = _decode(path)
+    lines = without_arrows(text.splitlines(), repairs)
+    header = find_header(lines, chosen, path=path)
+    if header.line:
+        repairs.append(Repair("preamble", header.line, f"{header.line} lines before the header were passed over"))
+    first = header.line + 1
+    rows = lines[first:]
+    if header.delimiter == BLANKS:
+        rows = [_BLANKS.sub("\t", line.strip()) for line in rows]
+        header = replace(header, delimiter="\t")
+    columns = header.columns
+    if rows and (units := units_row(split_line(rows[0], header.delimiter), columns)) is not None:
+        columns = require_columns(units, where=f"{path}, line {first + 1}")
+        first, rows = first + 1, rows[1:]
+        repairs.append(Repair("units", 1, f"line {first} was read as units"))
+    delimiter = header.delimiter
+    labview = labview_header(lines[: header.line], delimiter)
+    if labview.units and (units := units_row(labview.units, columns)) is not None:
+        columns = require_columns(units, where=f"{path}, Y_Unit_Label")
+    body = _whole_rows(rows, len(header.names), delimiter, path=path, first_line=first + 1, repairs=repairs)
+    places = [column.index for column in columns.values()]
+    decimal = labview.decimal or _decimal(body, delimiter, places, path=path, first_line=first + 1, repairs=repairs)
+    frame = _parsed(body, list(header.names), delimiter, decimal, path=path)
+    if labview.step_s is not None:
+        labview.fill_times(frame, columns["time"].index, repairs)
+    if decimal == ",":
+        _with_points(frame, places)
+    return TextTable(frame=frame, first_line=first + 1, repairs=tuple(repairs), columns=columns)
+
+
+def _parsed(body: Sequence[str], names: list[str], delimiter: str, decimal: str, *, path: Path) -> pd.DataFrame:
     import pandas as pd
 
-    text, repairs = _decode(path)
-    lines = text.splitlines()
-    header, delimiter = _find_header(lines, required, path=path)
-    names = [name.strip().strip('"').strip() for name in lines[header].split(delimiter)]
-    names = [name or f"column_{index + 1}" for index, name in enumerate(names)]
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError("two columns have one name", where=f"{path}, line {header + 1}", value=repr(twice))
-    if header:
-        repairs.append(Repair("preamble", header, f"{header} lines before the header were passed over"))
-    body = _whole_rows(lines[header + 1 :], len(names), delimiter, path=path, first_line=header + 2, repairs=repairs)
     joined = "\n".join(body)
-    columns = [names.index(name) for name in names if name in (*required, *numeric)]
-    decimal = _decimal(body, delimiter, columns, path=path, first_line=header + 2, repairs=repairs)
     if delimiter == "," and decimal == ",":
         joined, decimal = _QUOTED_NUMBER.sub(r"\1.\2", joined), "."
     if not joined.strip():
@@ -83,7 +114,7 @@ def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[st
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
-            frame = pd.read_csv(
+            return pd.read_csv(
                 io.StringIO(joined),
                 sep=delimiter,
                 decimal=decimal,
@@ -93,22 +124,7 @@ def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[st
                 skip_blank_lines=False,
                 skipinitialspace=True,
                 low_memory=False,
-                na_values=[
-                    "****",
-                    "---",
-                    "--",
-                    "-",
-                    "?",
-                    "Inf",
-                    "-Inf",
-                    "inf",
-                    "-inf",
-                    "OVERLOAD",
-                    "ERR",
-                    "Err",
-                    "Error",
-                    "OL",
-                ],
+                na_values=list(_MARKED),
             )
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError, OverflowError) as error:
         raise InputError(
@@ -116,9 +132,6 @@ def read_text_table(path: Path, *, required: Sequence[str], numeric: Sequence[st
             where=str(path),
             do="look for a quotation mark that is not closed",
         ) from error
-    if decimal == ",":
-        _with_points(frame, columns)
-    return TextTable(frame=frame, first_line=header + 2, repairs=tuple(repairs))
 
 
 def _decode(path: Path) -> tuple[str, list[Repair]]:
@@ -152,28 +165,6 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
         return raw.decode("latin-1"), repairs
 
 
-def _find_header(lines: Sequence[str], required: Sequence[str], *, path: Path) -> tuple[int, str]:
-    """Return the header's line and the delimiter: the first line that, split, names all required columns."""
-    best: tuple[int, int, str] = (-1, 0, ",")
-    for index, line in enumerate(lines[:_PREAMBLE_LINES]):
-        for delimiter in _DELIMITERS:
-            names = {name.strip().strip('"').strip() for name in line.split(delimiter)}
-            found = sum(name in names for name in required)
-            if found == len(required):
-                return index, delimiter
-            if found > best[0]:
-                best = (found, index, delimiter)
-    line, delimiter = lines[best[1]], best[2]
-    names_here = [name.strip().strip('"').strip() for name in line.split(delimiter)]
-    missing = next(name for name in required if name not in names_here)
-    raise InputError(
-        f"has no column '{missing}'",
-        where=f"{path}, line {best[1] + 1}",
-        value=", ".join(names_here[:12])[:200],
-        do="add the column, or rename the one that holds it",
-    )
-
-
 def _whole_rows(
     lines: Sequence[str], columns: int, delimiter: str, *, path: Path, first_line: int, repairs: list[Repair]
 ) -> list[str]:
@@ -183,12 +174,16 @@ def _whole_rows(
         body.pop()
     blank_row = delimiter * (columns - 1)
     found: dict[str, list[int]] = {"malformed_row": [], "short_row": [], "blank_row": []}
-    for index, line in enumerate(body):
-        kind = _fault(line, columns, delimiter)
+    kinds = [_fault(line, columns, delimiter) for line in body]
+    # The header names a column for which the rows have no field, as LabVIEW's "Comment".
+    usual = kinds.count("short_row") > len(body) // 2
+    for index, (line, kind) in enumerate(zip(body, kinds, strict=True)):
         if kind == "":
             continue
         if kind == "trailing":
             body[index] = line.rstrip()[:-1]
+            continue
+        if kind == "short_row" and usual:
             continue
         found[kind].append(index)
         if kind != "short_row":
@@ -217,7 +212,7 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
     """Return what is wrong with a row; empty where nothing is."""
     if not line.strip():
         return "blank_row"
-    fields = len(_split(line, delimiter)) if '"' in line else line.count(delimiter) + 1
+    fields = len(fields_of(line, delimiter)) if '"' in line else line.count(delimiter) + 1
     if fields == columns:
         return ""
     if fields == columns + 1 and line.rstrip().endswith(delimiter):
@@ -271,14 +266,6 @@ def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> 
         rows = (line.split(delimiter) if "," in line else [] for line in body)
     elif any('"' in line for line in body):
         # Between commas a comma within a number stands in quotes.
-        rows = (_split(line, delimiter) if '"' in line else [] for line in body)
+        rows = (fields_of(line, delimiter) if '"' in line else [] for line in body)
     texts = (" ".join(row[index].strip(' "') for index in columns if index < len(row)) for row in rows)
     return {number: text for number, text in enumerate(texts) if "," in text}
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    """Return the fields of a row in which there are quotes."""
-    try:
-        return next(csv.reader([line], delimiter=delimiter))
-    except csv.Error:  # a field beyond the reader's limit
-        return line.split(delimiter)

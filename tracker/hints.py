@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 from torsight.core.tracks import MARKERS
 
@@ -22,7 +24,7 @@ APART_PX: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MarkerHints:
+class MarkerHints(Frozen):
     """Marker positions given by a person.
 
     Attributes
@@ -62,7 +64,7 @@ class MarkerHints:
                 )
 
 
-def read_markers(source: Path | Mapping[str, Any]) -> MarkerHints:
+def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
     """Read marker positions from a file or from a table that was read already.
 
     Raises
@@ -73,8 +75,8 @@ def read_markers(source: Path | Mapping[str, Any]) -> MarkerHints:
         When the file cannot be read.
     """
     content: Mapping[str, Any]
-    if isinstance(source, Path):
-        content, where = read_toml(source), str(source)
+    if not isinstance(source, Mapping):
+        content, where = read_toml(Path(source)), str(source)
         # The table may stand in the file under its own name, as it does in an experiment.
         if set(content) == {"markers"} and isinstance(content["markers"], Mapping):
             content = content["markers"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.frozen import Frozen
 from torsight.core.geometry import on_plane, ray_from_pixel, rotation_matrix
+from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
@@ -27,8 +30,8 @@ _FLOOR_PX: Final = 0.003
 """What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Orientation:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Orientation(Frozen, Shown):
     """The angle of a film and how it was had.
 
     Attributes
@@ -37,7 +40,7 @@ class Orientation:
         The actuator angle, frame by frame.
     position_mm : (n, 4, 3) float64 or None
         Markers in space, where a camera file tells scale.
-    report : dict
+    report : mapping
         For ``track.json``: method, noise, tilt.
     error_scale : (n, 2) float64
         Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
@@ -46,7 +49,21 @@ class Orientation:
     angles: StickAngles
     position_mm: NDArray[np.float64] | None
     error_scale: NDArray[np.float64]
-    report: dict[str, Any] = field(default_factory=dict)
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def with_report(self, **entries: Any) -> Orientation:
+        """Return the orientation with further entries for ``track.json``."""
+        return replace(self, report={**self.report, **entries})
+
+    def facts(self) -> dict[str, str]:
+        """Return the angle, its uncertainty and how it was had."""
+        return {**self.angles.facts(), "method": str(self.report.get("method", ""))}
+
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.angles.to_frame())
+
+    def _draw(self, axes: Any) -> None:
+        self.angles.plot(axes)
 
     def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
         """Return tracks whose covariances are those of the errors that the sticks' lengths show."""
@@ -82,8 +99,8 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         plane, position_mm = _in_planes(tracks, camera.intrinsics, camera.pose)
         method = "camera file: rays met with each stick's plane"
         found = from_plane(tracks, plane, position_mm=position_mm, method=method)
-        found.report["tilt"] = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
-        return found
+        tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
+        return found.with_report(tilt=tilt)
     still = unmoved(tracks, camera.intrinsics)
     tracks = still.tracks
     try:
@@ -96,7 +113,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     method = "lens file, axis from the markers' own ellipses"
     found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2)
     error = float(np.sqrt(np.nanmean(open_rad2))) if np.isfinite(open_rad2).any() else np.nan
-    found.report["tilt"] = {
+    tilt = {
         "known": error < KNOWN,
         "from": "the markers' own ellipses and the lens",
         "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
@@ -104,7 +121,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         "arc_deg": float(np.rad2deg(axis.arc_rad)),
         "error_it_can_make_deg": float(np.rad2deg(error)),
     }
-    return found
+    return found.with_report(tilt=tilt)
 
 
 def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> NDArray[np.float64]:
@@ -152,8 +169,7 @@ def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsi
         else "no camera file: the picture's plane, its tilt unknown",
         systematic_rad2=_tilt_variance(flat, tilt),
     )
-    found.report["tilt"] = tilt.report()
-    return found
+    return found.with_report(tilt=tilt.report())
 
 
 def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.paths import missing_file, require_content
+from torsight.core.paths import AnyPath, missing_file, require_content
 
 if TYPE_CHECKING:
     from tracker.film import FilmSource
@@ -95,7 +95,7 @@ class FrameSource(Protocol):
 
 
 def open_source(
-    source: str | Path, *, fps: float | None = None, timestamps: Path | None = None
+    source: str | Path, *, fps: float | None = None, timestamps: AnyPath | None = None
 ) -> FilmSource | PictureSource:
     """Open a film, a folder of pictures or a glob.
 
@@ -105,7 +105,7 @@ def open_source(
         Film, folder, or glob of pictures in the order of their names.
     fps : float, optional
         Frame rate of pictures, or one that stands in place of a film's own times.
-    timestamps : Path, optional
+    timestamps : str or Path, optional
         Table ``frame, time_s`` with the time of every frame.
 
     Raises
@@ -115,6 +115,7 @@ def open_source(
     InputError
         When there is no such file, it is empty, or nothing in it can be decoded.
     """
+    timestamps = None if timestamps is None else Path(timestamps)
     from tracker.film import FilmSource
     from tracker.pictures import PictureSource
 

@@ -77,11 +77,10 @@ def orient_pair(
         (in_frame[:, marker, :2], across @ space.covariance_mm2[:, marker] @ across.T) for marker in range(4)
     ]
     found = from_plane(left, plane, position_mm=in_frame, method="two cameras: points in space, axis from the tracks")
-    found.report["axis"] = report
     # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
     errors = np.repeat(found.error_scale, 2, axis=1)[..., None, None] ** 2
-    found.report["scale"] = check_scale(in_frame, space.covariance_mm2 * errors, known_mm=known_mm).to_json()
-    return found
+    scale = check_scale(in_frame, space.covariance_mm2 * errors, known_mm=known_mm)
+    return found.with_report(axis=report, scale=scale.to_json())
 
 
 def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:

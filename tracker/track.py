@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
+from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.checkpoint import RowStore, source_key
@@ -29,8 +33,8 @@ _DOUBTFUL_RAD = math.radians(3.0)
 """Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TrackResult(Frozen, Shown):
     """The markers of one film.
 
     Attributes
@@ -41,14 +45,24 @@ class TrackResult:
         What was noted of every frame, same order of markers (see :mod:`tracker.rows`).
     damage : list of dict
         What was found damaged in the source.
-    report : dict
+    report : mapping
         For ``track.json``: source and start.
     """
 
     tracks: MarkerTracks
     rows: NDArray[np.void]
     damage: list[dict[str, Any]] = field(default_factory=list)
-    report: dict[str, Any] = field(default_factory=dict)
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def facts(self) -> dict[str, str]:
+        """Return what the tracks hold, and how many places of the source are damaged."""
+        return {**self.tracks.facts(), "damaged places": str(len(self.damage))}
+
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.tracks.to_frame())
+
+    def _draw(self, axes: Any) -> None:
+        self.tracks.plot(axes)
 
 
 @one_thread()
@@ -56,7 +70,7 @@ def track_film(
     source: FrameSource,
     *,
     markers: MarkerHints | None = None,
-    out: Path | None = None,
+    out: AnyPath | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> TrackResult:
@@ -68,7 +82,7 @@ def track_film(
         See :func:`tracker.source.open_source`.
     markers : MarkerHints, optional
         Positions in the first frame; found without help otherwise.
-    out : Path, optional
+    out : str or Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
         Go on from the last checkpoint in ``out``, if it is of the same inputs; the result is the same, bit by bit, as
@@ -83,6 +97,7 @@ def track_film(
     OutputError
         When checkpoints cannot be written.
     """
+    out = None if out is None else Path(out)
     start = find_start(source, markers, progress=progress)
     follower = Follower(start.markers, moving=start.moving)
     store = RowStore(out, key=_key(source, markers) if out else "")

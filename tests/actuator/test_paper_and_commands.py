@@ -56,6 +56,29 @@ def test_simulate_answers_every_row(tmp_path, suffix):
     assert table["angle_deg"].to_numpy() == pytest.approx(expected, abs=1e-6)
 
 
+def test_simulate_reads_the_log_of_an_instrument(tmp_path, capsys):
+    temps, log = temps_file(tmp_path)
+    simulate(actuator_file(tmp_path), temps, start_angle=170.0, out=tmp_path / "plain.csv")
+    text = read_table(temps).set_axis(["Time", "T1 (°C)", "T2 (°C)", "note"], axis=1).to_csv(index=False, sep=";")
+    (tmp_path / "log.txt").write_text(f"logger 3\n\n{text}", encoding="utf-8")
+    simulate(
+        tmp_path / "actuator.toml",
+        tmp_path / "log.txt",
+        start_angle=170.0,
+        out=tmp_path / "named.csv",
+        columns="a=T1,b=T2",
+    )
+    assert (tmp_path / "named.csv").read_bytes() == (tmp_path / "plain.csv").read_bytes()
+    assert "time from 'Time'" in capsys.readouterr().err
+    assert len(log) == len(read_table(tmp_path / "named.csv"))
+
+
+def test_a_log_with_a_row_of_too_many_fields_is_not_answered(tmp_path):
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n0,24,24\n1,24,24,7,8\n2,24,24\n")
+    with pytest.raises(InputError, match=r"cannot be answered.*first on line 3"):
+        read_log(tmp_path / "t.csv")
+
+
 def test_fit_then_predict(tmp_path):
     _, log = temps_file(tmp_path)
     truth = ActuatorModel(reference_spec())

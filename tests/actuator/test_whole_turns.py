@@ -10,6 +10,7 @@ import pytest
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.storage import read_toml
 from torsight.core.units import DEG
@@ -74,3 +75,25 @@ def test_what_wound_the_springs_at_home_holds_for_logs_that_start_there(
 
     assert np.max(np.abs(predicted(0.3, home_rad) - predicted(1.0, home_rad))) > 1.0 * DEG
     np.testing.assert_array_equal(predicted(0.3, elsewhere_rad), predicted(1.0, elsewhere_rad))
+
+
+@pytest.mark.parametrize("degrees", [135.0, -135.0, 1e6, np.nan])
+def test_degrees_are_not_taken_for_radians(model: ActuatorModel, record: SyncedTable, degrees: float) -> None:
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    fitted = fitted_model(model, values, model.prepare(record))
+    log = TemperatureLog(record.time_s, record.temp_a_c, record.temp_b_c)
+    with pytest.raises(ConfigError, match="were these degrees"):
+        fitted.predict(log, start_angle_rad=degrees)
+    with pytest.raises(InputError, match=r"turns further than the springs are wound.*give radians"):
+        model.prepare(replace(record, angle_rad=record.angle_rad / DEG))
+    with pytest.raises(InputError, match="not in milliseconds"):
+        model.prepare_log(replace(log, time_s=1e3 * log.time_s), start_angle_rad=1.0)
+    with pytest.raises(InputError, match="not in °F or kelvin"):
+        model.prepare_log(replace(log, temp_a_c=1.8 * log.temp_a_c + 32.0), start_angle_rad=1.0)
+
+
+def test_values_in_another_unit_are_refused_where_the_spec_is_made(model: ActuatorModel) -> None:
+    with pytest.raises(ConfigError, match=r"'E_A_gpa' is out of range.*give it in GPa, not Pa or MPa"):
+        replace(model.spec, values={**model.spec.values, "E_A_gpa": 60e9})
+    with pytest.raises(ConfigError, match="has no key 'A_s_c'"):
+        replace(model.spec, values={k: v for k, v in model.spec.values.items() if k != "A_s_c"}, uncertainty={})

@@ -56,6 +56,15 @@ def test_the_configuration_as_used_gives_the_same_experiment(folder: Path) -> No
     assert again == experiment
 
 
+def test_names_and_units_of_the_logs_columns(folder: Path) -> None:
+    columns = {"time": "Time", "a": "Temp A (°C)", "b": "Temp B (°C)"}
+    said = 'path = "temps.csv"\ncolumns = { time = "Time", a = "Temp A (°C)", b = "Temp B (°C)" }\nunits.time = "ms"'
+    experiment = read_experiment(_write(folder, WHOLE.replace('path = "temps.csv"', said)))
+    assert experiment.columns == columns
+    assert experiment.units == {"time": "ms"}
+    assert experiment_from(experiment.to_configuration(), where="again", folder=Path()) == experiment
+
+
 def test_the_folder_of_an_experiment_stands_for_it(folder: Path) -> None:
     assert read_experiment(_write(folder, WHOLE).parent) == read_experiment(folder / "experiment.toml")
     (folder / "experiment.toml").unlink()
@@ -85,6 +94,18 @@ def test_a_stereo_pair(folder: Path) -> None:
         ('file = "actuator.toml"', "file = 3", ConfigError, "'file' is not a text"),
         ("seed = 4", "seed = -1", ConfigError, "'seed' is out of range; found -1"),
         ("[camera]\n", "[camera\n", ConfigError, "is not TOML"),
+        (
+            'path = "temps.csv"',
+            'path = "temps.csv"\ncolumns = { tiem = "Time" }',
+            ConfigError,
+            r"\[temperature\], columns: unknown key 'tiem'.*did you mean 'time'",
+        ),
+        (
+            'path = "temps.csv"',
+            'path = "temps.csv"\nunits = { a = "ms" }',
+            ConfigError,
+            r"\[temperature\]: unit of 'a' is not known; found 'ms'",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(folder: Path, old: str, new: str, kind: type[Exception], words: str) -> None:

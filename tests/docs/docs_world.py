@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 import tomli_w
 
 from calibration.printing import usual_board
@@ -60,11 +61,18 @@ def make_world(folder: Path) -> None:
     """Fill a folder with everything that the pages' commands read."""
     render_scene(small_scene(), out=folder)
     shutil.copy(folder / "temps.csv", folder / "later_temps.csv")
+    write_logger(folder, pd.read_csv(folder / "temps.csv"))
     _scenes(folder)
     write_bench(folder, rng=np.random.default_rng(1), rows=150)
     _boards(folder)
     # What a camera gives: the sticks turn by 40° within a second.
     write_film(Rig(lambda t: 60.0 - 40.0 * t, frames=30, texture=0.0), folder / "bench.mkv")
+
+
+def write_logger(folder: Path, temps: pd.DataFrame) -> None:
+    """Write a log as a data logger would: a preamble, channels by number."""
+    channels = temps[["time_s", "temp_a_c", "temp_b_c"]].set_axis(["Time", "Chan 101 (C)", "Chan 102 (C)"], axis=1)
+    (folder / "logger.csv").write_text(f"Unit 7\n\n{channels.to_csv(index=False)}", encoding="utf-8")
 
 
 def fill_in(folder: Path, world: Path) -> None:

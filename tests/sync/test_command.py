@@ -1,12 +1,14 @@
 """The command: files, keys and exit codes of the contract."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
 from made_up_pairs import Rig, make_pair, programme
 
+from tests.command_line import leave
 from torsight.cli.sync import sync_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.tables import read_merged
@@ -44,6 +46,50 @@ def pair(tmp_path_factory):
 
 def run(pair, out, **settings):
     return sync_to_folder(pair / "angle.csv", pair / "temps.csv", settings=settings, out=out)
+
+
+def as_an_instrument_writes_it(pair, path):
+    """Write the log in other words and units: a preamble, channels by number, milliseconds, °F."""
+    log = pd.read_csv(pair / "temps.csv")
+    channels = pd.DataFrame(
+        {
+            "Time (ms)": 1e3 * log["time_s"],
+            **{f"Chan 10{n} (F)": 1.8 * log[f"temp_{s}_c"] + 32.0 for n, s in ((1, "a"), (2, "b"))},
+        }
+    )
+    path.write_text(f"Unit 7\n\n{channels.to_csv(index=False)}", encoding="utf-8")
+
+
+def test_columns_by_name_give_the_same_table(pair, tmp_path, capfd):
+    as_an_instrument_writes_it(pair, tmp_path / "log.csv")
+    words = ["sync", "--angle", pair / "angle.csv", "--offset", OFFSET_S, "--drift-ppm", 0, "--temperature"]
+    assert leave(*words, pair / "temps.csv", "--out", tmp_path / "plain") == 0
+    named = ["--columns", "time=Time,a=Chan 101,b=Chan 102 (F)"]
+    assert leave(*words, tmp_path / "log.csv", *named, "--out", tmp_path / "named") == 0
+    said = capfd.readouterr().err
+    assert "temperature of spring A from 'Chan 101 (F)', °F converted" in said
+    plain, other = (read_merged(tmp_path / name / "merged.csv") for name in ("plain", "named"))
+    np.testing.assert_allclose(other.temp_a_c, plain.temp_a_c, atol=1e-6)
+    np.testing.assert_allclose(other.temp_b_c, plain.temp_b_c, atol=1e-6)
+    content = json.loads((tmp_path / "named" / "sync.json").read_text())
+    assert content["log"]["columns"]["b"] == {"name": "Chan 102 (F)", "unit": "°F", "guessed": False}
+    assert any("converted" in note for note in content["notes"])
+
+
+@pytest.mark.parametrize(
+    ("named", "code", "message"),
+    [
+        ("time=Time,a=Chan 101,b=Chan 103", 3, "no column 'Chan 103'.*did you mean 'Chan 102 (F)'"),
+        ("time=Time,a=Chan 101,a=Chan 102", 2, "is no list of columns"),
+        ("time=Time,c=Chan 101", 2, "unknown key 'c'"),
+        ("Time,Chan 101", 2, "is no list of columns.*found 'Time,Chan 101'"),
+    ],
+)
+def test_columns_that_are_not_there(pair, tmp_path, capfd, named, code, message):
+    as_an_instrument_writes_it(pair, tmp_path / "log.csv")
+    files = ["--angle", pair / "angle.csv", "--temperature", tmp_path / "log.csv", "--out", tmp_path / "out"]
+    assert leave("sync", *files, "--columns", named) == code
+    assert re.search(message.replace("(F)", r"\(F\)"), capfd.readouterr().err)
 
 
 def test_outputs_as_in_the_contract(pair, tmp_path):

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sync import read_temperature_log
+from sync.log_columns import chosen_columns
+from tests.sync import instrument_logs as logs
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.tracks import MarkerTracks
 from torsight.viewer.live.angle import LiveAngle
@@ -217,6 +221,34 @@ def test_a_log_without_a_needed_column_is_named(tmp_path: Path) -> None:
         LogFollower(path, lambda _words: None).poll()
 
 
+@pytest.mark.parametrize("export", [logs.pico_6, logs.keysight_usb, logs.arduino, logs.numpy_text])
+def test_a_log_of_an_instrument_is_followed_as_it_is_read_whole(tmp_path: Path, export: Any) -> None:
+    path, copy = tmp_path / "temps.csv", tmp_path / "copy.csv"
+    named = {"time": "Time", "a": "Chan 101", "b": "Chan 102"} if export is logs.keysight_usb else {}
+    path.write_bytes(export())
+    follower = LogFollower(path, lambda _words: None, chosen_columns(named))
+    rows = follower.poll()
+    copy.write_text("\n".join([follower.header, *(row.text for row in rows), ""]), encoding="utf-8")
+    for written in (path, copy):
+        log = read_temperature_log(written, columns=named).log
+        np.testing.assert_allclose(
+            values_of(rows)[:, :3], np.column_stack((log.time_s, log.temp_a_c, log.temp_b_c)), atol=1e-6
+        )
+
+
+def test_a_followed_log_with_units_in_a_row_goes_over_midnight(tmp_path: Path) -> None:
+    path = tmp_path / "temps.csv"
+    path.write_text(
+        "logger 7\nTime;Temp A;Temp B\n;°F;°F\n05/06/2024 23:59:59;212;32\n06/06/2024 00:00:01;213,8;32\n",
+        encoding="utf-8",
+    )
+    told: list[str] = []
+    follower = LogFollower(path, told.append)
+    np.testing.assert_allclose(values_of(follower.poll())[:, :3], [[0.0, 100.0, 0.0], [2.0, 101.0, 0.0]], atol=1e-9)
+    assert follower.header == "Time;Temp A;Temp B\n;°F;°F"
+    assert "temperature of spring A from 'Temp A'" in told[0]
+
+
 def test_the_offset_is_that_of_the_row_that_came_with_the_least_delay() -> None:
     clock = LogClock(None)
     delays_s = [0.4, 0.05, 0.3, 0.2]
@@ -282,6 +314,7 @@ def test_a_killed_program_leaves_whole_lines_up_to_its_last_flush(tmp_path: Path
     code = f"""
 import os, signal, sys
 from pathlib import Path
+from typing import Any
 from torsight.viewer.live.disk import LineFile
 file = LineFile(Path({str(tmp_path / "table.csv")!r}), ["a", "b"])
 for k in range(1000):

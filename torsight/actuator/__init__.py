@@ -20,7 +20,7 @@ _HOMES: Final = {
     "FitResult": "fit",
     "fit_model": "fit",
     "FittedModel": "fitted",
-    "Prediction": "fitted",
+    "Prediction": "predicted",
     "fitted_model": "fitted",
     "read_model": "fitted",
     "write_model": "fitted",

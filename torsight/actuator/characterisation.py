@@ -12,14 +12,14 @@ Each step takes the values of the steps before it as priors with their uncertain
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.blocked import blocked_modulus
+from torsight.actuator.characterised import Characterisation, Step
 from torsight.actuator.conditioning import condition
 from torsight.actuator.curves import CurveFit, fit_curve, share_explained
 from torsight.actuator.phase import HEATING_LAWS
@@ -37,59 +37,6 @@ LAWS: Final = ("liang_rogers", "tanaka")
 _STEP: Final = "spring tests"
 _K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
 _LEAST_HEATING_C: Final = 5.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """One step: its values, its error, and what was fitted against what was measured.
-
-    ``curves`` are (x, measured, fitted) by name; ``beyond`` is what the logs hold outside the part that counts.
-    """
-
-    estimates: Mapping[str, Estimate]
-    rmse: float
-    r2: Mapping[str, float]
-    curves: Mapping[str, tuple[Array, Array, Array]]
-    beyond: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return values and errors."""
-        return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
-            "rmse": self.rmse,
-            "r2": dict(self.r2),
-        }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Characterisation:
-    """All steps of one spring, and the values that they give.
-
-    Attributes
-    ----------
-    steps : mapping of str to Step
-        ``free_recovery`` and ``free_recovery_tanaka``, ``force_angle``, ``block_heating``, ``block_cooling``.
-    better_law : str
-        The phase law with the smaller error in the free recovery.
-    estimates : mapping of str to Estimate
-        Characterised values by the names of ``actuator.toml``.
-    spec : ActuatorSpec
-        For ``actuator.toml``.
-    """
-
-    steps: Mapping[str, Step]
-    better_law: str
-    estimates: Mapping[str, Estimate]
-    spec: ActuatorSpec
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the content of ``characterisation.json``."""
-        plain, other = self.steps["free_recovery"].rmse, self.steps["free_recovery_tanaka"].rmse
-        return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
-            "phase_law": {"better": self.better_law, "rmse_deg": {"liang_rogers": plain, "tanaka": other}},
-            "steps": {name: step.to_json() for name, step in self.steps.items()},
-        }
 
 
 @one_thread()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.weights import correlation_rows
 from torsight.core.errors import NoResultError
+from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ _REACH: Final = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CurveFit:
+class CurveFit(Frozen):
     """A fitted curve.
 
     Attributes

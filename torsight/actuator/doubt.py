@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torsight.actuator.laws import law_to_json, laws_from
 from torsight.core.config import get_names, get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
 
 Array = NDArray[np.float64]
@@ -21,7 +22,7 @@ _NO_SHARE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Alternative:
+class Alternative(Frozen):
     """Another explanation of the same record that it cannot tell from the model's own: effects, laws and all values."""
 
     effects: tuple[str, ...]

@@ -15,7 +15,7 @@ from torsight.core.storage import atomic_path
 from torsight.core.units import DEG, MM, MNM
 
 if TYPE_CHECKING:
-    from torsight.actuator.characterisation import Characterisation, Step
+    from torsight.actuator.characterised import Characterisation, Step
 
 Array = NDArray[np.float64]
 

@@ -26,10 +26,13 @@ from torsight.actuator.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.weights import correlation_rows, noisy_drives, spikes
 from torsight.core.errors import NoResultError
+from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.shown import Shown, draw_series
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
+from torsight.core.wording import estimate as estimate_words
 
 Array = NDArray[np.float64]
 
@@ -43,8 +46,8 @@ _SCALE_NOTE: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FitResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FitResult(Frozen, Shown):
     """A fitted model.
 
     Attributes
@@ -97,6 +100,30 @@ class FitResult:
     converged: bool
     silent_about: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
+
+    def facts(self) -> dict[str, str]:
+        """Return the error, whether the fit converged, and the free parameters."""
+        free = {name: estimate_words(self.estimates[name].to_json()) for name in self.free}
+        error = f"{self.rmse_deg:.3g}°, R² {self.r2:.4f}"
+        effects = {"effects": ", ".join(self.model.effects)} if self.model.effects else {}
+        return {"error": error, "converged": "yes" if self.converged else "no", **effects, **free}
+
+    def __repr__(self) -> str:
+        tau = f", friction torque {estimate_words(self.estimates['tau_c_mnm'].to_json())}"
+        return f"FitResult(error {self.rmse_deg:.3g}°, R² {self.r2:.4f}{tau}, {len(self.free)} parameters)"
+
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "time_s": self.simulation.time_s,
+            "fitted_deg": self.simulation.angle_rad / DEG,
+            "residual_deg": self.residual_rad / DEG,
+            "sigma_deg": self.sigma_rad / DEG,
+        }
+
+    def _draw(self, axes: Any) -> None:
+        fitted_deg = self.simulation.angle_rad / DEG
+        lines = {"measured": fitted_deg + self.residual_rad / DEG, "fitted": fitted_deg}
+        draw_series(axes, self.simulation.time_s, lines, label="angle, °")
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``fit.json``."""

@@ -14,16 +14,23 @@ from numpy.typing import NDArray
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import chosen_effects
+from torsight.actuator.full_cycle import full_cycle
 from torsight.actuator.laws import law_to_json, laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
+from torsight.actuator.predicted import Prediction
 from torsight.actuator.spec import actuator_from
+from torsight.actuator.springs import Rig
 from torsight.core.config import get_names, get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError, TorsightError
+from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
+from torsight.core.paths import AnyPath
 from torsight.core.records import TemperatureLog
+from torsight.core.shown import Shown
 from torsight.core.storage import check_keys, read_json, write_json
 from torsight.core.units import DEG
+from torsight.core.wording import number
 
 Array = NDArray[np.float64]
 
@@ -32,25 +39,6 @@ _MOST_CYCLES: Final = 1_000_000
 _MOST_TURNS: Final = 1_000_000
 _SAME_HOME_RAD: Final = 2.0 * DEG
 _COLD: Final = 0.999
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
-    """Angles for the instants of a temperature log.
-
-    Attributes
-    ----------
-    angle_rad : (n,) float64
-        As a camera would read it; NaN where the log has no temperature for too long.
-    drive : Drive
-        The log, conditioned.
-    simulation : Simulation
-        Everything else that the model says.
-    """
-
-    angle_rad: Array
-    drive: Drive
-    simulation: Simulation
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +57,8 @@ class End:
     unwound_rad: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedModel:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FittedModel(Frozen, Shown):
     """Everything that a prediction needs.
 
     Attributes
@@ -106,6 +94,34 @@ class FittedModel:
     end: End | None = None
     doubt: Doubt | None = None
 
+    def facts(self) -> dict[str, str]:
+        """Return the effects, the values, and whether a closure is part of the model."""
+        units = {parameter.name: parameter.unit for parameter in self.model.all_parameters}
+        values = {name: f"{number(value)} {units[name]}".strip() for name, value in self.values.items()}
+        closure = {} if self.closure is None else {"closure": "learned"}
+        return {"effects": ", ".join(self.model.effects) or "none", **closure, **values}
+
+    def __repr__(self) -> str:
+        effects = ", ".join(self.model.effects) or "no effects"
+        closure = "" if self.closure is None else ", with a learned closure"
+        tau = f"friction torque {number(self.values['tau_c_mnm'])} mN·m"
+        return f"FittedModel({effects}{closure}, {tau}, {len(self.values)} values)"
+
+    def _columns(self) -> dict[str, Any]:
+        units = {parameter.name: parameter.unit for parameter in self.model.all_parameters}
+        names = list(self.values)
+        return {"name": names, "value": list(self.values.values()), "unit": [units[name] for name in names]}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the angle against the driven spring's temperature in a full cycle: A heated and cooled, then B."""
+        log, start_rad = full_cycle(Rig.from_values({**self.model.spec.values, **self.values}))
+        found = self.predict(log, start_angle_rad=start_rad)
+        first = log.temp_a_c > log.temp_b_c
+        for name, rows, temp_c in (("A driven", first, log.temp_a_c), ("B driven", ~first, log.temp_b_c)):
+            axes.plot(temp_c[rows], found.angle_rad[rows] / DEG, label=name)
+        axes.set(xlabel="temperature of the driven spring, °C", ylabel="angle, °")
+        axes.legend()
+
     def history(self, start_angle_rad: float) -> History:
         """Return what the record of the fit leaves behind for a log that starts at an angle.
 
@@ -133,10 +149,12 @@ class FittedModel:
 
         Raises
         ------
+        ConfigError
+            When the start is further away than a film can have counted, or than the springs are wound.
         InputError
             When the log cannot drive the model.
         """
-        ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad)
+        ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad, where=where)
         drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad - ahead_rad, where=where)
         simulation = self.simulate(drive)
         return Prediction(np.where(drive.known, simulation.angle_rad + ahead_rad, np.nan), drive, simulation)
@@ -175,13 +193,33 @@ class FittedModel:
                 values |= {p.name: p.null for p in effect.parameters if p.null is not None}
         return values
 
-    def _turns_of(self, start_angle_rad: float) -> int:
-        """Return the whole turns nearest the record's that put the start where the springs can be."""
+    def _turns_of(self, start_angle_rad: float, *, where: str) -> int:
+        """Return the whole turns nearest the record's that put the start where the springs can be.
+
+        A film begins within half a turn of zero whatever the actuator's own angle is, which lies within half of its
+        pre-deformation: its reading, or one that goes on from the record's, is ahead by no more turns than both hold.
+
+        Raises
+        ------
+        ConfigError
+            When it would be further ahead: then the angle is hardly in radians.
+        """
         values = self.model.spec.values
         reach_rad = DEG * (values["theta_p_deg"] / 2.0 - values["theta_cr_deg"])
+        most = ceil((values["theta_p_deg"] / 2.0 + 180.0) / 360.0)
         off_rad = start_angle_rad - 2.0 * np.pi * self.turns
-        further = max(0, ceil((abs(off_rad) - reach_rad) / (2.0 * np.pi)))
-        return self.turns + (further if off_rad > 0.0 else -further)
+        further = max(0, ceil((abs(off_rad) - reach_rad) / (2.0 * np.pi))) if isfinite(off_rad) else most + 1
+        turns = self.turns + (further if off_rad > 0.0 else -further)
+        if further > most and (abs(turns) > most or not isfinite(off_rad)):
+            limit_deg = 360.0 * (most + abs(self.turns)) + reach_rad / DEG
+            raise ConfigError(
+                "the start angle is more whole turns away than a film can have counted",
+                where=f"{where}, first row",
+                value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°",
+                limit=f"−{limit_deg:g}° to {limit_deg:g}°",
+                do="give radians in Python: were these degrees? Files and commands take degrees",
+            )
+        return turns
 
 
 def fitted_model(
@@ -222,8 +260,9 @@ def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive) -> End
     return End(float(drive.angle_rad[-1]), simulation.unwound_rad)
 
 
-def write_model(path: Path, fitted: FittedModel) -> None:
+def write_model(path: AnyPath, fitted: FittedModel) -> None:
     """Write ``model.json``."""
+    path = Path(path)
     model = fitted.model
     write_json(
         path,
@@ -260,7 +299,7 @@ def _end_from(table: Mapping[str, Any], *, most_deg: float) -> End:
     return End(DEG * get_number(table, "angle_deg", where=where, lower=-2e4, upper=2e4), (a, b))
 
 
-def read_model(path: Path) -> FittedModel:
+def read_model(path: AnyPath) -> FittedModel:
     """Read ``model.json``.
 
     Raises
@@ -268,6 +307,7 @@ def read_model(path: Path) -> FittedModel:
     InputError
         When the file is missing, is no model, or holds values that make none.
     """
+    path = Path(path)
     content = read_json(path)
     if content.get("kind") != KIND:
         raise InputError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,22 +19,26 @@ from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig, values_of_b
 from torsight.actuator.turns import REVERSAL_C, turning_points
-from torsight.core.errors import ConfigError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.plausible import require_units
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.units import DEG
+from torsight.core.shown import Shown, draw_series, span
+from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
 PhaseLaw = Literal["liang_rogers", "tanaka"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Simulation(Shown):
     """What the model says for every row of a drive.
 
     Attributes
     ----------
+    time_s : (n,) float64
+        Instants of the rows.
     angle_rad : (n,) float64
         Angle as a camera would read it.
     phi_rad : (n,) float64
@@ -49,6 +53,7 @@ class Simulation:
         By how much A and B had been wound further than they stand in the end.
     """
 
+    time_s: Array
     angle_rad: Array
     phi_rad: Array
     xi_a: Array
@@ -59,6 +64,31 @@ class Simulation:
     temp_a_c: Array
     temp_b_c: Array
     unwound_rad: tuple[float, float]
+
+    def facts(self) -> dict[str, str]:
+        """Return rows, time, angle and friction torque."""
+        return {
+            "rows": str(len(self.time_s)),
+            "time": span(self.time_s, "s"),
+            "angle": span(self.angle_rad / DEG, "°"),
+            "friction torque": span(self.friction_nm / MNM, "mN·m"),
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "time_s": self.time_s,
+            "angle_deg": self.angle_rad / DEG,
+            "temp_a_c": self.temp_a_c,
+            "temp_b_c": self.temp_b_c,
+            "xi_a": self.xi_a,
+            "xi_b": self.xi_b,
+            "torque_a_mnm": self.torque_a_nm / MNM,
+            "torque_b_mnm": self.torque_b_nm / MNM,
+            "friction_mnm": self.friction_nm / MNM,
+        }
+
+    def _draw(self, axes: Any) -> None:
+        draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
 
 
 @dataclass(frozen=True)
@@ -112,9 +142,29 @@ class ActuatorModel:
         Raises
         ------
         InputError
-            When the record cannot drive a model.
+            When the record cannot drive a model, turns further than the springs are wound, or has times that are no
+            seconds or temperatures that are not in °C.
         """
+        self._require_reach(table, where=where)
+        require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
         return prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+
+    def _require_reach(self, table: SyncedTable, *, where: str) -> None:
+        """Refuse angles that span more than both springs together are wound: they are hardly in radians."""
+        known = table.angle_rad[np.isfinite(table.angle_rad)]
+        if not len(known):
+            return
+        # Single frames may be wrong by whole turns.
+        low, high = np.quantile(known, [0.005, 0.995])
+        most_deg = self.spec.values["theta_p_deg"]
+        if high - low > most_deg * DEG:
+            raise InputError(
+                "turns further than the springs are wound",
+                where=f"{where}, angle",
+                value=f"a range of {(high - low) / DEG:.0f}°",
+                limit=f"{most_deg:g}°, the total pre-deformation",
+                do="give radians in Python (degrees in files and commands), and check theta_p_deg",
+            )
 
     def prepare_log(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
         """Return the drive of a temperature log alone, at its own instants.
@@ -124,7 +174,7 @@ class ActuatorModel:
         ConfigError
             When the start is further than the springs are wound.
         InputError
-            When the log cannot drive a model.
+            When the log cannot drive a model, or has times that are no seconds or temperatures that are not in °C.
         """
         reach_deg = self.spec.values["theta_p_deg"] / 2.0
         if not abs(start_angle_rad) < reach_deg * DEG:
@@ -135,6 +185,7 @@ class ActuatorModel:
                 limit=f"−{reach_deg:g}° to {reach_deg:g}°",
                 do="give the angle as read at the first row (radians in Python, degrees in files and commands)",
             )
+        require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where=where)
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
 
     def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:
@@ -233,6 +284,7 @@ def run_ports(
     if ports.stray_nm is not None:
         friction = friction + np.interp(phi, ports.phi_grid_rad(), ports.stray_nm)
     return Simulation(
+        time_s=ports.time_s,
         angle_rad=angle,
         phi_rad=phi,
         xi_a=out[1],

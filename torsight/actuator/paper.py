@@ -15,7 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.characterisation import Characterisation, blocked_force, characterise
+from torsight.actuator.characterisation import blocked_force, characterise
+from torsight.actuator.characterised import Characterisation
 from torsight.actuator.closed_form import stable_cycle
 from torsight.actuator.drive import Drive
 from torsight.actuator.figures import (

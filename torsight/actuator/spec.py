@@ -14,7 +14,9 @@ from typing import Any, Final
 from torsight.actuator.springs import SPRING_B, values_of_b
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
 from torsight.core.parameter import Parameter
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 
 
@@ -74,7 +76,7 @@ _ORDERS: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class ActuatorSpec:
+class ActuatorSpec(Frozen):
     """Characterised values of both springs and the rig, with their uncertainties.
 
     Attributes
@@ -92,8 +94,16 @@ class ActuatorSpec:
     source: str = "actuator"
 
     def __post_init__(self) -> None:
+        Frozen.__post_init__(self)
         check_keys(self.values, tuple(ALL_KEYS), where=f"{self.source}, values")
         check_keys(self.uncertainty, tuple(self.values), where=f"{self.source}, uncertainty")
+        for name, key in ALL_KEYS.items():
+            if name in self.values or (name in KEYS and key.table in _REQUIRED[1:]):
+                get_number(
+                    self.values, name, where=f"{self.source}, values", lower=key.lower, upper=key.upper, hint=key.hint
+                )
+        for name in self.uncertainty:
+            get_number(self.uncertainty, name, where=f"{self.source}, uncertainty", lower=0.0)
         check_order(self.values, where=self.source)
         if any(name.startswith(SPRING_B) for name in self.values):
             check_order(values_of_b(self.values), where=f"{self.source}, [spring_b]")
@@ -153,7 +163,7 @@ def fit_bounds(name: str, value: float, sigma: float | None) -> tuple[float, flo
     return max(key.lower, value - reach), min(key.upper, value + reach)
 
 
-def read_actuator(path: Path) -> ActuatorSpec:
+def read_actuator(path: AnyPath) -> ActuatorSpec:
     """Read ``ACTUATOR.toml``.
 
     Raises
@@ -163,6 +173,7 @@ def read_actuator(path: Path) -> ActuatorSpec:
     InputError
         When the file cannot be read.
     """
+    path = Path(path)
     return actuator_from(read_toml(path), where=str(path))
 
 

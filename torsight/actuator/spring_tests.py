@@ -43,6 +43,8 @@ from torsight.actuator.spec import KEYS
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
 from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_table, read_toml
 from torsight.core.units import DEG, GPA, MM
 
@@ -98,7 +100,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpringTests:
+class SpringTests(Frozen):
     """All four tests, and what belongs to them."""
 
     geometry: Mapping[str, float]
@@ -127,7 +129,7 @@ class SpringTests:
         return strain * DEG * GPA / self.stress_per_force
 
 
-def read_tests(path: Path) -> SpringTests:
+def read_tests(path: AnyPath) -> SpringTests:
     """Read ``TESTS.toml`` and the logs that it names.
 
     Raises
@@ -137,6 +139,7 @@ def read_tests(path: Path) -> SpringTests:
     InputError
         When a log is missing, lacks a column, or holds too little.
     """
+    path = Path(path)
     content = read_toml(path)
     where = str(path)
     check_keys(content, ("spring", "free_recovery", "force_angle", "block", "assembly", "friction"), where=where)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.columns import Columns, Units, said
 
 if TYPE_CHECKING:
     from torsight.cli.checkup.finding import Finding
@@ -22,6 +23,8 @@ def doctor(
     ],
     *,
     fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    columns: Columns = None,
+    units: Units = None,
 ) -> Answer:
     """Check film, log and configuration before the long run, and say what will limit the result.
 
@@ -32,12 +35,16 @@ def doctor(
     """
     from torsight.cli.checkup.examine import examine, inputs_of
     from torsight.cli.checkup.finding import exit_code, ordered, verdict
+    from torsight.cli.checkup.install import check_install
     from torsight.cli.console import progress_bar, say
 
     chosen = inputs_of(inputs, fps=fps)
+    if columns is not None or units is not None:
+        named = said(columns, units)
+        chosen.columns, chosen.units = named["columns"], named["units"]
     with progress_bar() as progress:
         findings, content = examine(chosen, progress=progress)
-    findings = ordered(findings)
+    findings = ordered([*findings, *check_install()])
     for line in told(findings):
         say(line)
     result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}

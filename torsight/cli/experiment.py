@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.frozen import Frozen
 from torsight.core.paths import missing_file
 from torsight.core.storage import check_keys, read_toml
 
@@ -17,7 +18,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "angle": ("file", "film"),
     "camera": ("file",),
     "markers": ("file", "base", "moving", "kind"),
-    "temperature": ("path",),
+    "temperature": ("path", "columns", "units"),
     "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led"),
     "actuator": ("file",),
     "output": ("dir",),
@@ -27,7 +28,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class Experiment(Frozen):
     """One experiment with every path resolved.
 
     Attributes
@@ -55,6 +56,8 @@ class Experiment:
         Seed of every random choice.
     angle : Path or None
         Angles that are there already, as those of a live record; nothing is tracked then, and the film is only shown.
+    columns, units : mapping of str to str
+        Names and units of the temperature log's columns, by ``time, a, b, …``; empty where its header says them.
     """
 
     video: str | None
@@ -70,6 +73,8 @@ class Experiment:
     output: Path
     seed: int
     angle: Path | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def inputs(self) -> list[Path]:
         """Return every file that the experiment reads (films given as a glob are expanded)."""
@@ -94,7 +99,11 @@ class Experiment:
             "angle": angle,
             "camera": {} if self.camera is None else {"file": str(self.camera)},
             "markers": dict(self.markers) if self.markers_file is None else {"file": str(self.markers_file)},
-            "temperature": {"path": str(self.temperature)},
+            "temperature": {
+                "path": str(self.temperature),
+                **({"columns": dict(self.columns)} if self.columns else {}),
+                **({"units": dict(self.units)} if self.units else {}),
+            },
             "sync": dict(self.sync),
             "actuator": {"file": str(self.actuator)},
             "output": {"dir": str(self.output)},
@@ -182,7 +191,17 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
         seed=_seed(tables["discovery"], where=places["discovery"]),
         angle=angle,
+        **_log_columns(tables["temperature"], where=places["temperature"]),
     )
+
+
+def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
+    """Return what is said of the log's columns, checked."""
+    from sync.log_columns import chosen_columns
+
+    said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}
+    chosen_columns(**said, where=where)
+    return said
 
 
 def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.columns import Columns, Units, said
 from torsight.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ def live(
     offset_s: Annotated[
         float | None, typer.Option(help="Log's time less film's time; taken from when rows arrive otherwise.")
     ] = None,
+    columns: Columns = None,
+    units: Units = None,
     serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
     viewer: Annotated[bool, typer.Option(help="Open the viewer's window.")] = True,
     port: Annotated[
@@ -64,6 +67,7 @@ def live(
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
+    from sync.log_columns import chosen_columns
     from torsight.cli.console import say
     from torsight.core.storage import read_json
     from torsight.viewer.live.account import write_experiment
@@ -72,6 +76,7 @@ def live(
     from torsight.viewer.live.sources import film_of, open_pictures
     from torsight.viewer.program import chosen_port
 
+    named = said(columns, units)
     folder = out or Path(f"live-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
     hints, lens, spec = _read(markers, camera, actuator)
     if temperature.is_dir():
@@ -89,9 +94,10 @@ def live(
             feed=feed,
             model=model,
             offset_s=offset_s,
+            columns=chosen_columns(**named),
             say=say,
         )
-        write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s)
+        write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s, **named)
         if not temperature.exists():
             say(f"waiting for {temperature}: it is followed as soon as it is there")
         with _screens(feed, browser_port=ports[1] if serve else None, window=viewer):

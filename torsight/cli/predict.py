@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.columns import Columns, Units, said
 
 
 def predict(
@@ -16,6 +17,8 @@ def predict(
     *,
     start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+    columns: Columns = None,
+    units: Units = None,
 ) -> Answer:
     """Predict the angle, and how sure it is, at every instant of a later temperature log, in the log's order and clock.
 
@@ -31,7 +34,7 @@ def predict(
 
     require_apart([out], [model, temperature])
     fitted = read_model(model)
-    log = read_log(temperature)
+    log = read_log(temperature, **said(columns, units), tell=lambda words: say(f"note: {words}"))
     with progress_bar() as progress:
         found = predict_with_sigma(
             fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress

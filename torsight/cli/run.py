@@ -169,7 +169,7 @@ def _check(experiment: Experiment) -> None:
     from torsight.core.tables import read_angles
     from tracker.hints import read_markers
 
-    read_temperature_log(experiment.temperature)
+    read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
     check_settings(experiment.sync)
     read_actuator(experiment.actuator)
     if experiment.angle is not None:
@@ -200,6 +200,8 @@ def _stages(
                 film=experiment.video,
                 timestamps=experiment.timestamps,
                 fps=experiment.fps,
+                columns=experiment.columns,
+                units=experiment.units,
                 progress=progress,
             ),
         ),

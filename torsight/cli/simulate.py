@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.columns import Columns, Units, said
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +24,8 @@ def simulate(
     *,
     start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+    columns: Columns = None,
+    units: Units = None,
 ) -> Answer:
     """Give the plain model's angle at every instant of a temperature log.
 
@@ -33,12 +36,13 @@ def simulate(
     from torsight.actuator.logs import read_log
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
+    from torsight.cli.console import say
     from torsight.core.paths import require_apart
     from torsight.core.units import DEG
 
     require_apart([out], [actuator, temperature])
     model = ActuatorModel(read_actuator(actuator))
-    log = read_log(temperature)
+    log = read_log(temperature, **said(columns, units), tell=lambda words: say(f"note: {words}"))
     drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))
     simulation = model.simulate(drive)
     return write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))

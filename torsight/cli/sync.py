@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.columns import Columns, Units, said
 from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
@@ -44,6 +45,8 @@ def sync(
     table: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the merged table here, too (.csv or .parquet).")
     ] = None,
+    columns: Columns = None,
+    units: Units = None,
 ) -> Answer:
     """Put angles and temperatures on one clock, with an interval for offset and drift.
 
@@ -64,6 +67,7 @@ def sync(
             timestamps=timestamps,
             fps=fps,
             table=table,
+            **said(columns, units),
             progress=progress,
         )
     content = read_json(out / "sync.json")
@@ -83,6 +87,8 @@ def sync_to_folder(
     timestamps: Path | None = None,
     fps: float | None = None,
     table: Path | None = None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
     progress: Progress = silent,
 ) -> SyncedTable:
     """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
@@ -99,6 +105,8 @@ def sync_to_folder(
         The film that the angles come from, as it was tracked; needed for ``led`` alone.
     table : Path, optional
         Another place for the merged table, CSV or Parquet by its suffix.
+    columns, units : mapping of str to str, optional
+        Names and units of the log's columns, as ``[temperature]`` of the experiment gives them.
     progress : Progress
         Told about every step.
 
@@ -126,7 +134,7 @@ def sync_to_folder(
     require_apart(written, [angle, temperature, events, timestamps])
     progress("one clock", 0.0, steps)
     angles = read_angles(angle)
-    reading = read_temperature_log(temperature)
+    reading = read_temperature_log(temperature, columns=columns, units=units)
     progress("one clock", 1.0, steps)
     light = _light(settings, film, timestamps, fps, out=out, progress=progress)
     found = find_clock(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 
 _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
@@ -78,7 +80,7 @@ class RightCamera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class Camera(Frozen):
     """One calibrated camera, with the pose of the axis (mono) or a second camera (stereo).
 
     ``extra`` keeps the calibration's own account (board, pictures, errors) as it stands in the file.
@@ -90,7 +92,7 @@ class Camera:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
-def read_camera(path: Path) -> Camera:
+def read_camera(path: AnyPath) -> Camera:
     """Read ``CAMERA.toml``.
 
     Raises
@@ -100,6 +102,7 @@ def read_camera(path: Path) -> Camera:
     InputError
         When the file cannot be read.
     """
+    path = Path(path)
     content = read_toml(path)
     check_keys(content, ("intrinsics", "pose", "planes", "right", "calibration"), where=str(path))
     if "intrinsics" not in content:

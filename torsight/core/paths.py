@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import os
 import stat
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 from torsight.core.errors import ConfigError, InputError
+
+AnyPath = str | os.PathLike[str]
+"""A path as people give it: text, or an object."""
 
 
 def missing_file(path: Path) -> InputError:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import PPM
+from torsight.core.frozen import Frozen
+from torsight.core.shown import Shown, draw_series, share, span
+from torsight.core.units import DEG, PPM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,8 +19,8 @@ SHARED_EVENT: Final = "shared event"
 """How the ``method`` of a clock map begins that rests on an event that both clocks saw."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TemperatureLog:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TemperatureLog(Frozen, Shown):
     """Temperatures of both springs on the logging computer's clock.
 
     Attributes
@@ -43,9 +45,21 @@ class TemperatureLog:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def facts(self) -> dict[str, str]:
+        """Return rows, time and temperatures."""
+        return {"rows": str(len(self)), "time": span(self.time_s, "s"), **_temperature_facts(self)}
 
-@dataclass(frozen=True, slots=True)
-class ClockMap:
+    def _columns(self) -> dict[str, Any]:
+        """Return the columns of ``TEMPS.csv``."""
+        return {"time_s": self.time_s, **_temperature_columns(self)}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw both temperatures against time."""
+        draw_series(axes, self.time_s, {"A": self.temp_a_c, "B": self.temp_b_c}, label="temperature, °C")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ClockMap(Shown):
     """Affine map between two clocks: temperature time = film time · (1 + drift) + offset.
 
     Attributes
@@ -75,9 +89,37 @@ class ClockMap:
         """Return the film's time for times on the temperature log's clock, s."""
         return (temperature_time_s - self.offset_s) / (1.0 + self.drift_ppm * PPM)
 
+    def facts(self) -> dict[str, str]:
+        """Return offset and drift with their intervals, and the evidence."""
+        (offset_low, offset_high), (drift_low, drift_high) = self.offset_ci95_s, self.drift_ci95_ppm
+        return {
+            "offset": f"{self.offset_s:.3f} s (95 %: {offset_low:.3f} to {offset_high:.3f})",
+            "drift": f"{self.drift_ppm:.0f} ppm (95 %: {drift_low:.0f} to {drift_high:.0f})",
+            "from": self.method,
+        }
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SyncedTable:
+    def _columns(self) -> dict[str, Any]:
+        """Return offset and drift, one row each."""
+        lows, highs = zip(self.offset_ci95_s, self.drift_ci95_ppm, strict=True)
+        return {
+            "name": ["offset_s", "drift_ppm"],
+            "value": [self.offset_s, self.drift_ppm],
+            "low": list(lows),
+            "high": list(highs),
+        }
+
+    def _draw(self, axes: Any) -> None:
+        """Draw by how much the log's clock is ahead during the first hour of a film, within the offset's interval."""
+        film_s = np.linspace(0.0, 3600.0, 61)
+        ahead_s = self.to_temperature_time(film_s) - film_s
+        draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time less film time, s")
+        low, high = (bound - self.offset_s for bound in self.offset_ci95_s)
+        if np.isfinite([low, high]).all():
+            axes.fill_between(film_s, ahead_s + low, ahead_s + high, alpha=0.3)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SyncedTable(Frozen, Shown):
     """Angle and temperatures on the film's clock, one row per valid or invalid frame.
 
     Attributes
@@ -105,3 +147,39 @@ class SyncedTable:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def facts(self) -> dict[str, str]:
+        """Return rows, time, angle and temperatures."""
+        return {
+            "rows": str(len(self)),
+            "time": span(self.time_s, "s"),
+            "angle": f"{span(self.angle_rad / DEG, '°')} in {share(np.isfinite(self.angle_rad))} of the rows",
+            **_temperature_facts(self),
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the columns of ``merged.csv``."""
+        return {
+            "time_s": self.time_s,
+            "angle_deg": self.angle_rad / DEG,
+            "angle_sigma_deg": self.angle_sigma_rad / DEG,
+            **_temperature_columns(self),
+        }
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the angle against time, and both temperatures on an axis of their own."""
+        draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
+        beside = axes.twinx()
+        for name, values, colour in (("A", self.temp_a_c, "tab:red"), ("B", self.temp_b_c, "tab:orange")):
+            beside.plot(self.time_s, values, label=name, linewidth=0.8, color=colour)
+        beside.set_ylabel("temperature, °C")
+        beside.legend()
+
+
+def _temperature_facts(table: TemperatureLog | SyncedTable) -> dict[str, str]:
+    return {"A": span(table.temp_a_c, "°C"), "B": span(table.temp_b_c, "°C")}
+
+
+def _temperature_columns(table: TemperatureLog | SyncedTable) -> dict[str, Any]:
+    heat = {name: values for name in ("heat_a", "heat_b") if (values := getattr(table, name)) is not None}
+    return {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c, **heat, **table.extra}

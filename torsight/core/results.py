@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
+from torsight.core.shown import Shown, draw_series
 from torsight.core.storage import read_json, read_table
+from torsight.core.wording import estimate, verdict_sentence
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,8 +30,8 @@ DOCUMENTS: Final = ("track", "sync", "fit", "discovery", "model", "provenance")
 """JSON files of a run's folder."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResults:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RunResults(Frozen, Shown):
     """The files of one run's folder; None where a file is missing.
 
     Attributes
@@ -46,15 +51,39 @@ class RunResults:
     merged: pd.DataFrame | None = None
     curves: pd.DataFrame | None = None
     next_experiment: pd.DataFrame | None = None
-    track: dict[str, Any] | None = None
-    sync: dict[str, Any] | None = None
-    fit: dict[str, Any] | None = None
-    discovery: dict[str, Any] | None = None
-    model: dict[str, Any] | None = None
-    provenance: dict[str, Any] | None = None
+    track: Mapping[str, Any] | None = None
+    sync: Mapping[str, Any] | None = None
+    fit: Mapping[str, Any] | None = None
+    discovery: Mapping[str, Any] | None = None
+    model: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return the folder, what lies in it, the fitted friction and what the discovery says."""
+        names = [name for name in (*TABLES, *DOCUMENTS) if getattr(self, name) is not None]
+        facts = {"folder": str(self.folder), "holds": ", ".join(names)}
+        if self.fit is not None and "tau_c_mnm" in self.fit["parameters"]:
+            facts["friction torque"] = estimate(self.fit["parameters"]["tau_c_mnm"])
+        if self.discovery is not None:
+            facts["discovery"] = verdict_sentence(self.discovery)
+        return facts
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the widest table that the run left: ``curves.csv``, ``merged.csv`` or ``angle.csv``."""
+        for table in (self.curves, self.merged, self.angle):
+            if table is not None:
+                return {str(name): table[name].to_numpy() for name in table.columns}
+        return {"time_s": []}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the measured angle and, where there is one, what the models say."""
+        columns = self._columns()
+        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
+        lines = {words: columns[name] for name, words in names.items() if name in columns}
+        draw_series(axes, columns["time_s"], lines, label="angle, °")
 
 
-def read_results(folder: Path) -> RunResults:
+def read_results(folder: AnyPath) -> RunResults:
     """Read whatever a run left in ``folder``.
 
     Raises
@@ -62,6 +91,7 @@ def read_results(folder: Path) -> RunResults:
     InputError
         When the folder is missing, holds none of the files, or one of them is damaged.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such folder", where=str(folder), do="name the folder that 'torsight run --out' filled")
     tables = {

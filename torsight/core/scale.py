@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
+from torsight.core.frozen import Frozen
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class StickLength:
 
 
 @dataclass(frozen=True, slots=True)
-class ScaleCheck:
+class ScaleCheck(Frozen):
     """Both sticks' lengths and what they say of the scale; ``complaints`` is empty where all agrees."""
 
     sticks: Mapping[str, StickLength]

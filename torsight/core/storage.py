@@ -336,8 +336,12 @@ def _read_csv(path: Path) -> pd.DataFrame:
     return table
 
 
-def number_column(table: pd.DataFrame, name: str, *, where: str) -> pd.Series[float]:
+def number_column(
+    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
+) -> pd.Series[float]:
     """Return a column of a table as float64, an empty field as NaN.
+
+    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
 
     Raises
     ------
@@ -354,7 +358,7 @@ def number_column(table: pd.DataFrame, name: str, *, where: str) -> pd.Series[fl
         row = int(np.flatnonzero(wrong.to_numpy())[0])
         raise InputError(
             "is not a number",
-            where=f"{where}, row {row + 2}, column {name}",
+            where=f"{where}, row {row + 2 if lines is None else lines[row]}, column {name}",
             value=repr(table[name].iloc[row]),
             limit="a number or an empty field",
             do="mend that row",

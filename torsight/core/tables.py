@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
 from torsight.core.plausible import require_degrees, require_stamps, require_units
 from torsight.core.records import SyncedTable
 from torsight.core.storage import number_column, read_table, write_table
@@ -24,8 +26,9 @@ _ANGLE = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid")
 _MERGED = ("time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c")
 
 
-def write_angles(path: Path, angles: StickAngles) -> None:
+def write_angles(path: AnyPath, angles: StickAngles) -> None:
     """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
+    path = Path(path)
     write_table(path, angle_columns(angles))
 
 
@@ -64,7 +67,7 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
     return np.asarray(frame, dtype=np.int64)
 
 
-def read_angles(path: Path) -> StickAngles:
+def read_angles(path: AnyPath) -> StickAngles:
     """Read ``angle.csv``.
 
     Raises
@@ -72,6 +75,7 @@ def read_angles(path: Path) -> StickAngles:
     InputError
         When a column is missing, or frames or times do not increase.
     """
+    path = Path(path)
     table = read_table(path, required=_ANGLE)
     valid = table["valid"].to_numpy() > 0.5
     certain = (
@@ -90,8 +94,10 @@ def read_angles(path: Path) -> StickAngles:
     )
 
 
-def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
+def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequence[int] | None = None) -> None:
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
+
+    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
 
     Raises
     ------
@@ -105,7 +111,7 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path) -> None:
         before = f" after {time_s[row - 1]:g}" if row else ""
         raise InputError(
             "time does not increase",
-            where=f"{path}, row {row + 2}, column time_s",
+            where=f"{path}, row {row + 2 if lines is None else lines[row]}, column time_s",
             value=f"{time_s[row]:g}{before}",
             limit="a larger time than in the row before",
             do="sort or mend the table",
@@ -132,8 +138,9 @@ def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None
     return columns
 
 
-def write_merged(path: Path, table: SyncedTable) -> None:
+def write_merged(path: AnyPath, table: SyncedTable) -> None:
     """Write ``merged.csv``: angle and temperatures on the film's clock."""
+    path = Path(path)
     columns: dict[str, Any] = {
         "time_s": table.time_s,
         "angle_deg": table.angle_rad / DEG,
@@ -146,7 +153,7 @@ def write_merged(path: Path, table: SyncedTable) -> None:
     write_table(path, columns | dict(table.extra))
 
 
-def read_merged(path: Path) -> SyncedTable:
+def read_merged(path: AnyPath) -> SyncedTable:
     """Read ``merged.csv``; unknown columns are kept in ``extra``.
 
     Raises
@@ -154,6 +161,7 @@ def read_merged(path: Path) -> SyncedTable:
     InputError
         When a column is missing, or the times do not increase.
     """
+    path = Path(path)
     frame = read_table(path, required=_MERGED)
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from torsight.core.shown import Shown, draw_series, share, span
+from torsight.core.units import DEG
+from torsight.core.wording import number
 
 MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MarkerTracks:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MarkerTracks(Shown):
     """Positions of the four markers in every frame of one film.
 
     Attributes
@@ -55,9 +59,31 @@ class MarkerTracks:
     def __len__(self) -> int:
         return len(self.frame)
 
+    def facts(self) -> dict[str, str]:
+        """Return frames, time, how many frames have every marker, and the picture."""
+        return {
+            "frames": str(len(self)),
+            "time": span(self.time_s, "s"),
+            "all four markers": f"in {share(self.valid.all(axis=1))} of the frames",
+            "picture": f"{self.size_px[0]} × {self.size_px[1]} px",
+        }
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StickAngles:
+    def _columns(self) -> dict[str, Any]:
+        """Return the columns of ``markers.csv``."""
+        from torsight.core.tables import marker_columns
+
+        return marker_columns(self)
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the markers' paths as they are seen in the picture."""
+        for index, name in enumerate(MARKERS):
+            axes.plot(*self.position_px[:, index].T, ".", markersize=2, label=name)
+        axes.set(xlabel="x, px", ylabel="y, px", xlim=(0, self.size_px[0]), ylim=(self.size_px[1], 0), aspect="equal")
+        axes.legend()
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StickAngles(Shown):
     """The actuator angle: orientation of the moving stick against the base stick.
 
     Attributes
@@ -85,3 +111,23 @@ class StickAngles:
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    def facts(self) -> dict[str, str]:
+        """Return frames, time, angle and its uncertainty."""
+        sigma_deg = float(np.median(self.sigma_rad[self.valid])) / DEG if self.valid.any() else np.nan
+        return {
+            "frames": str(len(self)),
+            "time": span(self.time_s, "s"),
+            "angle": f"{span(self.angle_rad / DEG, '°')} in {share(self.valid)} of the frames",
+            "sigma": f"{number(sigma_deg, 2)}°",
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the columns of ``angle.csv``."""
+        from torsight.core.tables import angle_columns
+
+        return angle_columns(self)
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the angle against time."""
+        draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")

@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
+from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
+from torsight.core.shown import Shown, draw_series
+from torsight.core.wording import effect_name, estimate, number, verdict_sentence
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.next_experiment import NextExperiment
 
@@ -40,7 +43,7 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundEffect:
+class FoundEffect(Frozen):
     """An accepted effect.
 
     Attributes
@@ -93,8 +96,8 @@ class Pull:
         return {"name": self.name, "nominal": self.nominal, "value": self.value, "sigmas": self.sigmas}
 
 
-@dataclass(frozen=True, eq=False)
-class DiscoveryReport:
+@dataclass(frozen=True, eq=False, repr=False)
+class DiscoveryReport(Frozen, Shown):
     """The answer for one record.
 
     Attributes
@@ -152,6 +155,29 @@ class DiscoveryReport:
     model: FittedModel
     covariance: Array
     laws: tuple[MeasuredLaw, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return the verdict, the effects with their values, what a missing one depends on, and the errors."""
+        facts = {"verdict": verdict_sentence(self.to_json())}
+        for effect in self.effects:
+            facts[effect_name(effect.id)] = ", ".join(
+                f"{name} {estimate(value.to_json())}" for name, value in effect.parameters.items()
+            )
+        before, after = self.before.rmse_held_out_deg, self.after.rmse_held_out_deg
+        facts["error on held-out half-cycles"] = f"{number(before)}° (plain model), {number(after)}° (this one)"
+        return facts
+
+    def __repr__(self) -> str:
+        effects = ", ".join(effect.id for effect in self.effects)
+        return f"DiscoveryReport({self.verdict}{': ' if effects else ''}{effects})"
+
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.curves)
+
+    def _draw(self, axes: Any) -> None:
+        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
+        lines = {words: self.curves[name] for name, words in names.items() if name in self.curves}
+        draw_series(axes, self.curves["time_s"], lines, label="angle, °")
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
+from torsight.core.shown import Shown
 from torsight.core.units import DEG, PPM
 from torsight.synthetic.hidden import ClockOffset
 from torsight.synthetic.mechanisms import HiddenEffect
@@ -147,8 +148,8 @@ def log_columns(played: Played) -> dict[str, Any]:
     return {name: values[kept] for name, values in columns.items()}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Record:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Record(Shown):
     """A record without a film, for the discovery benchmark.
 
     Attributes
@@ -164,6 +165,16 @@ class Record:
     table: SyncedTable
     angle_rad: Floats
     played: Played
+
+    def facts(self) -> dict[str, str]:
+        """Return what the table holds."""
+        return self.table.facts()
+
+    def _columns(self) -> dict[str, Any]:
+        return {**dict(self.table.to_frame()), "true_deg": self.angle_rad / DEG}
+
+    def _draw(self, axes: Any) -> None:
+        self.table.plot(axes)
 
 
 def make_record(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import camera_content
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.storage import write_table, write_text
 from torsight.core.tables import write_merged
@@ -26,14 +27,14 @@ from torsight.synthetic.studio import Studio
 Floats = NDArray[np.float64]
 
 
-def render_scene(scene: Scene, *, out: Path, progress: Progress = silent) -> Path:
+def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> Path:
     """Film a scene and write everything that belongs to it.
 
     Parameters
     ----------
     scene : Scene
         What is filmed.
-    out : Path
+    out : str or Path
         Folder; gets ``film.mp4`` (``film_left`` and ``film_right`` for a pair; ``.mkv`` or a folder by codec),
         ``temps.csv``, ``truth.csv``, ``camera.toml``, ``markers.toml``, ``actuator.toml``, ``experiment.toml`` and
         ``truth.toml``.
@@ -50,6 +51,7 @@ def render_scene(scene: Scene, *, out: Path, progress: Progress = silent) -> Pat
     OutputError
         When a file cannot be written.
     """
+    out = Path(out)
     progress("rig", 0, None)
     played = play_scene(scene)
     progress("rig", 1, 1)

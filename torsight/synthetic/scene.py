@@ -12,6 +12,8 @@ import numpy as np
 
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 from torsight.synthetic.hidden import read_hidden
 from torsight.synthetic.keys import key, read_section
@@ -158,7 +160,7 @@ class OutputSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class Scene(Frozen):
     """Everything that a synthetic experiment is made of."""
 
     seed: int
@@ -203,7 +205,7 @@ SECTIONS: Final[Mapping[str, type[Any]]] = {
 """Sections with plain keys; [actuator], [rig], [protocol], [effects] and [[event]] have their own layout."""
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: AnyPath) -> Scene:
     """Read ``SCENE.toml``; all that is left out is the reference rig's and the default film's.
 
     Raises
@@ -213,6 +215,7 @@ def read_scene(path: Path) -> Scene:
     InputError
         When the file cannot be read.
     """
+    path = Path(path)
     return scene_from(read_toml(path), where=str(path))
 
 

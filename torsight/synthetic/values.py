@@ -15,6 +15,7 @@ import numpy as np
 
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
 from torsight.core.storage import check_keys
 from torsight.core.units import DEG, GPA, MM, MNM, MPA
 
@@ -62,7 +63,7 @@ _SIGNED: Final = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class Declared(Frozen):
     """What ``actuator.toml`` says of a rig.
 
     Attributes
@@ -86,7 +87,7 @@ class Declared:
 
 
 @dataclass(frozen=True, slots=True)
-class RigValues:
+class RigValues(Frozen):
     """One rig in SI units.
 
     Attributes

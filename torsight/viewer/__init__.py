@@ -24,10 +24,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 
 
-def write_recording(folder: Path, *, film: Path | None = None, progress: Progress = silent) -> Path:
+def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
     """Write ``recording.rrd`` into a run's folder; see :func:`torsight.viewer.recording.write_recording`."""
     from torsight.viewer.recording import write_recording as write
 

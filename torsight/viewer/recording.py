@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.results import RunResults, read_results
 from torsight.core.storage import atomic_path
@@ -59,14 +60,14 @@ COLUMNS: Final = {
 """The column of each curve."""
 
 
-def write_recording(folder: Path, *, film: Path | None = None, progress: Progress = silent) -> Path:
+def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
     """Write ``recording.rrd`` from whatever results lie in a run's folder.
 
     Parameters
     ----------
-    folder : Path
+    folder : str or Path
         A run's folder; the panes whose files are missing stay empty.
-    film : Path, optional
+    film : str or Path, optional
         The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
     progress : Progress
         Told how much of the film is in the recording.
@@ -83,6 +84,8 @@ def write_recording(folder: Path, *, film: Path | None = None, progress: Progres
     OutputError
         When the recording cannot be written.
     """
+    folder = Path(folder)
+    film = None if film is None else Path(film)
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:

@@ -54,6 +54,8 @@ class Inputs:
         Frame rate of pictures.
     settings : mapping
         Table ``[sync]`` of the experiment.
+    columns, units : mapping of str to str
+        Names and units of the log's columns.
     """
 
     films: list[str] = field(default_factory=list)
@@ -65,6 +67,8 @@ class Inputs:
     markers: Path | Mapping[str, Any] | None = None
     fps: float | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
@@ -122,6 +126,8 @@ def _of_experiment(path: Path) -> Inputs:
         markers=experiment.markers_file or experiment.markers or None,
         fps=experiment.fps,
         settings=experiment.sync,
+        columns=experiment.columns,
+        units=experiment.units,
     )
 
 
@@ -135,7 +141,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
     if spec is not None:
         findings += _look_at_priors(spec)
         content["actuator"] = {"uncertain": list(spec.uncertainty)}
-    log = LogCheck() if inputs.log is None else check_log(inputs.log)
+    log = LogCheck() if inputs.log is None else check_log(inputs.log, columns=inputs.columns, units=inputs.units)
     findings += log.findings
     if inputs.log is not None:
         content["log"] = log.content

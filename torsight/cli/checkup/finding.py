@@ -20,7 +20,7 @@ class Finding:
     Attributes
     ----------
     about : str
-        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``experiment`` or ``record``.
+        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``experiment``, ``record`` or ``installation``.
     level : str
         One of :data:`LEVELS`.
     text : str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -40,15 +40,18 @@ class LogCheck:
     reading: LogReading | None = None
 
 
-def check_log(path: Path) -> LogCheck:
+def check_log(
+    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> LogCheck:
     """Look at a log by itself: rate, gaps, repairs, ranges, noise."""
     check = LogCheck()
     try:
-        check.reading = read_temperature_log(path)
+        check.reading = read_temperature_log(path, columns=columns, units=units)
     except TorsightError as error:
         check.findings.append(refusal("log", error))
         return check
     log = check.reading.log
+    check.findings += [Finding("log", "note", f"{note}.") for note in check.reading.notes]
     step = np.diff(log.time_s)
     usual = float(np.median(step))
     check.duration_s = float(log.time_s[-1] - log.time_s[0] + usual)

@@ -46,7 +46,15 @@ def write_track_account(
     )
 
 
-def write_experiment(folder: Path, *, film: str | None, actuator: Path | None, offset_s: float | None) -> None:
+def write_experiment(
+    folder: Path,
+    *,
+    film: str | None,
+    actuator: Path | None,
+    offset_s: float | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> None:
     """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
 
     Parameters
@@ -59,6 +67,8 @@ def write_experiment(folder: Path, *, film: str | None, actuator: Path | None, o
         Characterised values; without them the experiment says where to put them.
     offset_s : float or None
         Temperature log's time less film time, where it was given.
+    columns, units : mapping of str to str, optional
+        What was said of the log's columns.
     """
     if actuator is not None:
         shutil.copyfile(actuator, folder / "actuator.toml")
@@ -70,6 +80,8 @@ def write_experiment(folder: Path, *, film: str | None, actuator: Path | None, o
         "",
         "[temperature]",
         'path = "temps.csv"',
+        *([f"columns = {_inline(columns)}"] if columns else []),
+        *([f"units = {_inline(units)}"] if units else []),
         "",
         "[actuator]",
         *(
@@ -85,6 +97,10 @@ def write_experiment(folder: Path, *, film: str | None, actuator: Path | None, o
         "",
     ]
     write_text(folder / "experiment.toml", "\n".join(lines))
+
+
+def _inline(table: Mapping[str, str]) -> str:
+    return f"{{ {', '.join(f'{key} = {_text(value)}' for key, value in table.items())} }}"
 
 
 def _text(words: str) -> str:

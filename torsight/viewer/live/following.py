@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from datetime import datetime
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from sync.log_columns import (
+    DATE,
+    NEEDED,
+    NOTHING_CHOSEN,
+    ChosenColumns,
+    LogColumn,
+    columns_note,
+    missing_column,
+    resolve,
+)
+from sync.log_header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
+from sync.wall_clock import RunningStamps
 from torsight.core.errors import InputError
 from torsight.core.storage import is_parquet, read_table
 
-REQUIRED: Final = ("time_s", "temp_a_c", "temp_b_c")
 OPTIONAL: Final = ("heat_a", "heat_b")
-_SEPARATORS: Final = (";", "\t", ",")
 _BLOCK: Final = 1 << 20
 
 
@@ -37,9 +46,11 @@ class LogFollower:
         The log; it need not be there yet.
     tell : callable
         Takes a sentence on what a person should know.
+    chosen : ChosenColumns
+        What the user says of the log's columns.
     """
 
-    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, tell: Callable[[str], None], chosen: ChosenColumns = NOTHING_CHOSEN) -> None:
         self.path = path
         self.header = ""
         self.refused = 0
@@ -47,9 +58,12 @@ class LogFollower:
         self._file: int | None = None
         self._identity: tuple[int, int] | None = None
         self._rest = b""
-        self._columns: list[int] | None = None
-        self._separator = ","
-        self._zero: datetime | None = None
+        self._chosen = chosen
+        self._columns: Mapping[str, LogColumn] | None = None
+        self._delimiter = ","
+        self._may_be_units = False
+        self._nearest: tuple[int, list[str]] = (-1, [])
+        self._stamps = RunningStamps()
 
     def poll(self) -> list[LogRow]:
         """Return the rows that have come since the last call.
@@ -81,8 +95,12 @@ class LogFollower:
         """Return the rows of a table that does not grow, once it is there."""
         if self.header or not self.path.exists():
             return []
-        table = read_table(self.path, required=REQUIRED)
-        self._read_header(",".join(table.columns))
+        table = read_table(self.path)
+        header = table.head(0).to_csv(index=False).strip()
+        if not self._is_header(header):
+            self._nearest = 0, [str(name) for name in table.columns]
+            raise self._no_header()
+        self._may_be_units = False
         lines = table.to_csv(index=False, header=False).splitlines()
         return [row for line in lines if (row := self._row(line)) is not None]
 
@@ -120,49 +138,87 @@ class LogFollower:
         return rows
 
     def _row(self, line: str) -> LogRow | None:
-        text = line.strip().lstrip("\ufeff")
-        if not text or text.startswith("#"):
+        text = line.strip("\r\n").lstrip("\ufeff")
+        if not text.strip():
             return None
-        if self._columns is None or "temp_a_c" in text:
-            self._read_header(text)
+        if self._columns is None:
+            self._look_for_header(text)
             return None
-        fields = text.split(self._separator)
+        fields = split_line(text, self._delimiter)
+        if self._may_be_units:
+            self._may_be_units = False
+            if self._take_units(fields, text):
+                return None
         try:
-            time_s = self._time(fields[self._columns[0]])
-            others = [self._number(fields, place) for place in self._columns[1:]]
+            return LogRow(self._numbers(fields), text)
         except (ValueError, IndexError):
+            pass
+        if not text.startswith("#") and not self._is_header(text):
             self.refused += 1
             if self.refused == 1:
                 self._tell(f"the log has a line that is no row of numbers: {text[:60]!r}; such lines are left out")
-            return None
-        return LogRow((time_s, *others), text)
+        return None
 
-    def _read_header(self, text: str) -> None:
-        self._separator = next((one for one in _SEPARATORS if one in text), ",")
-        names = [name.strip().strip('"') for name in text.split(self._separator)]
-        for name in REQUIRED:
-            if name not in names:
-                raise InputError(
-                    f"has no column '{name}'",
-                    where=str(self.path),
-                    value=", ".join(names[:12]),
-                    do="add the column, or name another log with --temperature",
-                )
+    def _look_for_header(self, text: str) -> None:
+        """Take the header, or go on with a preamble; a row of numbers before any header says that there is none."""
+        if not self._is_header(text):
+            _, names, columns = find_columns(text, self._chosen)
+            if len(columns) > self._nearest[0]:
+                self._nearest = len(columns), names
+            if len(names) >= 2 and is_row_of_numbers(text):
+                raise self._no_header()
+
+    def _no_header(self) -> InputError:
+        names = self._nearest[1]
+        columns = require_columns(resolve(names, self._chosen), where=str(self.path))
+        missing = next(role for role in self._chosen.required if role not in columns)
+        return missing_column(names, self._chosen, missing, where=str(self.path))
+
+    def _is_header(self, text: str) -> bool:
+        """Take the columns of a line that names all that are needed; return whether it does."""
+        delimiter, _, found = find_columns(text, self._chosen)
+        if any(role not in found for role in self._chosen.required):
+            return False
+        columns = require_columns(found, where=str(self.path))
+        if self._columns is None and (note := columns_note(columns)) is not None:
+            self._tell(note)
         self.header = self.header or text
-        self._columns = [names.index(name) if name in names else -1 for name in (*REQUIRED, *OPTIONAL)]
+        self._delimiter, self._columns, self._may_be_units = delimiter, columns, True
+        self._set_stamps(columns)
+        return True
 
-    def _number(self, fields: Sequence[str], place: int) -> float:
-        if place < 0:
+    def _take_units(self, fields: Sequence[str], text: str) -> bool:
+        """Take a row of units below the header; return whether it is one."""
+        units = units_row(fields, self._columns or {})
+        if units is None:
+            return False
+        self._columns = require_columns(units, where=str(self.path))
+        self._set_stamps(self._columns)
+        if "\n" not in self.header:
+            self.header = f"{self.header}\n{text}"
+        return True
+
+    def _set_stamps(self, columns: Mapping[str, LogColumn]) -> None:
+        unit = columns["time"].unit
+        self._stamps = RunningStamps(1.0 if unit is None else unit.factor)
+
+    def _numbers(self, fields: Sequence[str]) -> tuple[float, ...]:
+        assert self._columns is not None  # noqa: S101 - for the type checker: rows come after the header
+        stamp = self._plain(fields[self._columns["time"].index])
+        if DATE in self._columns:
+            stamp = f"{fields[self._columns[DATE].index]} {stamp}"
+        return (self._stamps.seconds(stamp), *(self._number(fields, role) for role in (*NEEDED[1:], *OPTIONAL)))
+
+    def _number(self, fields: Sequence[str], role: str) -> float:
+        column = (self._columns or {}).get(role)
+        if column is None:
             return np.nan
-        text = fields[place].strip().strip('"')
-        return float(text if self._separator == "," else text.replace(",", ".")) if text else np.nan
+        text = self._plain(fields[column.index])
+        if not text:
+            return np.nan
+        value = float(text)
+        return value if column.unit is None else value * column.unit.factor + column.unit.offset
 
-    def _time(self, field: str) -> float:
-        text = field.strip().strip('"')
-        try:
-            return float(text if self._separator == "," else text.replace(",", "."))
-        except ValueError:
-            stamp = datetime.fromisoformat(text)
-        if self._zero is None:
-            self._zero = stamp
-        return (stamp - self._zero).total_seconds()
+    def _plain(self, field: str) -> str:
+        """Return a field with a decimal point; between commas a comma within a field is none."""
+        return field if self._delimiter == "," else field.replace(",", ".")

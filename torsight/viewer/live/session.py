@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sync.log_columns import NOTHING_CHOSEN, ChosenColumns
 from torsight.core.errors import NoResultError
 from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS
@@ -67,6 +68,8 @@ class Session:
         The model beside.
     offset_s : float or None
         Temperature log's time less film time; None: taken from when rows arrive.
+    columns : ChosenColumns
+        What the user says of the log's columns.
     last_fit_s : float
         How long the end of the record waits for the friction of all of it.
     say : callable
@@ -84,6 +87,7 @@ class Session:
         feed: Feed | None = None,
         model: ModelWatch | None = None,
         offset_s: float | None = None,
+        columns: ChosenColumns = NOTHING_CHOSEN,
         last_fit_s: float = 20.0,
         say: Callable[[str], None] = lambda _line: None,
     ) -> None:
@@ -101,7 +105,7 @@ class Session:
             hints, camera, name=pictures.name, tell=self._tell, pixel_aspect=pictures.pixel_aspect
         )
         self._recorder = Recorder(folder, in_space=camera is not None and camera.pose is not None)
-        self._follower = LogFollower(log, lambda words: self._tell(self.now_s, self._frame, "log", words))
+        self._follower = LogFollower(log, lambda words: self._tell(self.now_s, self._frame, "log", words), columns)
         self._clock = LogClock(offset_s)
         self._latency = Latency()
         self._due = dict.fromkeys(("picture", "beside", "log", "model", "dropped"), -math.inf)

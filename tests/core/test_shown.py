@@ -1,0 +1,177 @@
+"""Results as people meet them: one line, a table in a notebook, rows, a plot."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import is_dataclass, replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from calibration.board import Board
+from calibration.stage import Calibration
+from sync import Found, LightEvents, LogReading
+from sync.repairs import Repair, Restart
+from tests.core.test_paths import public_functions
+from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
+from torsight.actuator.characterised import Characterisation, Step
+from torsight.core.parameter import Estimate
+from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
+from torsight.core.results import RunResults
+from torsight.core.shown import Shown
+from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect
+from torsight.synthetic import Record
+from tracker import Orientation, TrackResult
+
+N = 30
+TIME_S = np.linspace(0.0, 14.5, N)
+ONES = np.ones(N)
+LOG = TemperatureLog(TIME_S, 24.0 + TIME_S, 23.5 * ONES, extra={"room_c": 22.0 * ONES})
+TABLE = SyncedTable(TIME_S, 0.1 * TIME_S, 1e-3 * ONES, 24.0 + TIME_S, 23.5 * ONES)
+CLOCK = ClockMap(5.0, 20.0, (4.9, 5.1), (0.0, 40.0), "the motion")
+READING = LogReading(LOG, (Repair("spike", 2, "two"),), (Restart(9, 3.0, 1.0, 0.2),), zero="2024-05-14T10:00:00")
+ANGLES = StickAngles(np.arange(N), TIME_S, 0.1 * TIME_S, 1e-3 * ONES, ONES > 0, ONES > 0)
+TRACKS = MarkerTracks(
+    np.arange(N), TIME_S, np.full((N, 4, 2), 20.0), np.tile(np.eye(2), (N, 4, 1, 1)), np.ones((N, 4), bool), (64, 48)
+)
+TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
+TAUS = {"tau_c_mnm": TAU.to_json()}
+
+
+@pytest.fixture(scope="session")
+def fitted(half_cycle: SyncedTable) -> FitResult:
+    model = ActuatorModel(replace(reference_spec(), uncertainty={"tau_c_mnm": 0.3}))
+    return fit_model(model, model.prepare(half_cycle), starts=[{"tau_c_mnm": 0.8}])
+
+
+@pytest.fixture(scope="session")
+def model(fitted: FitResult, half_cycle: SyncedTable) -> FittedModel:
+    return fitted_model(fitted.model, fitted.values, fitted.model.prepare(half_cycle))
+
+
+def discovery(model: FittedModel) -> DiscoveryReport:
+    errors = Errors(0.2, 0.3, 0.99)
+    return DiscoveryReport(
+        verdict="identified",
+        effects=(
+            FoundEffect(
+                "sensor_lag", "sensor", "Sensor lag", {"lag_s": Estimate(1.2, 0.1, (1.0, 1.4), "s")}, 0.9, 40.0
+            ),
+        ),
+        alternatives=(),
+        drivers=(),
+        before=errors,
+        after=errors,
+        held_out=(0,),
+        noise_floor_deg=0.1,
+        parameters={"tau_c_mnm": TAU},
+        plain_parameters={},
+        pulls=(),
+        plain_pulls=(),
+        next_experiment=None,
+        notes=(),
+        evidence={},
+        curves={"time_s": TIME_S, "angle_deg": TIME_S, "plain_deg": TIME_S, "extended_deg": TIME_S},
+        model=model,
+        covariance=np.eye(1),
+    )
+
+
+def characterisation() -> Characterisation:
+    step = Step({}, 0.1, {}, {"curve": (TIME_S, TIME_S, TIME_S)})
+    return Characterisation({"free_recovery": step}, "liang_rogers", {"tau_c_mnm": TAU}, reference_spec())
+
+
+MADE: dict[type[Shown], Callable[[FitResult, FittedModel], Shown]] = {
+    TemperatureLog: lambda _f, _m: LOG,
+    SyncedTable: lambda _f, _m: TABLE,
+    ClockMap: lambda _f, _m: CLOCK,
+    MarkerTracks: lambda _f, _m: TRACKS,
+    StickAngles: lambda _f, _m: ANGLES,
+    LogReading: lambda _f, _m: READING,
+    Found: lambda _f, _m: Found(CLOCK, READING),
+    LightEvents: lambda _f, _m: LightEvents(TIME_S, TIME_S > 3.0),
+    TrackResult: lambda _f, _m: TrackResult(TRACKS, np.empty(N)),
+    Orientation: lambda _f, _m: Orientation(ANGLES, None, np.ones((N, 2)), {"method": "by hand"}),
+    RunResults: lambda _f, _m: RunResults(
+        "results", merged=TABLE.to_frame(), fit={"parameters": {"tau_c_mnm": TAU.to_json()}}
+    ),
+    Calibration: lambda _f, _m: Calibration(Board("charuco", 5, 7, 20.0)),
+    Characterisation: lambda _f, _m: characterisation(),
+    Record: lambda _f, _m: Record(TABLE, TABLE.angle_rad, None),
+    FitResult: lambda fit, _m: fit,
+    Simulation: lambda fit, _m: fit.simulation,
+    FittedModel: lambda _f, model: model,
+    DiscoveryReport: lambda _f, model: discovery(model),
+}
+SERIES = (*list(MADE)[:2], MarkerTracks, StickAngles, LogReading, Found, TrackResult, Orientation, Record, FitResult)
+
+
+@pytest.fixture(params=MADE, ids=lambda kind: kind.__name__)
+def shown(request: pytest.FixtureRequest, fitted: FitResult, model: FittedModel) -> Shown:
+    return MADE[request.param](fitted, model)
+
+
+def test_one_line_and_a_summary_say_the_facts(shown: Shown) -> None:
+    line, summary = repr(shown), shown.summary()
+    assert line.startswith(f"{type(shown).__name__}(")
+    assert "\n" not in line
+    assert len(line) < 400
+    assert "array(" not in line + summary
+    assert len(summary.splitlines()) == 1 + len(shown.facts())
+    page = shown._repr_html_()
+    assert page.startswith("<table>")
+    assert page.count("<tr>") == len(shown.facts())
+
+
+def test_rows_and_a_plot(shown: Shown) -> None:
+    frame = shown.to_frame()
+    if isinstance(shown, SERIES):
+        assert np.all(np.diff(frame["time_s"]) > 0)
+        assert len(frame) >= N
+    figure, axes = plt.subplots()
+    assert shown.plot(axes) is axes
+    assert axes.get_xlabel()
+    assert axes.get_ylabel()
+    plt.close(figure)
+
+
+def test_a_plot_without_axes_makes_its_own_with_a_backend_that_has_no_screen() -> None:
+    with mpl.rc_context({"backend": "Agg"}):
+        axes = LOG.plot()
+    assert isinstance(axes, Axes)
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), LOG.temp_a_c)
+    plt.close(axes.figure)
+
+
+def test_tables_are_in_the_units_of_files() -> None:
+    frame = TABLE.to_frame()
+    np.testing.assert_allclose(frame["angle_deg"], np.rad2deg(TABLE.angle_rad))
+    assert "room_c" in LOG.to_frame()
+    np.testing.assert_allclose(Found(CLOCK, READING).to_frame()["time_s"], CLOCK.to_film_time(TIME_S))
+
+
+def test_markup_in_a_fact_is_text() -> None:
+    assert "&lt;b&gt;" in replace(CLOCK, method="<b>")._repr_html_()
+
+
+def results() -> Iterator[type]:
+    """Give the dataclasses that public functions return, alone or in a tuple."""
+    for _, function in public_functions():
+        for name in re.findall(r"[A-Z]\w+", str(inspect.signature(function).return_annotation)):
+            found = function.__globals__.get(name)
+            if inspect.isclass(found) and is_dataclass(found):
+                yield found
+
+
+def test_every_result_of_a_public_function_shows_itself() -> None:
+    # What a person wrote, and cameras, are inputs; the engine's own results are the engine's to show.
+    inputs = {"ActuatorSpec", "Board", "Camera", "MarkerHints", "Scene", "SpringTests", "ClosedForm", "LinearProblem"}
+    others = {one.__name__ for one in results() if not issubclass(one, Shown)}
+    assert others - inputs <= {"Drawing", "CirclesPose", "Findings", "PredictedAngle", "DiskPose", "Seen", "Effect"}

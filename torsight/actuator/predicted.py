@@ -1,0 +1,49 @@
+"""What a fitted model says of a later temperature log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.model import Simulation
+from torsight.core.shown import Shown, draw_series, share, span
+from torsight.core.units import DEG
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Prediction(Shown):
+    """Angles for the instants of a temperature log.
+
+    Attributes
+    ----------
+    angle_rad : (n,) float64
+        As a camera would read it; NaN where the log has no temperature for too long.
+    drive : Drive
+        The log, conditioned.
+    simulation : Simulation
+        Everything else that the model says.
+    """
+
+    angle_rad: Array
+    drive: Drive
+    simulation: Simulation
+
+    def facts(self) -> dict[str, str]:
+        """Return rows, time and angle."""
+        return {
+            "rows": str(len(self.angle_rad)),
+            "time": span(self.simulation.time_s, "s"),
+            "angle": f"{span(self.angle_rad / DEG, '°')} in {share(np.isfinite(self.angle_rad))} of the rows",
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        return {**dict(self.simulation.to_frame()), "angle_deg": self.angle_rad / DEG}
+
+    def _draw(self, axes: Any) -> None:
+        draw_series(axes, self.simulation.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")

@@ -1,0 +1,42 @@
+"""Whether another distribution has written into the packages that Torsight installs under plain names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from torsight.cli.checkup.finding import Finding
+from torsight.core.wording import listed
+
+OWN: Final = "torsight"
+"""Name of this distribution."""
+NAMES: Final = ("tracker", "calibration", "sync")
+"""Top-level packages of it whose names others may use, too."""
+
+
+def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[Finding]:
+    """Look for other distributions with a top-level package of one of :data:`NAMES`.
+
+    Two of them in one environment write into one folder: which files are whose depends on what was installed last, and
+    removing one takes files of the other.
+
+    Parameters
+    ----------
+    packages : mapping of str to sequence of str, optional
+        Distributions by top-level name; what is installed otherwise.
+    """
+    if packages is None:
+        from importlib.metadata import packages_distributions
+
+        packages = packages_distributions()
+    findings = []
+    for name in NAMES:
+        others = sorted({one for one in packages.get(name, ()) if one.lower() != OWN})
+        if others:
+            text = f"the package '{name}' is also installed by {listed(others)}: files of the two may be mixed."
+            advice = (
+                "install torsight into an environment of its own, "
+                f"or 'pip uninstall {others[0]}' and install torsight again"
+            )
+            findings.append(Finding("installation", "limits", text, advice))
+    return findings

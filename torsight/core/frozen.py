@@ -1,0 +1,50 @@
+"""Mappings inside frozen objects that are as frozen as the objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, NoReturn
+
+
+class ReadOnly(dict[Any, Any]):
+    """A dict that refuses every change; ``copy()``, ``copy.deepcopy`` and ``dict(...)`` give one that does not."""
+
+    def _refuse(self, *_arguments: object, **_options: object) -> NoReturn:
+        msg = "belongs to a frozen object: change a dict(...) of it, and make another with dataclasses.replace"
+        raise TypeError(msg)
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def copy(self) -> dict[Any, Any]:
+        """Return a dict with the same content."""
+        return dict(self)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> dict[Any, Any]:
+        from copy import deepcopy
+
+        return {key: deepcopy(value, memo) for key, value in self.items()}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A dict is unpickled item by item, which this one refuses.
+        return read_only, (dict(self),)
+
+
+def read_only(mapping: Mapping[Any, Any]) -> ReadOnly:
+    """Return a mapping, and those inside it, as ones that cannot be changed."""
+    if isinstance(mapping, ReadOnly):
+        return mapping
+    return ReadOnly({key: read_only(value) if isinstance(value, Mapping) else value for key, value in mapping.items()})
+
+
+class Frozen:
+    """Base of frozen dataclasses: their mappings are copied when they are made, and cannot be changed afterwards."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for one in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, one.name)
+            if isinstance(value, Mapping):
+                object.__setattr__(self, one.name, read_only(value))
