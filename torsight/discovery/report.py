@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
 from torsight.core.parameter import Estimate, Parameter
+from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.next_experiment import NextExperiment
 
 Array = NDArray[np.float64]
@@ -128,6 +129,8 @@ class DiscoveryReport:
         The extended model with its values, ready to predict later records.
     covariance : (m, m) float64
         Of the extended model's free parameters, in the order of ``parameters``.
+    laws : tuple of MeasuredLaw
+        Laws that were measured, strongest first.
     """
 
     verdict: str
@@ -148,6 +151,7 @@ class DiscoveryReport:
     curves: Mapping[str, NDArray[np.generic]]
     model: FittedModel
     covariance: Array
+    laws: tuple[MeasuredLaw, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""
@@ -166,6 +170,7 @@ class DiscoveryReport:
             "plain_pulls": [pull.to_json() for pull in self.plain_pulls],
             "notes": list(self.notes),
             "evidence": dict(self.evidence),
+            "laws": [law.to_json() for law in self.laws],
             "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
         }
 

@@ -1,0 +1,132 @@
+"""A law that a record was asked for without a form in mind: values over what they depend on, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.storage import read_table
+
+_KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredLaw:
+    """A measured law: what acts at one port of the model as a function of one driver.
+
+    Attributes
+    ----------
+    effect : str or None
+        Id of the effect where a name holds; None for a law that no known effect explains.
+    port : str
+        Where it acts: ``torque``, ``friction``, ``reading``, ``temperature``, ``winding``, ``phase`` or ``values``.
+    driver : str
+        What it depends on: one of the drivers of ``discovery.json``, ``winding_deg`` or ``spring``.
+    spring : str
+        ``a``, ``b`` or ``both``.
+    unit : str
+        Of ``value`` and ``sigma``, for display.
+    share : float
+        Of what the plain model leaves, the part that this law explains (0 to 1).
+    driver_values : (n,) float64
+        Places on the driver, rising, in the unit that its name ends in.
+    value : (n,) float64
+        The law there; NaN where nothing is known.
+    sigma : (n,) float64
+        Its standard deviation.
+    covered : (n,) bool
+        Whether the record reached that value of the driver.
+    sentence : str
+        The law in one sentence.
+    """
+
+    effect: str | None
+    port: str
+    driver: str
+    spring: str
+    unit: str
+    share: float
+    driver_values: NDArray[np.float64]
+    value: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    covered: NDArray[np.bool_]
+    sentence: str
+
+    @property
+    def csv_name(self) -> str:
+        """Name of the file with its numbers."""
+        return f"law_{self.port}_{self.driver}.csv"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of ``laws`` in ``discovery.json``."""
+        return {
+            "effect": self.effect,
+            "port": self.port,
+            "driver": self.driver,
+            "spring": self.spring,
+            "unit": self.unit,
+            "share": self.share,
+            "file": self.csv_name,
+            "sentence": self.sentence,
+        }
+
+    def table(self) -> dict[str, NDArray[np.generic]]:
+        """Return the columns of its file."""
+        return {
+            "driver": self.driver_values,
+            "value": self.value,
+            "sigma": self.sigma,
+            "covered": self.covered.astype(np.int64),
+        }
+
+
+def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, ...]:
+    """Return the laws that a ``discovery.json`` names, with the numbers of the files beside it.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds the files.
+    discovery : mapping
+        Content of ``discovery.json``.
+
+    Raises
+    ------
+    InputError
+        When an entry lacks a key, or its file is missing or damaged.
+    """
+    return tuple(_read_law(folder, entry) for entry in discovery.get("laws") or [])
+
+
+def _read_law(folder: Path, entry: Mapping[str, Any]) -> MeasuredLaw:
+    missing = [key for key in _KEYS if key not in entry]
+    if missing:
+        raise InputError(
+            f"a law has no '{missing[0]}'",
+            where=f"{folder / 'discovery.json'}, laws",
+            do="write the file again with 'torsight discover'",
+        )
+    path = folder / Path(str(entry["file"])).name
+    table = read_table(path, required=("driver", "value", "sigma", "covered"))
+    driver_values, value, sigma, covered = (
+        table[name].to_numpy(dtype=np.float64) for name in ("driver", "value", "sigma", "covered")
+    )
+    return MeasuredLaw(
+        effect=None if entry["effect"] is None else str(entry["effect"]),
+        port=str(entry["port"]),
+        driver=str(entry["driver"]),
+        spring=str(entry["spring"]),
+        unit=str(entry["unit"]),
+        share=float(entry["share"]),
+        driver_values=driver_values,
+        value=value,
+        sigma=sigma,
+        covered=covered > 0.5,
+        sentence=str(entry.get("sentence") or ""),
+    )
