@@ -16,6 +16,8 @@ VARIABLES: Final = {
     "cycle": "the number of the cycle",
     "dwell_s": "the time at rest",
     "direction": "the direction",
+    "winding_deg": "the winding of the spring",
+    "spring": "the spring",
 }
 """What a missing effect can depend on, in words."""
 
@@ -116,10 +118,11 @@ def verdict_sentence(discovery: Mapping[str, Any]) -> str:
 
     One sentence; where what was named does not explain the record, one that says so comes before it.
     """
-    return f"{not_explained(discovery)} {_named(discovery)}".strip()
+    return f"{not_explained(discovery)} {named(discovery)}".strip()
 
 
-def _named(discovery: Mapping[str, Any]) -> str:
+def named(discovery: Mapping[str, Any]) -> str:
+    """Return what a ``discovery.json`` names, as one sentence, whether it explains the record or not."""
     verdict = discovery.get("verdict")
     names = [effect_name(str(effect["id"])) for effect in discovery.get("effects") or []]
     if verdict == "none":

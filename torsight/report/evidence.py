@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.symbols import plain_symbol
 from torsight.core.wording import effect_name, number
 from torsight.report.figures import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
 from torsight.report.panels import Axis, Panel
 from torsight.report.priors import Prior, common_reach
 from torsight.report.residuals import pairs_of_bars
-from torsight.report.symbols import plain_symbol
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -43,9 +43,11 @@ _TWO_SIDED: Final = 1.96
 def law_figure(law: MeasuredLaw) -> Figure:
     """Draw one law as a curve with its 95 % band; where the record reached its driver is shaded."""
     panel = law_panel(law)
-    title = f"{PORTS.get(law.port, law.port).capitalize()} against {driver_name(law.driver)}"
+    title = f"{PORTS.get(law.port, law.port).capitalize()} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
-    named = "No known effect has this form." if law.effect is None else f"It is the {effect_name(law.effect)}."
+    named = (
+        "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
+    )
     caption = f"{law.sentence} {named}{about}".strip()
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
 
@@ -56,8 +58,9 @@ def law_panel(law: MeasuredLaw) -> Panel:
     low, high = law.value - half, law.value + half
     counts = law.driver == "spring"
     unit = _UNITS.get(law.driver)
+    across = variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
     panel = Panel(
-        Axis.around(driver_name(law.driver) + (f" ({unit})" if unit else ""), x, margin=0.3 if counts else 0.0),
+        Axis.around(across, x, margin=0.3 if counts else 0.0),
         Axis.around(PORTS.get(law.port, law.port) + (f" ({law.unit})" if law.unit else ""), low, high),
         height=300.0,
         x_names=[(0.0, "A"), (1.0, "B")] if counts else None,
@@ -73,12 +76,6 @@ def law_panel(law: MeasuredLaw) -> Panel:
     panel.ribbon(x, low, high, "after ribbon", label="95 %")
     panel.line(x, law.value, "after", label="measured law")
     return panel
-
-
-def driver_name(driver: str) -> str:
-    """Return what a law depends on, in words."""
-    words = {"winding_deg": "the winding of the spring", "spring": "the spring"}
-    return words.get(driver) or variable_name(driver)
 
 
 def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
