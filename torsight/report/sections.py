@@ -15,8 +15,7 @@ from torsight.core.errors import InputError
 from torsight.core.results import RunResults
 from torsight.core.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
 from torsight.report.planned import segments, worth
-from torsight.report.still import picture_data
-from torsight.report.symbols import equation, equation_picture, symbol
+from torsight.report.symbols import equation_pictures, symbol
 
 FILES: Final = {
     "angle.csv": "angle of every frame",
@@ -199,7 +198,7 @@ def missing(results: RunResults) -> dict[str, Any]:
         {
             "name": effect_name(str(effect["id"])),
             "share": shares.get(str(effect["id"])),
-            **_equation(str(effect["id"])),
+            "equation": equation_pictures(str(effect["id"])),
             "family": effect_name(str(effect.get("family", ""))),
             "title": str(effect.get("title") or ""),
             "probability": effect.get("probability"),
@@ -235,13 +234,6 @@ def missing(results: RunResults) -> dict[str, Any]:
         "scores": [(label, *(score(value) for value in values)) for label, values in scores],
         "held_out": _held_out(results),
     }
-
-
-def _equation(effect: str) -> dict[str, list[tuple[str, str]]]:
-    """Return what an effect adds to the model: its equations as LaTeX, and as pictures where they can be set."""
-    parts = equation(effect)
-    svgs = [equation_picture(part) for part in parts]
-    return {"equation": [(part, picture_data(svg) if svg else "") for part, svg in zip(parts, svgs, strict=True)]}
 
 
 def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from markupsafe import Markup, escape
 
 from torsight.core.symbols import SYMBOLS, plain_symbol
-from torsight.report.still import bare
+from torsight.report.still import bare, picture_data
 
 
 def symbol(name: str) -> Markup:
@@ -59,3 +59,9 @@ def equation_picture(latex: str) -> str:
             # Someone's own effect may use what mathtext does not know; the page shows the source then.
             return ""
     return bare(buffer.getvalue().decode())
+
+
+def equation_pictures(effect: str) -> list[tuple[str, str]]:
+    """Return an effect's equations, as LaTeX and as addresses that hold their pictures (empty where one is not set)."""
+    parts = [(latex, equation_picture(latex)) for latex in equation(effect)]
+    return [(latex, picture_data(svg) if svg else "") for latex, svg in parts]
