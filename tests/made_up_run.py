@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from torsight.discovery.measured_law import MeasuredLaw
+
 HEATING_S, COOLING_S = 60.0, 40.0
 LAG_S = 4.0
 SIZE_PX = (320, 240)
@@ -196,3 +198,22 @@ def documents() -> dict[str, dict[str, object]]:
             "seed": 0,
         },
     }
+
+
+def made_up_law() -> MeasuredLaw:
+    """Return a friction that changes once per turn, as it might be measured: not near 0°, where nothing rested."""
+    angle_deg = np.arange(-240.0, 241.0, 20.0)
+    covered = (np.abs(angle_deg) <= 200.0) & (np.abs(angle_deg) > 10.0)
+    return MeasuredLaw(
+        effect=None,
+        port="friction",
+        driver="angle_deg",
+        spring="both",
+        unit="mN·m",
+        share=0.8,
+        driver_values=angle_deg,
+        value=0.5 * np.sin(np.deg2rad(angle_deg)),
+        sigma=np.where(covered, 0.02, 0.2),
+        covered=covered,
+        sentence="Friction rises by half a mN·m towards 90°.",
+    )

@@ -41,7 +41,8 @@ from torsight.discovery.discover import discover
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.settings import Settings
-from torsight.report.svg import Axis, Plot, stacked
+from torsight.report.panels import Axis, Panel
+from torsight.report.still import still
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.values import declared_from
 
@@ -171,19 +172,16 @@ def draw(path: Path, found: NextExperiment, tables: Mapping[str, SyncedTable]) -
     """Draw the programme, and the angle that the rig shows under it with either effect."""
     time_s = np.asarray(found.columns["time_s"], np.float64)
     span = Axis.along("time (s)", time_s)
-    heat = Plot(
-        span, Axis.around("temperature (°C)", found.columns["temp_a_c"], found.columns["temp_b_c"]), "", height=220
-    )
+    temperatures = Axis.around("temperature (°C)", found.columns["temp_a_c"], found.columns["temp_b_c"])
+    heat = Panel(span, temperatures, height=220)
     for spring in "ab":
         heat.line(time_s, found.columns[f"temp_{spring}_c"], f"spring-{spring}", label=f"spring {spring.upper()}")
     angles = {name: table.angle_rad / DEG for name, table in tables.items()}
-    motion = Plot(span, Axis.around("angle (°)", *angles.values()), "", height=260)
+    motion = Panel(span, Axis.around("angle (°)", *angles.values()), height=260)
     for place, (name, table) in enumerate(tables.items()):
         motion.line(table.time_s, angles[name], f"rival-{place}", label=f"the rig with {name}")
-    style = (Path(__file__).parents[2] / "torsight/report/templates/figure.css").read_text(encoding="utf-8")
     path.parent.mkdir(parents=True, exist_ok=True)
-    svg = stacked([heat, motion], path.stem)
-    path.write_text(svg.replace(">", f"><style>{style}</style>", 1), encoding="utf-8")
+    path.write_text(still([heat, motion]) + "\n", encoding="utf-8")
 
 
 def main() -> None:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import re
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from torsight.report.palette import DARK, LIGHT, PAPER
 from torsight.viewer.layout import SERIES
 
-STYLES = Path(__file__).parents[2] / "torsight" / "report" / "templates"
 MEANING = ("measured", "before", "after", "spring-a", "spring-b", "held")
 CLEAR = 10.0
 """Distance in CIELAB: over four times what is just noticed."""
@@ -34,13 +32,9 @@ def seen(colour: tuple[int, ...], sight: str) -> np.ndarray:
     return cv2.cvtColor(picture, cv2.COLOR_LRGB2Lab).reshape(3)
 
 
-def of_styles(name: str, block: int) -> dict[str, tuple[int, ...]]:
-    """Return the colours that a style sheet sets for the ``block``-th time, by name."""
-    found = {}
-    for meaning in MEANING:
-        all_of_it = re.findall(rf"--{meaning}: #([0-9a-f]{{6}})", (STYLES / name).read_text(encoding="utf-8"))
-        found[meaning] = tuple(bytes.fromhex(all_of_it[block]))
-    return found
+def meaning(colours: dict[str, str]) -> dict[str, tuple[int, ...]]:
+    """Return the colours that mean something, as red, green and blue."""
+    return {name: tuple(bytes.fromhex(colours[name][1:])) for name in MEANING}
 
 
 def of_viewer(pane: str) -> dict[str, tuple[int, ...]]:
@@ -49,9 +43,9 @@ def of_viewer(pane: str) -> dict[str, tuple[int, ...]]:
 
 
 PALETTES = {
-    "figures": of_styles("figure.css", 0),
-    "report by night": of_styles("report.css", 0),
-    "report on paper": of_styles("report.css", 1),
+    "report": meaning(LIGHT),
+    "report by night": meaning(DARK),
+    "report on paper": meaning(PAPER),
     "viewer, angle": of_viewer("angle/"),
     "viewer, residual": of_viewer("residual/"),
     "viewer, temperature": of_viewer("temperature/"),

@@ -46,7 +46,8 @@ def discover(
         say(f"Note              {note}")
     say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
-    return Answer(content, files=tuple(out / name for name in FILES))
+    laws = [out / law.csv_name for law in report.laws]
+    return Answer(content, files=(*(out / name for name in FILES), *laws))
 
 
 def _clock_sigma_s(merged: Path) -> float | None:
@@ -92,7 +93,8 @@ def discover_to_folder(
 ) -> DiscoveryReport:
     """Discover and write ``discovery.json``, ``model.json`` and ``curves.csv``; return what was found.
 
-    For an ambiguous answer ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
+    Every law is written as ``law_<port>_<driver>.csv``, and as a picture of that name. For an ambiguous answer there is
+    ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
     """
     from torsight.actuator import read_actuator
     from torsight.actuator.fitted import write_model
@@ -100,6 +102,7 @@ def discover_to_folder(
     from torsight.core.storage import write_json, write_table
     from torsight.core.tables import read_merged
     from torsight.discovery.discover import discover as find
+    from torsight.report.laws import write_laws
 
     made = ("curves.csv", "next_experiment.csv", "model.json", "discovery.json", "report.html")
     require_apart([out / name for name in made], [merged, actuator])
@@ -110,6 +113,7 @@ def discover_to_folder(
     (out / "next_experiment.csv").unlink(missing_ok=True)
     if report.next_experiment is not None:
         write_table(out / "next_experiment.csv", report.next_experiment.columns)
+    write_laws(out, report.laws)
     write_model(out / "model.json", report.model)
     write_json(out / "discovery.json", report.to_json())
     return report

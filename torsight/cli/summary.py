@@ -9,7 +9,7 @@ import numpy as np
 from torsight.core.storage import read_json
 from torsight.core.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.wording import estimate, verdict_sentence
+from torsight.core.wording import estimate, named, not_explained
 
 
 def summary(folder: Path) -> list[str]:
@@ -17,14 +17,18 @@ def summary(folder: Path) -> list[str]:
     angles = read_angles(folder / "angle.csv")
     known = angles.angle_rad[angles.valid] / DEG
     discovery = read_json(folder / "discovery.json")
+    # What does not explain the record is said before anything that is read from it.
+    doubt = not_explained(discovery)
     lines = [
+        *([f"Attention         {doubt}"] if doubt else []),
         (
             f"Range of motion   {np.ptp(known):.1f}° (from {known.min():.1f}° to {known.max():.1f}°), "
             f"{100.0 * angles.valid.mean():.1f} % of {len(angles)} frames measured"
         ),
         f"Friction torque   {estimate(discovery['parameters']['tau_c_mnm'])}",
-        f"Missing           {verdict_sentence(discovery)}",
+        f"Missing           {named(discovery)}",
     ]
+    lines += [f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")]
     before, after = discovery["before"]["rmse_held_out_deg"], discovery["after"]["rmse_held_out_deg"]
     if before is not None and after is not None:
         floor = discovery.get("noise_floor_deg")

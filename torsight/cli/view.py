@@ -1,4 +1,4 @@
-"""``torsight view``: the recording of a finished run in Rerun."""
+"""``torsight view``: the recording of a finished run in Rerun, in a window, a browser or pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from torsight.core.errors import InputError, NoResultError
+from torsight.core.errors import ConfigError, InputError, NoResultError
 
 
 def view(
@@ -22,6 +22,12 @@ def view(
     web_port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
     ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Save every pane as a picture into this folder; needs no screen.")
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Time on the film's clock that --pictures shows.")
+    ] = None,
 ) -> None:
     """Open the recording of a finished run in Rerun; it listens on this computer only.
 
@@ -30,7 +36,15 @@ def view(
     from torsight.cli.console import say
     from torsight.viewer.program import Viewer, address_of, browser_address, chosen_port, free_port, has_display
 
+    if pictures is None and at is not None:
+        raise ConfigError("says what --pictures shows, and that is not there", where="--at", do="add --pictures OUT")
     recording = recording_of(folder)
+    if pictures is not None:
+        from torsight.viewer import save_pictures
+
+        for path in save_pictures(recording, pictures, time_s=at):
+            say(f"Picture  {path}")
+        return
     if not serve and not has_display():
         raise NoResultError(
             "there is no display to open a window on",

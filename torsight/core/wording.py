@@ -16,6 +16,8 @@ VARIABLES: Final = {
     "cycle": "the number of the cycle",
     "dwell_s": "the time at rest",
     "direction": "the direction",
+    "winding_deg": "the winding of the spring",
+    "spring": "the spring",
 }
 """What a missing effect can depend on, in words."""
 
@@ -88,8 +90,39 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(words(one) for one in sets if one))
 
 
+EXPLAINED: Final = 2.0
+"""How many noise floors may be left: below that, a held-out error is the floor and what the fit is uncertain by."""
+
+
+def error_left(discovery: Mapping[str, Any]) -> float | None:
+    """Return what the model of a ``discovery.json`` leaves, deg rms: on held-out half-cycles where there are any."""
+    after = discovery.get("after") or {}
+    left = after.get("rmse_held_out_deg")
+    found = after.get("rmse_train_deg") if left is None else left
+    return None if found is None or not math.isfinite(found) else float(found)
+
+
+def not_explained(discovery: Mapping[str, Any]) -> str:
+    """Return a sentence that says so where named effects leave more than twice the noise floor; else nothing."""
+    left, floor = error_left(discovery), discovery.get("noise_floor_deg")
+    if not discovery.get("effects") or left is None or not floor or left <= EXPLAINED * floor:
+        return ""
+    return (
+        f"This record is not explained: {number(left, 2)}° rms are left, {number(left / floor, 2)} times the noise "
+        f"floor of {number(floor, 2)}°."
+    )
+
+
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
-    """Return the verdict of ``discovery.json`` as one plain sentence."""
+    """Return the verdict of ``discovery.json`` in plain words.
+
+    One sentence; where what was named does not explain the record, one that says so comes before it.
+    """
+    return f"{not_explained(discovery)} {named(discovery)}".strip()
+
+
+def named(discovery: Mapping[str, Any]) -> str:
+    """Return what a ``discovery.json`` names, as one sentence, whether it explains the record or not."""
     verdict = discovery.get("verdict")
     names = [effect_name(str(effect["id"])) for effect in discovery.get("effects") or []]
     if verdict == "none":

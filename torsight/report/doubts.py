@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup
+
 from torsight.core.results import RunResults
 from torsight.core.wording import effect_name, explanations
 from torsight.report.priors import Prior, priors
 from torsight.report.sections import in_words
+from torsight.report.symbols import with_symbols
 
 
-def doubts(results: RunResults) -> list[str]:
+def doubts(results: RunResults) -> list[Markup]:
     """Return every doubt once: of the film, the clocks, the fit, the discovery, and those that the stages noted."""
     found = _of_angle(results) + _of_clocks(results.sync or {})
     if results.fit is not None and results.fit.get("converged") is False:
@@ -23,7 +26,7 @@ def doubts(results: RunResults) -> list[str]:
         for key in ("notes", "warnings", "not_sure"):
             extra = (document or {}).get(key) or []
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
-    return list(dict.fromkeys(as_sentence(one) for one in found if one.strip()))
+    return [with_symbols(one) for one in dict.fromkeys(as_sentence(one) for one in found if one.strip())]
 
 
 def as_sentence(words: str) -> str:

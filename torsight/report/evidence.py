@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.symbols import plain_symbol
 from torsight.core.wording import effect_name, number
 from torsight.report.figures import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
+from torsight.report.panels import Axis, Panel
 from torsight.report.priors import Prior, common_reach
 from torsight.report.residuals import pairs_of_bars
-from torsight.report.svg import Axis, Plot, stacked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,20 +27,20 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     span = Axis.along("", time_s)
-    motion = Plot(span, Axis.around(ANGLE, angle, plain, extended, ticks=4), "", width=720, height=225)
+    motion = Panel(span, Axis.around(ANGLE, angle, plain, extended), width=720, height=225)
     shade_held_out(motion, curves)
     models(motion, time_s, angle, plain, extended, ordered=True)
-    left = Plot(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after, ticks=4), "", width=720, height=245)
+    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=245)
     shade_held_out(left, curves)
-    left.level(0.0)
+    left.rule(0.0, "zero", upright=False)
     if floor_deg:
-        left.range_y(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°")
+        left.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
     alike = not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
     left.line(time_s, before, "before", label="error" if alike else "error before")
     if not alike:
         left.line(time_s, after, "after", label="error after")
     title = "The motion, and the error of the plain and of the extended model"
-    return Figure("before_after", "Before and after", "", stacked([motion, left], title), CURVES)
+    return Figure("before_after", "Before and after", "", (motion, left), title, CURVES)
 
 
 def candidates(discovery: Mapping[str, Any]) -> Figure | None:
@@ -56,24 +57,19 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
-    plot = Plot(
-        Axis(f"explained by this effect alone (% of {share_of})", 0.0, 118.0, ticks=6),
+    plot = Panel(
+        Axis(f"explained alone (% of {share_of})", 0.0, 118.0),
         Axis("", 0.4, len(ranked) + 0.6),
-        "What every candidate explains alone",
         width=520,
-        height=60.0 + 26.0 * len(ranked),
-        left=168,
-        legend_rows=0,
-        x_labels=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
-        y_labels=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
+        height=70.0 + 26.0 * len(ranked),
+        x_names=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
+        y_names=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
     )
     for place, (name, gain) in zip(places, ranked, strict=True):
         share = 100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0)
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
         plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
-        plot.text(
-            share, place, f"{share:.1f} %" if share < 99.95 else "100 %", anchor="start", shift_px=4.0, right_px=5.0
-        )
+        plot.note(share, place, f"{share:.1f} %" if share < 99.95 else "100 %")
     data: dict[str, list[Any]] = {
         "effect": [name for name, _ in ranked],
         "gain": [gain for _, gain in ranked],
@@ -81,7 +77,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     }
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
     title = "What the known effects explain" if verdict == "unknown" else "What else could explain it"
-    return Figure("candidates", title, caption.strip(), plot.render(), data=data)
+    return Figure("candidates", title, caption.strip(), (plot,), "What every candidate explains alone", data=data)
 
 
 def _whole(discovery: Mapping[str, Any], *, otherwise: float = 0.0) -> float:
@@ -110,12 +106,10 @@ def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:
     before, after = ([float("nan") if one is None else float(one) for one in part] for part in parts)
     names = [str(label + 1) for label in held]
     title = "Error on half-cycles that the fit did not see"
-    svg = pairs_of_bars(
-        title, "half-cycle", "rms error (°)", names, list(zip(before, after, strict=True)), height=220.0
-    )
+    plot = pairs_of_bars("half-cycle", "rms error (°)", names, list(zip(before, after, strict=True)), height=220.0)
     data: dict[str, list[Any]] = {"half_cycle": names, "before_deg": before, "after_deg": after}
     caption = "Each was left out of the fit once, and predicted by it."
-    return Figure("unseen_half_cycles", title, caption, svg, data=data)
+    return Figure("unseen_half_cycles", title, caption, (plot,), data=data)
 
 
 def pulls(
@@ -129,13 +123,11 @@ def pulls(
     found = {(name, kind): known[name].pull(fit.get(name)) for name in names for fit, kind, _ in fits}
     reach = common_reach(found.values())
     places = {name: float(len(names) - k) for k, name in enumerate(names)}
-    plot = Plot(
-        Axis("pull: fitted less characterised value (standard deviations of the characterisation)", -reach, reach, 9),
+    plot = Panel(
+        Axis("fitted less characterised value (σ)", -reach, reach),
         Axis("", 0.4, len(names) + 0.6),
-        "How far either fit pulled the characterised values",
         height=84.0 + 26.0 * len(names),
-        left=140,
-        y_labels=[(place, name) for name, place in places.items()],
+        y_names=[(place, plain_symbol(name)) for name, place in places.items()],
     )
     for width in (2.0, 1.0):
         plot.band(-width, width, "prior", label="± 1 and ± 2 standard deviations" if width == 1.0 else "")
@@ -148,8 +140,13 @@ def pulls(
             if ends is not None:
                 shown = np.clip(ends, -reach, reach)
                 plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
-            plot.dots([pull], [place + shift], kind, radius=4.5)
-            plot.legend(kind, "line", "plain model" if kind == "before" else "extended model")
+            plot.points(
+                [pull],
+                [place + shift],
+                kind,
+                label="plain model" if kind == "before" else "extended model",
+                radius=4.5,
+            )
     data: dict[str, list[Any]] = {"parameter": names}
     for fit, kind, _ in fits:
         label = "plain" if kind == "before" else "extended"
@@ -157,4 +154,5 @@ def pulls(
         data[f"{label}_sigmas"] = [found[name, kind] for name in names]
         data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]
         data[f"{label}_high_sigmas"] = [None if end is None else end[1] for end in spreads]
-    return Figure("pulls", "How far the fit was pulled off", "", plot.render(), data=data)
+    words = "How far either fit pulled the characterised values"
+    return Figure("pulls", "How far the fit was pulled off", "", (plot,), words, data=data)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,20 +16,27 @@ NAMES: Final = frozenset(
     | {"angle_temperature_a", "angle_temperature_b", "angle_sigma", "both_clocks", "markers", "residual_left"}
     | {f"residual_{name}" for name in (*LABELS, "direction", "half_cycle")}
 )
-"""Every figure that a report may hold; only files of these names are ever removed."""
+"""Every figure that a report may hold, but for the laws; only files of these names are ever removed."""
 
 
-def write_figures(folder: Path, figures: Iterable[Figure], style: str) -> None:
+def write_figures(folder: Path, figures: Iterable[Figure], pictures: Mapping[str, str]) -> None:
     """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
 
     Files of figures that an earlier page showed and this one does not are removed; what others put there stays.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's folder.
+    figures : iterable of Figure
+        The page's figures.
+    pictures : mapping of str to str
+        SVG of each of them by its name.
     """
     target = folder / FOLDER
-    standing = f"<style>{plain_style(style)}</style>"
     written = set()
     for figure in figures:
-        text = re.sub(r"(<svg[^>]*>)", rf"\1{standing}", figure.svg, count=1)
-        write_text(target / f"{figure.name}.svg", text + "\n")
+        write_text(target / f"{figure.name}.svg", pictures[figure.name] + "\n")
         written.add(f"{figure.name}.svg")
         if figure.data is not None:
             write_table(target / f"{figure.name}.csv", figure.data)
@@ -38,13 +44,6 @@ def write_figures(folder: Path, figures: Iterable[Figure], style: str) -> None:
     for name in (f"{figure}{suffix}" for figure in NAMES for suffix in (".svg", ".csv")):
         if name not in written:
             (target / name).unlink(missing_ok=True)
-
-
-def plain_style(style: str) -> str:
-    """Return a style sheet with its light colours put in for their names: not every program knows CSS variables."""
-    colours = dict(re.findall(r"--([a-z-]+):\s*([^;]+);", style[: style.index("}")]))
-    rules = style[style.index("}") + 1 :]
-    return re.sub(r"var\(--([a-z-]+)\)", lambda found: colours[found.group(1)], rules)
 
 
 def data_link(figure: Figure) -> str:

@@ -30,14 +30,14 @@ def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
     """
     import jinja2
 
-    from torsight.report.write import TEMPLATES, figure_style
+    from torsight.report.write import TEMPLATES, page_style
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     cards = [_card(row, out) for row in rows]
     text = environment.get_template("gallery.html").render(
-        style=figure_style() + (TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        style=page_style(),
         name=out.resolve().name,
         cards=cards,
         done=sum(row["status"] == "done" for row in rows),
@@ -71,20 +71,22 @@ def _lines(results: RunResults) -> list[str]:
     return [verdict_sentence(results.discovery), *torque]
 
 
-def _pictures(results: RunResults) -> list[str]:
+def _pictures(results: RunResults) -> list[tuple[str, str]]:
+    """Return the small pictures of one experiment: their words, and an address that holds each of them."""
     from torsight.report.figures import ANGLE, RESIDUAL, TIME, column
-    from torsight.report.svg import Axis, Plot
+    from torsight.report.panels import Axis, Panel
+    from torsight.report.still import picture_data, still
 
     if results.curves is None:
         return []
     time_s = column(results.curves, "time_s")
-    span = Axis.along(TIME, time_s, ticks=4)
+    span = Axis.along(TIME, time_s)
     angle, plain = column(results.curves, "angle_deg"), column(results.curves, "plain_deg")
-    motion = Plot(span, Axis.around(ANGLE, angle, ticks=4), "Angle", width=380, height=170)
+    motion = Panel(span, Axis.around(ANGLE, angle), width=380, height=170)
     motion.line(time_s, angle, "measured", label="measured")
     motion.line(time_s, plain, "before", label="plain model")
     before, after = (column(results.curves, f"residual_{name}_deg") for name in ("before", "after"))
-    left = Plot(span, Axis.around(RESIDUAL, before, after, ticks=4), "Residual", width=380, height=170)
+    left = Panel(span, Axis.around(RESIDUAL, before, after), width=380, height=170)
     left.line(time_s, before, "before", label="plain")
     left.line(time_s, after, "after", label="extended")
-    return [motion.render(), left.render()]
+    return [("Angle", picture_data(still([motion]))), ("Residual", picture_data(still([left])))]

@@ -10,8 +10,8 @@ import numpy as np
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
 from torsight.report.figures import ANGLE, TEMPERATURE, TIME, Figure, column
+from torsight.report.panels import Axis, Panel
 from torsight.report.residuals import slope
-from torsight.report.svg import Axis, Plot, stacked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,9 +26,9 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = (
     sigma, valid = column(angle, "angle_sigma_deg"), column(angle, "valid") > 0.5
     if not (np.isfinite(degrees[valid]).any() and np.isfinite(sigma[valid]).any()):
         return None
-    motion = Plot(Axis.along("", time_s), Axis.around(ANGLE, degrees[valid], ticks=4), "", height=210)
+    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, degrees[valid]), height=210)
     top = float(np.nanquantile(sigma[valid], 0.999)) * 1.25
-    spread = Plot(Axis.along(TIME, time_s), Axis("sigma (°)", 0.0, top if top > 0 else 1.0, ticks=4), "", height=170)
+    spread = Panel(Axis.along(TIME, time_s), Axis("sigma (°)", 0.0, top if top > 0 else 1.0), height=170)
     for plot, label in ((motion, "angle not measured"), (spread, "")):
         for begin, end in runs(~valid):
             plot.band(time_s[begin], time_s[end - 1], "lost", label=label)
@@ -36,10 +36,10 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = (
     for event in events[:_MOST_EVENTS]:
         at_s = event.get("time_s")
         if isinstance(at_s, (int, float)) and np.isfinite(at_s):
-            motion.mark(float(at_s), "event", tip=f"{event.get('kind', '')}: {event.get('text', '')}", label="event")
+            motion.rule(float(at_s), "event", tip=f"{event.get('kind', '')}: {event.get('text', '')}", label="event")
     spread.line(time_s, np.where(valid, np.minimum(sigma, top), np.nan), "ink", label="sigma of the angle")
-    svg = stacked([motion, spread], "The measured angle and its standard deviation over time")
-    return Figure("angle_sigma", "The angle and how well it was measured", "", svg, "angle.csv")
+    words = "The measured angle and its standard deviation over time"
+    return Figure("angle_sigma", "The angle and how well it was measured", "", (motion, spread), words, "angle.csv")
 
 
 def both_clocks(merged: pd.DataFrame) -> Figure | None:
@@ -51,14 +51,14 @@ def both_clocks(merged: pd.DataFrame) -> Figure | None:
         return None
     window_s = max(2.0, float(np.ptp(time_s)) / 300.0)
     speed = np.abs(slope(time_s[known], angle[known], window_s=window_s))
-    heat = Plot(Axis.along("", time_s), Axis.around(TEMPERATURE, *temps, ticks=4), "", height=170)
+    heat = Panel(Axis.along("", time_s), Axis.around(TEMPERATURE, *temps), height=170)
     for temp, spring in zip(temps, "ab", strict=True):
         heat.line(time_s, temp, f"spring-{spring}", label=f"spring {spring.upper()}, by its own log")
-    motion = Plot(Axis.along(TIME, time_s), Axis.around("speed (°/s)", [0.0], speed, ticks=3), "", height=160)
+    motion = Panel(Axis.along(TIME, time_s), Axis.around("speed (°/s)", [0.0], speed), height=160)
     motion.line(time_s[known], speed, "ink", label="speed of the motion, by the film")
-    svg = stacked([heat, motion], "Temperatures by the log and speed of the motion by the film, on the film's clock")
+    words = "Temperatures by the log and speed of the motion by the film, on the film's clock"
     caption = "Every motion must fall where a spring is heated or cools through its transformation."
-    return Figure("both_clocks", "Log and film on one clock", caption, svg, "merged.csv")
+    return Figure("both_clocks", "Log and film on one clock", caption, (heat, motion), words, "merged.csv")
 
 
 def marker_paths(markers: pd.DataFrame) -> Figure | None:
@@ -69,14 +69,12 @@ def marker_paths(markers: pd.DataFrame) -> Figure | None:
         return None
     centre = [(np.nanmin(one) + np.nanmax(one)) / 2.0 for one in (every_x, every_y)]
     half = 0.56 * max(np.nanmax(every_x) - np.nanmin(every_x), np.nanmax(every_y) - np.nanmin(every_y), 10.0)
-    plot = Plot(
-        Axis("x (px)", centre[0] - half, centre[0] + half, ticks=5),
-        Axis("y (px), down", centre[1] + half, centre[1] - half, ticks=5),
-        "Paths of the four markers in the picture",
+    plot = Panel(
+        Axis("x (px)", centre[0] - half, centre[0] + half),
+        Axis("y (px), down", centre[1] + half, centre[1] - half),
         width=420,
         height=420,
-        legend_rows=2,
-        left=62,
+        square=True,
     )
     for name, (x, y) in found.items():
         plot.line(x, y, name.split("_")[0], label=f"{name.split('_')[0]} stick", ordered=False)
@@ -87,7 +85,8 @@ def marker_paths(markers: pd.DataFrame) -> Figure | None:
             for k in index:
                 ends = [inner[0][k], outer[0][k]], [inner[1][k], outer[1][k]]
                 plot.line(*ends, f"{stick} stick {kind}", ordered=False)
-                plot.dots(*ends, f"{stick} {kind}")
-    plot.legend("ink stick first", "line", "first frame")
-    plot.legend("ink stick last", "line", "last frame")
-    return Figure("markers", "Where the markers went", "", plot.render(), "markers.csv")
+                plot.points(*ends, f"{stick} {kind}", radius=4.0)
+    plot.key("ink stick first", "first frame")
+    plot.key("ink stick last", "last frame")
+    words = "Paths of the four markers in the picture"
+    return Figure("markers", "Where the markers went", "", (plot,), words, "markers.csv")

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup
+
 from torsight.core.results import RunResults
 from torsight.core.wording import estimate, fixed, number
 from torsight.report.priors import Prior, priors
 from torsight.report.sections import score
+from torsight.report.symbols import symbol
 
 
 def parameter_table(results: RunResults) -> dict[str, Any]:
@@ -31,8 +34,9 @@ def parameter_table(results: RunResults) -> dict[str, Any]:
     return {"rows": rows, "exact": exact, "pulled": any(row["prior"] for row in rows), "extended": bool(extended)}
 
 
-def _exact(name: str, value: Mapping[str, Any]) -> str:
-    return f"{name} {value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
+def _exact(name: str, value: Mapping[str, Any]) -> Markup:
+    words = f"{value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
+    return Markup("{} {}").format(symbol(name), words)
 
 
 def _row(
@@ -41,7 +45,7 @@ def _row(
     shown = after or plain or {}
     pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
     return {
-        "name": name,
+        "name": symbol(name),
         "unit": shown.get("unit") or "",
         "prior": "" if prior is None else prior.words(),
         "plain": "" if plain is None else estimate({**plain, "unit": ""}),
@@ -51,15 +55,15 @@ def _row(
     }
 
 
-def fit_lines(results: RunResults) -> list[tuple[str, str]]:
+def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
     """Return the plain fit's own account."""
     fit = results.fit
     if fit is None:
         return []
-    lines = [
+    lines: list[tuple[str | Markup, str]] = [
         ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
         ("R²", score(fit.get("r2"))),
         ("case of the cooling", f"({fit.get('case')})"),
     ]
     angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
-    return lines + [(name, f"{fixed(fit.get(name), 1)}°") for name in angles]
+    return lines + [(symbol(name), f"{fixed(fit.get(name), 1)}°") for name in angles]

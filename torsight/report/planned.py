@@ -9,7 +9,7 @@ import numpy as np
 
 from torsight.core.wording import effect_name, number
 from torsight.report.figures import ANGLE, TEMPERATURE, TIME, Figure, column
-from torsight.report.svg import Axis, Plot, stacked
+from torsight.report.panels import Axis, Panel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,23 +27,25 @@ def programme(table: pd.DataFrame) -> Figure | None:
     temps = [column(table, f"temp_{spring}_c") for spring in "ab"]
     angles = [column(table, name) for name in rivals]
     words = [" with ".join(effect_name(one) for one in name.removesuffix("_deg").split("+")) for name in rivals]
-    heat = Plot(Axis.along("", time_s), Axis.around(TEMPERATURE, *temps, ticks=4), "", height=190)
+    above = Axis.along("", time_s, clock="programme")
+    heat = Panel(above, Axis.around(TEMPERATURE, *temps), height=190)
     for temp, spring in zip(temps, "ab", strict=True):
         heat.line(time_s, temp, f"spring-{spring}", label=f"spring {spring.upper()}")
-    motion = Plot(Axis.along("", time_s), Axis.around(ANGLE, *angles, ticks=4), "", height=190)
+    motion = Panel(above, Axis.around(ANGLE, *angles), height=190)
     for place, (angle, name) in enumerate(zip(angles, words, strict=True)):
         motion.line(time_s, angle, f"rival-{min(place, 3)}", label=name)
     panels = [heat, motion]
     if len(angles) > 1:
         apart = [angle - angles[0] for angle in angles[1:]]
         label = f"less {words[0]} (°)"
-        left = Plot(Axis.along(TIME, time_s), Axis.around(label, *apart, ticks=4), "", height=200)
-        left.level(0.0)
+        left = Panel(Axis.along(TIME, time_s, clock="programme"), Axis.around(label, *apart), height=200)
+        left.rule(0.0, "zero", upright=False)
         for place, (difference, name) in enumerate(zip(apart, words[1:], strict=True), start=1):
             left.line(time_s, difference, f"rival-{min(place, 3)}", label=f"{name} less {words[0]}, before any refit")
         panels.append(left)
-    svg = stacked(panels, "The proposed programme and what each explanation predicts under it")
-    return Figure("next_experiment", "The programme, and what each explanation predicts", "", svg, _SOURCE)
+    title = "The programme, and what each explanation predicts"
+    shown = "The proposed programme and what each explanation predicts under it"
+    return Figure("next_experiment", title, "", tuple(panels), shown, _SOURCE)
 
 
 def segments(content: Mapping[str, Any]) -> list[tuple[str, ...]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torsight.core.wording import number
 from torsight.report.figures import CURVES, RESIDUAL, TIME, Figure, column, shade_held_out
-from torsight.report.svg import Axis, Plot
+from torsight.report.panels import Axis, Panel
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,17 +21,14 @@ def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | Non
     time_s, after = column(curves, "time_s"), column(curves, "residual_after_deg")
     if not np.isfinite(after).any() or np.array_equal(after, column(curves, "residual_before_deg"), equal_nan=True):
         return None
-    plot = Plot(
-        Axis.along(TIME, time_s),
-        Axis.around(RESIDUAL, after, [-(floor_deg or 0.0), floor_deg or 0.0]),
-        "What is left after the extension, on its own scale",
-        height=220,
-    )
+    reach = [-(floor_deg or 0.0), floor_deg or 0.0]
+    plot = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, after, reach), height=220)
     shade_held_out(plot, curves)
     plot.line(time_s, after, "after", label="after: extended model")
     if floor_deg:
-        plot.range_y(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°")
-    return Figure("residual_left", "What is left", "The error after, on its own scale.", plot.render(), CURVES)
+        plot.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+    words = "What is left after the extension, on its own scale"
+    return Figure("residual_left", "What is left", "The error after, on its own scale.", (plot,), words, CURVES)
 
 
 LABELS: Final = {
@@ -101,10 +98,9 @@ def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.flo
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     low, high = np.quantile(values[known], [0.001, 0.999])
     inside = known & (values >= low) & (values <= high)
-    plot = Plot(
-        Axis.around(LABELS[variable], values[inside], ticks=6),
+    plot = Panel(
+        Axis.around(LABELS[variable], values[inside]),
         Axis.around(RESIDUAL, before[inside], after[inside]),
-        f"Residual before and after against {LABELS[variable]}",
         width=370,
         height=240,
     )
@@ -126,7 +122,8 @@ def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.flo
                 data[variable] += centre[kept].tolist()
                 data["mean_deg"] += mean[kept].tolist()
     title = f"Against {LABELS[variable].split(' (')[0]}"
-    return Figure(f"residual_{variable}", title, "", plot.render(), data=data)
+    words = f"Residual before and after against {LABELS[variable]}"
+    return Figure(f"residual_{variable}", title, "", (plot,), words, data=data)
 
 
 def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:
@@ -185,17 +182,16 @@ def _by_group(curves: pd.DataFrame, by: str, title: str, words: str, *, width: f
     unseen = [by == "half_cycle" and bool(unseen_rows[g].any() and not unseen_rows.all()) for g in groups]
     if not np.isfinite(levels).any():
         return None
-    svg = pairs_of_bars(title, words, "rms residual (°)", names, levels, unseen=unseen, width=width, height=height)
+    plot = pairs_of_bars(words, "rms residual (°)", names, levels, unseen=unseen, width=width, height=height)
     data: dict[str, list[Any]] = {
         by: names,
         "before_deg": [level[0] for level in levels],
         "after_deg": [level[1] for level in levels],
     }
-    return Figure(f"residual_{by}", title, "", svg, data=data)
+    return Figure(f"residual_{by}", title, "", (plot,), data=data)
 
 
 def pairs_of_bars(
-    title: str,
     words: str,
     label: str,
     names: Sequence[str],
@@ -204,25 +200,24 @@ def pairs_of_bars(
     unseen: Sequence[bool] = (),
     width: float = 860.0,
     height: float = 200.0,
-) -> str:
+) -> Panel:
     """Return a before and an after bar per name; a level that is not finite is left out."""
     top = float(np.nanmax([*np.ravel(levels), 1e-9]))
-    plot = Plot(
+    plot = Panel(
         Axis(words, -0.6, len(names) - 0.4),
-        Axis(label, 0.0, 1.08 * top, ticks=4),
-        title,
+        Axis(label, 0.0, 1.08 * top),
         width=width,
         height=height,
-        x_labels=[(float(place), name) for place, name in enumerate(names)],
+        x_names=[(float(place), name) for place, name in enumerate(names)],
     )
     for place, pair in enumerate(levels):
         if any(unseen[place : place + 1]):
             plot.band(place - 0.48, place + 0.48, "held", label="half-cycle that the fit did not see")
         for offset, level, kind in zip((-0.36, 0.02), pair, ("before", "after"), strict=True):
             if np.isfinite(level):
-                plot.box((place + offset, place + offset + 0.34), (0.0, level), kind, tip=f"{kind} {level:.3g}°")
-                plot.legend(kind, "line", kind)
-    return plot.render()
+                ends = (place + offset, place + offset + 0.34)
+                plot.box(ends, (0.0, level), kind, tip=f"{kind} {level:.3g}°", label=kind)
+    return plot
 
 
 def _rms(values: NDArray[np.float64]) -> float:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,10 +19,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from torsight.report.figures import Figure
+    from torsight.report.interactive import Drawing
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
-_PARTS: Final = 5
-"""Reading, the figures in three groups, and writing, as told to ``progress``."""
+_PARTS: Final = 6
+"""Reading, the figures in four groups, and writing, as told to ``progress``."""
 
 
 def write_report(folder: Path, *, progress: Progress = silent) -> Path:
@@ -35,8 +38,9 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     progress : Progress
         Told which part of the page is drawn.
 
-    Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its numbers stand
-    in no other table.
+    The page draws its plots with zoom and values under the pointer; on paper, and where scripts are off, it shows them
+    as pictures. Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its
+    numbers stand in no other table.
 
     Returns
     -------
@@ -51,47 +55,81 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
         When the page cannot be written.
     """
     from torsight.report.export import write_figures
+    from torsight.report.interactive import drawing
+    from torsight.report.still import still
 
     progress("report", 0, _PARTS)
     results = read_results(folder)
     shown = contents(results, progress=progress)
+    figures = [figure for some in shown["figures"].values() for figure in some]
+    pictures = {figure.name: still(figure.panels) for figure in figures}
     path = folder / "report.html"
-    write_figures(folder, [one for some in shown["figures"].values() for one in some], figure_style())
-    write_text(path, page(shown))
+    write_figures(folder, figures, pictures)
+    drawn = drawing({figure.name: figure.panels for figure in figures}) if figures else None
+    write_text(path, page(shown, pictures=pictures, drawn=drawn))
     progress("report", _PARTS, _PARTS)
     return path
 
 
-def page(shown: Mapping[str, Any]) -> str:
-    """Return the text of the page from what it shows."""
+def page(
+    shown: Mapping[str, Any], *, pictures: Mapping[str, str] = MappingProxyType({}), drawn: Drawing | None = None
+) -> str:
+    """Return the text of the page.
+
+    Parameters
+    ----------
+    shown : mapping
+        What it shows, see :func:`contents`.
+    pictures : mapping of str to str
+        SVG of every figure by its name; without it the page has its words alone.
+    drawn : Drawing, optional
+        The same figures for a browser with scripts.
+    """
     import jinja2
 
     from torsight.report.export import FOLDER, data_link
+    from torsight.report.interactive import library
+    from torsight.report.palette import LIGHT, at_night
+    from torsight.report.still import picture_data
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.globals |= {"data_link": data_link, "figure_folder": FOLDER}
-    return environment.get_template("report.html").render(**shown) + "\n"
+    names = {value: name for name, value in LIGHT.items()}
+    environment.globals |= {"data_link": data_link, "figure_folder": FOLDER, "colour_name": names.__getitem__}
+    scripts = "" if drawn is None else library()
+    text = environment.get_template("report.html").render(
+        **shown,
+        pictures={name: picture_data(svg) for name, svg in pictures.items()},
+        drawn=drawn,
+        at_night=json.dumps(at_night()),
+        bokeh=scripts,
+        draw=(TEMPLATES / "draw.js").read_text(encoding="utf-8"),
+    )
+    return text + "\n"
 
 
-def figure_style() -> str:
-    """Return the style sheet of the figures; it begins with the light colours."""
-    return (TEMPLATES / "figure.css").read_text(encoding="utf-8")
+def page_style() -> str:
+    """Return the style sheet of a page, colours first."""
+    from torsight.report.palette import style_variables
+
+    return style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
     from torsight.report import parameters, sections
     from torsight.report.doubts import doubts
+    from torsight.report.next_steps import next_steps
 
-    return {
-        "style": figure_style() + (TEMPLATES / "report.css").read_text(encoding="utf-8"),
+    shown: dict[str, Any] = {
+        "style": page_style(),
         "name": results.folder.resolve().name,
         "headline": headline(results),
         "lead": sections.lead(results),
         "tiles": sections.tiles(results),
         "facts": sections.facts(results),
+        "next_steps": next_steps(results),
         "missing": sections.missing(results),
         "figures": _figures(results, progress=progress),
         "parameters": parameters.parameter_table(results),
@@ -103,6 +141,26 @@ def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, A
         "origin": sections.origin(results),
         "files": sections.files(results.folder),
     }
+    return shown | {"parts": _parts(shown)}
+
+
+def _parts(shown: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the sections that the page has, by the names of their places, for its list of contents."""
+    figures = shown["figures"]
+    there = {
+        "next": ("What to do next", shown["next_steps"]),
+        "missing": ("What was missing", shown["missing"]),
+        "laws": ("Laws", figures.get("laws")),
+        "experiment": ("Next experiment", shown["missing"].get("next") or figures.get("next")),
+        "residual": ("Residual", figures.get("residual") or figures.get("against")),
+        "parameters": ("Parameters", shown["parameters"]["rows"]),
+        "motion": ("Motion", any(figures.get(name) for name in ("time", "loops", "temperatures"))),
+        "unsure": ("Not sure", shown["unsure"]),
+        "tracking": ("Tracking", figures.get("sigma") or figures.get("markers") or shown["track_picture"]),
+        "clocks": ("Clocks", shown["clocks"]),
+        "origin": ("Origin", shown["origin"] or shown["files"]),
+    }
+    return [(name, words) for name, (words, found) in there.items() if found]
 
 
 def headline(results: RunResults) -> str:
@@ -119,7 +177,7 @@ def headline(results: RunResults) -> str:
 def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
     found: dict[str, list[Figure | None]] = {}
-    for number, part in enumerate((_motion, _measurement, _answer), 1):
+    for number, part in enumerate((_motion, _measurement, _answer, _laws), 1):
         found |= part(results)
         progress("report", number, _PARTS)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
@@ -192,6 +250,16 @@ def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     if results.next_experiment is not None and discovery.get("verdict") == "ambiguous":
         found["next"] = [planned.programme(results.next_experiment)]
     return found
+
+
+def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
+    """Return the measured laws, where there are any."""
+    if not (results.discovery or {}).get("laws"):
+        return {}
+    from torsight.discovery.measured_law import read_laws
+    from torsight.report.laws import law_figure
+
+    return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
 
 
 def drawable(table: pd.DataFrame) -> bool:

@@ -13,6 +13,7 @@ entity                                                    what
 ``residual/before``, ``residual/after``                   measured less plain, measured less extended model, degrees
 ``residual/above``, ``residual/below``                    two sigmas of the measured angle, degrees
 ``temperature/a``, ``temperature/b``                      temperatures of the springs, °C
+``laws/…/reached``, ``laws/…/not_reached``                a measured law over its driver, where there is one
 ``events``                                                occlusions, markers found again, clocks, fit, verdict
 ``summary``                                               the answer in words
 ========================================================= ==========================================================
@@ -35,4 +36,13 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     return write(folder, film=film, progress=progress)
 
 
-__all__ = ["write_recording"]
+def save_pictures(
+    recording: Path | str, out: Path | str, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+) -> list[Path]:
+    """Save a recording's panes as PNG pictures without a screen; see :func:`torsight.viewer.pictures.save_pictures`."""
+    from torsight.viewer.pictures import save_pictures as save
+
+    return save(recording, out, time_s=time_s, size_px=size_px)
+
+
+__all__ = ["save_pictures", "write_recording"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -42,6 +44,9 @@ BAND: Final = {2.0: "residual/above", -2.0: "residual/below"}
 HALF_CYCLE: Final = "angle/half_cycle"
 """Points where a half-cycle begins."""
 
+LAW_COLOURS: Final = {"reached": (86, 180, 233), "not_reached": (110, 118, 130)}
+"""Bars of a law, by whether the record reached that value of its driver."""
+
 HALF_CYCLE_COLOUR: Final = (240, 192, 80)
 
 LIVE_WINDOW_S: Final = 120.0
@@ -51,7 +56,7 @@ LEGEND_SHARE: Final = 0.3
 """Room for the legends to the right of the newest sample, as a share of the span of the curves."""
 
 
-def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
+def blueprint(span_s: tuple[float, float] | None = None, *, laws: Sequence[str] = ()) -> rrb.Blueprint:
     """Return the arrangement of the panes.
 
     Parameters
@@ -59,6 +64,8 @@ def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
     span_s : (float, float), optional
         First and last time of a record that is finished; without it the curves follow the cursor. Both leave room on
         the right, where the legends stand.
+    laws : sequence of str
+        Names of the measured laws; one pane for each, below the curves.
     """
     import rerun.blueprint as rrb
 
@@ -82,7 +89,8 @@ def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
                 curves("Angle (°)", "angle"),
                 curves("Residual: measured − model (°)", "residual"),
                 curves("Temperature (°C)", "temperature"),
-                row_shares=[4, 3, 2],
+                *([_laws(laws)] if laws else []),
+                row_shares=[4, 3, 2, *([3] if laws else [])],
             ),
             column_shares=[4, 6],
         ),
@@ -93,6 +101,20 @@ def blueprint(span_s: tuple[float, float] | None = None) -> rrb.Blueprint:
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _laws(laws: Sequence[str]) -> rrb.Horizontal:
+    """Return one pane for each law, side by side: a pane behind another one cannot be drawn without a screen."""
+    import rerun.blueprint as rrb
+
+    # Its legend would name entities, over the bars; grey ones the record has not reached.
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.Horizontal(*(rrb.BarChartView(origin=law_entity(name), name=name, plot_legend=legend) for name in laws))
+
+
+def law_entity(name: str) -> str:
+    """Return where a law lies in the recording: its name without what a path cannot hold."""
+    return f"laws/{re.sub('[^a-z0-9_]+', '_', name.lower()).strip('_')}"
 
 
 def _view_range(span_s: tuple[float, float] | None) -> rrb.TimeRange:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from torsight.core.errors import OutputError
+from torsight.core.errors import InputError, OutputError
+from torsight.core.storage import atomic_path
 from torsight.viewer.layout import TIME
 from torsight.viewer.program import LOOPBACK, Viewer, free_port
 
@@ -59,6 +61,53 @@ def take_pictures(
         patiently(client.take_screenshot)
         time.sleep(SETTLE_S)
         return pictures_of(client)
+
+
+def save_pictures(
+    recording: Path | str, out: Path | str, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+) -> list[Path]:
+    """Save every pane of a recording, and all of them together, as PNG pictures; no screen is needed.
+
+    Parameters
+    ----------
+    recording : Path or str
+        A ``recording.rrd``, or the folder of a run that holds one; nothing is written there.
+    out : Path or str
+        Folder for the pictures; each has the name of its pane, and ``whole.png`` shows them all.
+    time_s : float, optional
+        Where the cursor stands, s on the film's clock; at the start without it.
+    size_px : (int, int)
+        Width and height of the picture of all panes.
+
+    Returns
+    -------
+    list of Path
+        The pictures, in the order of their names.
+
+    Raises
+    ------
+    InputError
+        When there is no recording.
+    OutputError
+        When the viewer cannot draw here (it needs a Vulkan driver, one in software will do), or a picture cannot be
+        written.
+    """
+    path = Path(recording)
+    path = path / "recording.rrd" if path.is_dir() else path
+    if not path.is_file():
+        raise InputError("no such recording", where=str(path), do="make it with 'torsight run'")
+    made = []
+    for name, content in take_pictures(path, time_s=time_s, size_px=size_px).items():
+        picture = Path(out) / f"{file_name(name)}.png"
+        with atomic_path(picture) as temporary:
+            temporary.write_bytes(content)
+        made.append(picture)
+    return sorted(made)
+
+
+def file_name(pane: str) -> str:
+    """Return a pane's name as that of a file: ``Residual: measured − model (°)`` is ``residual_measured_model``."""
+    return re.sub(r"[^a-z0-9]+", "_", pane.lower()).strip("_")
 
 
 def pictures_of(client: ViewerClient) -> dict[str, bytes]:

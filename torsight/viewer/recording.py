@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,6 +22,7 @@ from torsight.core.results import RunResults, read_results
 from torsight.core.storage import atomic_path
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
+from torsight.core.wording import effect_name, variable_name
 from torsight.viewer import layout
 from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.preview import MOST_FRAMES, Preview, trouble_of, write_preview
@@ -30,6 +31,8 @@ from torsight.viewer.words import half_cycle_begins, run_events, span_s, summary
 if TYPE_CHECKING:
     import pandas as pd
     import rerun as rr
+
+    from torsight.discovery.measured_law import MeasuredLaw
 
 CURVES: Final = {
     "angle/measured": ("curves", "merged", "angle"),
@@ -126,12 +129,14 @@ def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
     results = read_results(folder)
     # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
     stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
-    stream.save(target, default_blueprint=layout.blueprint(span_s(results)))
+    laws = laws_of(results)
+    stream.save(target, default_blueprint=layout.blueprint(span_s(results), laws=list(laws)))
     layout.log_styles(stream)
     log_curves(stream, results)
     log_band(stream, results)
     log_half_cycles(stream, results)
     _log_film(stream, results, preview)
+    log_laws(stream, laws)
     _log_words(stream, results)
     stream.flush()
     stream.disconnect()
@@ -197,6 +202,39 @@ def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
             indexes=[rr.TimeColumn(layout.TIME, duration=time_s[known])],
             columns=rr.Scalars.columns(scalars=side * sigma_deg[known]),
         )
+
+
+def laws_of(results: RunResults) -> dict[str, MeasuredLaw]:
+    """Return the measured laws of a run by the names that they have in the view, strongest first."""
+    if not (results.discovery or {}).get("laws"):
+        return {}
+    from torsight.discovery.measured_law import read_laws
+
+    return {_law_name(law): law for law in read_laws(results.folder, results.discovery or {})}
+
+
+def _law_name(law: MeasuredLaw) -> str:
+    unit = f" ({law.unit})" if law.unit else ""
+    spring = "" if law.spring == "both" else f", spring {law.spring.upper()}"
+    return f"Law: {effect_name(law.port)}{unit} against {variable_name(law.driver)}{spring}"
+
+
+def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> None:
+    """Log every law as bars over its driver; those that the record did not reach are apart."""
+    import rerun as rr
+
+    for name, law in laws.items():
+        known = np.isfinite(law.value) & np.isfinite(law.driver_values)
+        step = float(np.median(np.diff(law.driver_values))) if len(law.driver_values) > 1 else 1.0
+        for part, rows in (("reached", known & law.covered), ("not_reached", known & ~law.covered)):
+            if rows.any():
+                bars = rr.BarChart(
+                    law.value[rows],
+                    abscissa=law.driver_values[rows],
+                    widths=np.full(int(rows.sum()), step),
+                    color=layout.LAW_COLOURS[part],
+                )
+                stream.log(f"{layout.law_entity(name)}/{part}", bars, static=True)
 
 
 def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:

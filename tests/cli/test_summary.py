@@ -1,0 +1,34 @@
+"""The end of a run in plain words: what is not explained comes before what is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from made_up_run import discovery, made_up_law, write_made_up_run
+
+from torsight.cli.summary import summary
+
+AFTER = {"rmse_train_deg": 0.05, "r2_held_out": 0.9999}
+
+
+def lines(folder: Path, left_deg: float) -> list[str]:
+    write_made_up_run(folder, rate_hz=1.0)
+    content = discovery() | {"after": AFTER | {"rmse_held_out_deg": left_deg}, "laws": [made_up_law().to_json()]}
+    (folder / "discovery.json").write_text(json.dumps(content), encoding="utf-8")
+    return summary(folder)
+
+
+@pytest.mark.parametrize(("left_deg", "explained"), [(0.119, True), (0.121, False)])
+def test_more_than_twice_the_floor_of_6_hundredths_is_said_first(
+    tmp_path: Path, left_deg: float, *, explained: bool
+) -> None:
+    found = lines(tmp_path, left_deg)
+    text = "\n".join(found)
+    assert found[0].startswith(
+        "Range of motion" if explained else "Attention         This record is not explained: 0.12°"
+    )
+    assert text.count("not explained") == (not explained)
+    assert "Missing           The model lacks an effect: sensor lag." in found
+    assert f"Law               {made_up_law().sentence}" in found

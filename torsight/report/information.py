@@ -1,0 +1,99 @@
+r"""Which further measurement makes a value more certain, from the covariance of a fit alone.
+
+A fit adds what the record tells to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
+covariance of the fitted values, :math:`S` diagonal with :math:`1/σ^2` of the characterised ones, and :math:`I` the
+record's own information. A record :math:`k` times as long holds :math:`k I`; a value characterised :math:`m` times as
+well has :math:`m^2/σ^2`. So the interval after a measurement that nobody has made follows from numbers that are there,
+with all correlations: for a linear model and noise that does not repeat itself.
+Source: e.g. Pukelsheim, Optimal Design of Experiments (2006), ch. 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TIMES: Final = (2, 3, 4, 6, 8, 16)
+"""Lengths of a further record that are tried, in lengths of this one."""
+SHARPER: Final = (2.0, 3.0, 4.0)
+"""How much better one characterised value may be measured."""
+HALVED: Final = 0.505
+"""An interval that is half as wide, to the digits that are printed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A further measurement, and what it makes of an interval.
+
+    Attributes
+    ----------
+    name : str
+        Value that is characterised better; empty where the record is made longer.
+    factor : float
+        How much better, or how much longer.
+    ratio : float
+        Width of the interval after it, in widths of today's.
+    """
+
+    name: str
+    factor: float
+    ratio: float
+
+
+def best_measures(
+    target: str, names: Sequence[str], covariance: Array, prior_sigma: Sequence[float | None]
+) -> tuple[Measure, Measure | None]:
+    """Return what a longer record and what the best single characterisation do to one value's interval.
+
+    Parameters
+    ----------
+    target : str
+        The value whose interval is to be narrower, one of ``names``.
+    names : sequence of str
+        The fitted values.
+    covariance : (m, m) float64
+        Of the fitted values.
+    prior_sigma : sequence of float or None
+        Standard deviation of each characterised value, None where there was none.
+
+    Returns
+    -------
+    (Measure, Measure or None)
+        The shortest record, and the least demanding characterisation, that halve the interval; where none of those
+        tried does, the one that narrows it most. None where nothing was characterised with an uncertainty.
+    """
+    place = list(names).index(target)
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0.0, size, 1.0)
+    prior = np.array([0.0 if sigma is None else (s / sigma) ** 2 for sigma, s in zip(prior_sigma, size, strict=True)])
+    own = _record_information(covariance / np.outer(size, size), prior)
+
+    def ratio(times: float, known: Array) -> float:
+        now, then = (
+            np.linalg.pinv(information) for information in (own + np.diag(prior), times * own + np.diag(known))
+        )
+        return float(np.sqrt(then[place, place] / now[place, place]))
+
+    longer = _first([Measure("", float(times), ratio(times, prior)) for times in TIMES])
+    tried = []
+    for other in np.flatnonzero(prior).tolist():
+        steps = [np.where(np.arange(len(prior)) == other, prior * m**2, prior) for m in SHARPER]
+        tried.append(_first([Measure(names[other], m, ratio(1.0, s)) for m, s in zip(SHARPER, steps, strict=True)]))
+    return longer, min(tried, key=lambda one: (max(one.ratio, HALVED), one.factor, one.ratio), default=None)
+
+
+def _first(measures: Sequence[Measure]) -> Measure:
+    """Return the least measure that halves the interval, or the one that narrows it most."""
+    return next((one for one in measures if one.ratio <= HALVED), measures[-1])
+
+
+def _record_information(correlation: Array, prior: Array) -> Array:
+    """Return the record's own information; a direction that the priors already explain has none."""
+    values, axes = np.linalg.eigh(np.linalg.pinv(correlation) - np.diag(prior))
+    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
