@@ -68,7 +68,7 @@ def _stick(first: Frame, hints: MarkerHints, stick: int) -> Stick:
     if kind == "tag" and number is not None:
         return TagStick(hints.family, number)
     if kind == "dot":
-        return DotStick(given_dots(first, hints, sticks=(stick,)))
+        return DotStick(given_dots(first, hints, sticks=(stick,)), still=stick == 0)
     return _texture_stick(first, hints, stick)
 
 

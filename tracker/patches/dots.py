@@ -14,6 +14,7 @@ from tracker.linear import Reading
 from tracker.marker import Marker, Point
 from tracker.pair import Pair
 from tracker.recover import Found, Region
+from tracker.rules import TURN_RAD
 from tracker.sight import Sight, between
 from tracker.smear import Shutter
 
@@ -34,10 +35,13 @@ class DotStick:
     ----------
     markers : two Marker
         Inner and outer one.
+    still : bool
+        True for the base, whose direction does not change.
     """
 
-    def __init__(self, markers: list[Marker]) -> None:
+    def __init__(self, markers: list[Marker], *, still: bool) -> None:
         self.markers = markers
+        self._still = still
         self.pair = Pair(markers, 0)
         self.shutter = Shutter()
         self.axis = Axis()
@@ -118,7 +122,7 @@ class DotStick:
             region = Region(0.5 * width, 0.5 * height, 0.5 * max(height, width))
         else:
             region = Region(0.5 * (ax + bx), 0.5 * (ay + by), 1.5 * self.pair.length_px + 40.0)
-        found = [one for one in self.pair.look_for(sight.luma, region) if self._on_circles(one)]
+        found = [one for one in self.pair.look_for(sight.luma, region) if self._may_be(one)]
         found.sort(key=lambda one: between(one.direction_rad, self.pair.direction_rad))
         opposite = len(found) == 2 and between(found[0].direction_rad, found[1].direction_rad) > _OPPOSITE_RAD
         # After a longer loss nothing tells which of two opposite ways is meant, unless the arms differ.
@@ -130,10 +134,13 @@ class DotStick:
         """Return the axis where the stick has turned enough to tell it."""
         return self.axis.centre if np.count_nonzero(self.axis.seen) >= _ARC else None
 
-    def _on_circles(self, found: Found) -> bool:
+    def _may_be(self, found: Found) -> bool:
+        """Return whether two dots may be this stick, and not this stick the other way round."""
+        if self._still:
+            return between(found.direction_rad, self.pair.start_rad) < TURN_RAD
         centre = self._centre()
         if centre is None:
-            return True
+            return between(found.direction_rad, self.pair.direction_rad) < 0.5 * math.pi
         for dot, outer in ((found.inner, False), (found.outer, True)):
             arm = self.axis.arm(outer=outer)
             away = math.dist(centre, (dot.x_px, dot.y_px))
