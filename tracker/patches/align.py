@@ -266,9 +266,10 @@ class Patch:
     def _fit(self, seen: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
         values, root = seen.ravel()[self._index], np.sqrt(weight)
         left = root * (values - self._basis @ found)
-        used = self._basis[:, :3] * root[:, None]
-        plain = root * values
-        plain = plain - used @ np.linalg.lstsq(used, plain, rcond=None)[0]
+        plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
+        if inverse is not self._inverse:
+            used = self._basis[:, :3] * root[:, None]
+            plain = root * values - used @ np.linalg.lstsq(used, root * values, rcond=None)[0]
         gain, total = float(found[3]), float(weight.sum())
         variance = max(float(left @ left) / max(total - len(found), 1.0), _ROUNDED)
         return Fit(
