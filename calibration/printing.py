@@ -29,7 +29,7 @@ PAGES_MM: Final = {
 }
 """Width and height of a page on its long side."""
 
-_MARGIN_MM: Final = 8.0
+MARGIN_MM: Final = 8.0
 _FOOT_MM: Final = 10.0
 _BAR_MM: Final = 100.0
 _TEXT_MM: Final = 3.2
@@ -74,7 +74,7 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
     """
     width_mm, height_mm = PAGES_MM[page]
     across, down = (count * board.square_mm for count in board.squares)
-    room = width_mm - 2.0 * _MARGIN_MM, height_mm - 2.0 * _MARGIN_MM - _FOOT_MM
+    room = width_mm - 2.0 * MARGIN_MM, height_mm - 2.0 * MARGIN_MM - _FOOT_MM
     if across > room[0] or down > room[1]:
         largest = min(room[0] / board.squares[0], room[1] / board.squares[1])
         raise ConfigError(
@@ -85,18 +85,17 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
             do="take a larger --page, smaller or fewer squares",
         )
     left, top = 0.5 * (width_mm - across), 0.5 * (height_mm - _FOOT_MM - down)
-    foot = height_mm - _MARGIN_MM
-    bar = min(_BAR_MM, np.floor(room[0] / 10.0) * 10.0)
-    bar_left = width_mm - _MARGIN_MM - bar
+    foot = height_mm - MARGIN_MM
+    bar, words = check_bar(page)
     return Drawing(
         page_mm=(width_mm, height_mm),
         rectangles=(
             *(Rectangle(left + item.x_mm, top + item.y_mm, item.width_mm, item.height_mm) for item in _pattern(board)),
-            Rectangle(bar_left, foot - 1.0, bar, 1.0),
+            bar,
         ),
         texts=(
-            Text(_MARGIN_MM, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"),
-            Text(bar_left, foot - 2.0, f"{bar:g} mm: measure it on the print"),
+            Text(MARGIN_MM, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"),
+            words,
         ),
     )
 
@@ -117,27 +116,37 @@ def _pattern(board: Board) -> list[Rectangle]:
 
 
 def _marker(board: Board, number: int, x_mm: float, y_mm: float) -> list[Rectangle]:
-    """Return one marker in its white square, runs of black modules joined per row."""
+    """Return one marker in its white square."""
+    border = 0.5 * (board.square_mm - board.marker_mm)
+    return draw_tag(board.dictionary, number, x_mm + border, y_mm + border, side_mm=board.marker_mm)
+
+
+def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:
+    """Return a tag whose black square has its top left corner at a place; runs of black modules are joined per row."""
     import cv2
 
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary_name))
     modules = dictionary.markerSize + 2
     bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) == 0
-    module = board.marker_mm / modules
-    border = 0.5 * (board.square_mm - board.marker_mm)
+    module = side_mm / modules
     shapes = []
     for row, cells in enumerate(bits):
         edges = np.flatnonzero(np.diff(np.concatenate(([False], cells, [False]))))
         for start, end in edges.reshape(-1, 2):
-            shapes.append(
-                Rectangle(
-                    x_mm + border + start * module,
-                    y_mm + border + row * module,
-                    float(end - start) * module,
-                    module,
-                )
-            )
+            shapes.append(Rectangle(x_mm + start * module, y_mm + row * module, float(end - start) * module, module))
     return shapes
+
+
+def check_bar(page: str) -> tuple[Rectangle, Text]:
+    """Return a bar of 100 mm in the lower right corner of a page, to check the printer's scale, and what is said to it.
+
+    On a page that is too narrow the bar is shorter, and says so.
+    """
+    width_mm, height_mm = PAGES_MM[page]
+    foot = height_mm - MARGIN_MM
+    bar = min(_BAR_MM, float(np.floor((width_mm - 2.0 * MARGIN_MM) / 10.0) * 10.0))
+    left = width_mm - MARGIN_MM - bar
+    return Rectangle(left, foot - 1.0, bar, 1.0), Text(left, foot - 2.0, f"{bar:g} mm: measure it on the print")
 
 
 def svg_text(drawing: Drawing) -> str:
@@ -243,7 +252,7 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
 def usual_board(kind: str, *, page: str = "a4") -> Board:
     """Return a board that fills a page well: 9 × 6 inner corners, or ChArUco of 10 × 7 squares."""
     width_mm, height_mm = PAGES_MM[page]
-    room = min((width_mm - 2.0 * _MARGIN_MM) / 10.0, (height_mm - 2.0 * _MARGIN_MM - _FOOT_MM) / 7.0)
+    room = min((width_mm - 2.0 * MARGIN_MM) / 10.0, (height_mm - 2.0 * MARGIN_MM - _FOOT_MM) / 7.0)
     square_mm = float(np.floor(room))
     if kind == "chessboard":
         return Board("chessboard", columns=9, rows=6, square_mm=square_mm)

@@ -47,7 +47,7 @@ def account(
     content["advice"] += advice(
         content,
         length_px=markers["stick_length_px"],
-        radius_px=markers["radius_px"],
+        radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
         events=events,
         gaps=gap_advice(content["frames"], result, angles),
     )
@@ -129,11 +129,14 @@ def advice(
     account: Mapping[str, Any],
     *,
     length_px: float,
-    radius_px: float,
+    radius_px: float | None,
     events: list[dict[str, Any]],
     gaps: Sequence[str] = (),
 ) -> list[str]:
-    """Return what would make the next film better, the most important first; ``gaps`` is of frames without an angle."""
+    """Return what would make the next film better, the most important first.
+
+    ``gaps`` is of frames without an angle; ``radius_px`` is None where not all markers are dots.
+    """
     words: list[str] = []
     compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
@@ -143,15 +146,15 @@ def advice(
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless FFV1."
         )
     words += gaps
-    if radius_px < _SMALL_PX:
+    if radius_px is not None and radius_px < _SMALL_PX:
         words.append(f"The dots are small (radius {radius_px:.1f} px): dots of 6 px and more halve the error.")
-    if length_px < _SHORT_PX:
+    if radius_px is not None and length_px < _SHORT_PX:
         words.append(
             f"The markers of a stick are only {length_px:.0f} px apart: the angle's error falls as their distance "
             "grows, so come closer or put the dots further apart."
         )
     contrast = noise["marker_contrast_grey"]
-    if contrast is not None and contrast < _FAINT:
+    if radius_px is not None and contrast is not None and contrast < _FAINT:
         words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
     kinds = {event["kind"] for event in events}
     if "bump" in kinds:

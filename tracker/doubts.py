@@ -30,7 +30,9 @@ def doubts(result: TrackResult) -> list[str]:
     given = bool(result.report["markers"]["given"])
     found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
     # Circles of a stick that rests tell nothing of the axis.
-    found = found or _exchanged_markers(result.tracks, given=given)
+    if result.report["markers"]["kind"] in {"dot", "texture"}:
+        # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
+        found = found or _exchanged_markers(result.tracks, given=given)
     return found + _file_faults(result)
 
 

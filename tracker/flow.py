@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.linear import STILL, View
-from tracker.template import Template
+from tracker.template import DotTemplate
 
 _REACH_PX: Final = 8
 """How far a marker may lie from its predicted position to be found by the flow alone."""
-_TURN_RAD: Final = 0.03
 _SMEAR_PX: Final = 2.0
 """Changes of a template's look that matter to the flow, which only has to lead close."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02)
@@ -29,7 +28,7 @@ class TileFlow:
     on does not matter.
     """
 
-    def __init__(self, templates: Sequence[Template], lights: Sequence[float]) -> None:
+    def __init__(self, templates: Sequence[DotTemplate], lights: Sequence[float]) -> None:
         self._templates = tuple(templates)
         window = math.ceil(max(template.window_px for template in templates))
         self._half = window + _REACH_PX + 1
@@ -50,9 +49,8 @@ class TileFlow:
     def expect(self, index: int, *, light: float, view: View) -> None:
         """Render a marker's template anew where its light or view has changed enough to matter."""
         old, seen = self._lights[index], self._views[index]
-        turned = self._templates[index].turns and abs(view.turn_rad - seen.turn_rad) > _TURN_RAD
         smeared = abs(view.smear_x_px - seen.smear_x_px) + abs(view.smear_y_px - seen.smear_y_px) > _SMEAR_PX
-        if abs(light - old) < 0.15 * old and not turned and not smeared:
+        if abs(light - old) < 0.15 * old and not smeared:
             return
         self._render(index, light, view)
 

@@ -22,11 +22,10 @@ from tracker.moving import UNSEEN_PX, MovingStick, near_dot
 from tracker.pair import Pair
 from tracker.recover import Region, places_like
 from tracker.rules import DARK, NEAR, SHARP_PX, SPARSE
-from tracker.sight import Sight, between, direction, make_row
+from tracker.sight import Sight, between, make_row
 from tracker.smear import Shutter
 from tracker.source import Frame
 from tracker.sticks import crossing_point
-from tracker.template import DotTemplate
 from tracker.usual import UsualFrames
 
 _MOVED_RAD: Final = math.radians(1.0)
@@ -108,14 +107,10 @@ class Follower:
 
     def _read(self, sight: Sight, which: Sequence[int]) -> None:
         """Find some markers from their predicted positions, read them, and judge each by itself."""
-        for pair in self.pairs:
-            i, j = pair.indices
-            turn = direction(sight.predicted[i], sight.predicted[j]) - pair.start_rad
-            for index in pair.indices:
-                marker = self.markers[index]
-                smear = self.shutter.smear(self._step_of(index, sight))
-                marker.view = marker.view._replace(turn_rad=turn, smear_x_px=smear[0], smear_y_px=smear[1])
-                self.flow.expect(index, light=marker.gauge.light, view=marker.view)
+        for index, marker in enumerate(self.markers):
+            smear = self.shutter.smear(self._step_of(index, sight))
+            marker.view = marker.view._replace(smear_x_px=smear[0], smear_y_px=smear[1])
+            self.flow.expect(index, light=marker.gauge.light, view=marker.view)
         found = self.flow.find(sight.luma, sight.predicted)
         for index in which:
             marker, (px, py), (x, y) = self.markers[index], sight.predicted[index], found[index]
@@ -134,14 +129,13 @@ class Follower:
     def _read_nearby(self, sight: Sight, index: int) -> None:
         """Look for a marker next to where it was expected, after the flow has led astray: the picture has jumped."""
         marker, (px, py) = self.markers[index], sight.predicted[index]
-        template = marker.template
-        if not sight.reasons[index] or marker.lost > _NEARBY or not isinstance(template, DotTemplate):
+        if not sight.reasons[index] or marker.lost > _NEARBY:
             return
         reach = self.flow.reach_px + 2.0 * marker.radius_px
         places = places_like(
             sight.luma,
             radius_px=marker.radius_px,
-            light_dot=template.shape.contrast > 0,
+            light_dot=marker.template.shape.contrast > 0,
             region=Region(px, py, reach + marker.radius_px),
         )
         slack = self.shutter.slack(self._step_of(index, sight))
@@ -296,13 +290,20 @@ class Follower:
         centre = crossing_point(*self.base.ends, *self.moving.ends)
         if centre is not None:
             self.moving.axis.suppose(centre)
-        if all(isinstance(marker.template, DotTemplate) for marker in self.markers):
-            self.usual = UsualFrames(self, self.base, self.moving)
+        self.usual = UsualFrames(self, self.base, self.moving)
 
     def settle(self) -> None:
         """Bring all that the compiled way has learned back into the markers and sticks."""
         if self.usual is not None:
             self.usual.give_back()
+
+    def report(self) -> dict[str, float]:
+        """Return sizes for ``track.json``: of dots and sticks, and the shutter."""
+        return {
+            "radius_px": float(np.median([marker.radius_px for marker in self.markers])),
+            "stick_length_px": float(np.median([pair.length_px for pair in self.pairs])),
+            "shutter_share_of_frame": self.shutter.share,
+        }
 
     def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""

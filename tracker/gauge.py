@@ -10,11 +10,6 @@ from tracker.linear import Reading
 from tracker.rules import ALWAYS, GAUGE_RATE, LEAST_STEP, LIGHT_RATE, NEVER
 
 _START_SPREAD: Final = 0.15
-_NEVER: Final = {"dot": NEVER, "texture": 0.9}
-"""A residual above this share of the step is not of the marker."""
-_ALWAYS: Final = {"dot": ALWAYS, "texture": 0.5}
-"""A residual below this share of the step hides nothing. Texture changes its shading as it turns under the light: half
-of its spread left over is a correlation of 0.9."""
 
 
 @dataclass(slots=True)
@@ -30,10 +25,9 @@ class Gauge:
     residual_spread: float
     patch: float
     patch_spread: float
-    kind: str = "dot"
 
     @classmethod
-    def start(cls, reading: Reading, *, kind: str = "dot") -> Gauge:
+    def start(cls, reading: Reading) -> Gauge:
         """Begin with the first reading, which is known to be of the marker."""
         return cls(
             light=reading.light,
@@ -42,7 +36,6 @@ class Gauge:
             residual_spread=_START_SPREAD,
             patch=_share(reading.patch, reading.step),
             patch_spread=2.0 * _START_SPREAD,
-            kind=kind,
         )
 
     def judge(self, reading: Reading | None, *, slack: float = 0.0) -> str:
@@ -58,13 +51,12 @@ class Gauge:
             return "hidden"
         if not 0.45 < reading.contrast < 1.8 or step < 0.2 * self.step:
             return "hidden"
-        always = _ALWAYS[self.kind]
         share, patch = reading.residual / step, reading.patch / step
-        if share > _NEVER[self.kind]:
+        if share > NEVER:
             return "hidden"
         limit = math.exp(self.residual + max(5.0 * self.residual_spread, 0.35)) + slack
         patch_limit = math.exp(self.patch + max(5.0 * self.patch_spread, 0.7)) + slack
-        if share > max(limit, always) or patch > max(patch_limit, always):
+        if share > max(limit, ALWAYS) or patch > max(patch_limit, ALWAYS):
             return "hidden"
         return ""
 
@@ -86,16 +78,12 @@ class Gauge:
 
     def to_state(self) -> list[Any]:
         """Return what :meth:`from_state` restores exactly."""
-        return [
-            self.light, self.step, self.residual, self.residual_spread, self.patch, self.patch_spread,
-            self.kind,
-        ]  # fmt: skip
+        return [self.light, self.step, self.residual, self.residual_spread, self.patch, self.patch_spread]
 
     @classmethod
     def from_state(cls, state: list[Any]) -> Gauge:
         """Restore a gauge."""
-        light, step, residual, residual_spread, patch, patch_spread = (float(value) for value in state[:6])
-        return cls(light, step, residual, residual_spread, patch, patch_spread, kind=str(state[6]))
+        return cls(*(float(value) for value in state))
 
 
 def _share(value: float, step: float) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tracker.gauge import Gauge
 from tracker.linear import SAME, STILL, Change, Reading, View
 from tracker.rules import KEPT, RATE, STALE
-from tracker.template import Template
+from tracker.template import DotTemplate
 
 Point = tuple[float, float]
 
@@ -39,7 +39,7 @@ class Marker:
         How its shape differs from the template's, averaged over frames.
     """
 
-    template: Template
+    template: DotTemplate
     gauge: Gauge
     radius_px: float
     x_px: float

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tracker.marker import Marker, Point
 from tracker.recover import Found, Region, pairs_at_distance, places_like
 from tracker.sight import Sight, direction
-from tracker.template import DotTemplate
 
 
 class Pair:
@@ -84,10 +83,8 @@ class Pair:
 
     def look_for(self, luma: NDArray[np.uint8], region: Region) -> list[Found]:
         """Return every pair of dots in a region that could be this stick."""
-        template = self.inner.template
-        if not isinstance(template, DotTemplate):
-            return []
-        places = places_like(luma, radius_px=self.inner.radius_px, light_dot=template.shape.contrast > 0, region=region)
+        light_dot = self.inner.template.shape.contrast > 0
+        places = places_like(luma, radius_px=self.inner.radius_px, light_dot=light_dot, region=region)
         return pairs_at_distance(
             luma,
             places,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from tracker.marker import Marker, Point
 from tracker.rules import SHARP_PX, SLACK_KNOWN, SLACK_UNKNOWN
-from tracker.template import DotTemplate
 
 _SHARES: Final = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05)
 """Shares of the frame interval that are tried."""
@@ -66,8 +65,6 @@ class Shutter:
 
     def look(self, marker: Marker, luma: NDArray[np.uint8], place: Point, step: Point) -> None:
         """Compare how well smears of several lengths fit a fast marker's picture."""
-        if not isinstance(marker.template, DotTemplate):
-            return
         misfits = marker.template.misfits(luma, *place, path=step, shares=_TRIED)
         if misfits is None:
             return

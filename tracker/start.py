@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,16 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from tracker.detect import HUGE_PX, Dot, dot_near, find_dots, find_large_dots
+from tracker.follow import Follower
 from tracker.gauge import Gauge
 from tracker.hints import MarkerHints
 from tracker.marker import Marker
 from tracker.source import Frame, FrameSource
 from tracker.sticks import Stick, choose_sticks, clearness, half_width
 from tracker.template import DotTemplate
-from tracker.texture import TextureTemplate
+
+if TYPE_CHECKING:
+    from tracker.patches.follow import StickFollower
 
 _CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
@@ -28,12 +31,10 @@ _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
 _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
-_LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
+LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
 """Frames in which markers are looked for until they are seen."""
 SNAP_PX: Final = 12.0
 """A given position is of the dot whose centre is this near, or under it."""
-_TEXTURE_PX: Final = 15.0
-"""Radius of the window of a point without a dot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,22 +44,46 @@ class Start:
     Attributes
     ----------
     markers : list of Marker
-        Two of one stick, two of the other.
+        Two of one stick, two of the other; none where a stick has no dots.
     frame : int
         Frame in which they were found.
     moving : int or None
         Which stick moves; None where motion has yet to tell.
-    kind : str
-        ``"dot"`` or ``"texture"``.
+    kinds : (str, str)
+        Of both sticks, see :class:`tracker.hints.MarkerHints`.
     doubtful : bool
         True where the markers are so faint that only their motion can tell them from background.
+    first : Frame or None
+        The first frame, for sticks without dots.
+    hints : MarkerHints or None
+        What was told of the markers.
     """
 
     markers: list[Marker]
     frame: int
     moving: int | None
-    kind: str
+    kinds: tuple[str, str] = ("dot", "dot")
     doubtful: bool = False
+    first: Frame | None = None
+    hints: MarkerHints | None = None
+
+    @property
+    def kind(self) -> str:
+        """The kind of both sticks, or both kinds in words."""
+        return "dot" if self.hints is None else self.hints.kind
+
+    def follower(self, *, motion_tells: bool = False) -> Follower | StickFollower:
+        """Return what follows the markers from here.
+
+        ``motion_tells``: leave open which stick moves even where it was told.
+        """
+        moving = None if motion_tells else self.moving
+        if self.hints is None or self.kinds == ("dot", "dot"):
+            return Follower(self.markers, moving=moving)
+        from tracker.patches.begin import sticks_of
+        from tracker.patches.follow import StickFollower
+
+        return StickFollower(sticks_of(self.first, self.hints), moving=moving)
 
 
 def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
@@ -75,16 +100,23 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
     """
     if hints is not None:
         hints.check_inside(source.size_px)
-        return _given(source, hints)
+        if hints.kinds == ("dot", "dot"):
+            return _given(source, hints)
+        return _other_kinds(source, hints, progress)
+    return _found_by_itself(source, progress)
+
+
+def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
+    """Return the four dots that stand out in one of the first frames."""
     best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
     count = 0
     for frame in _decoded(source):
         count += 1
-        if frame.index > _LOOKED_AT[-1]:
+        if frame.index > LOOKED_AT[-1]:
             break
-        if frame.index not in _LOOKED_AT or frame.luma is None:
+        if frame.index not in LOOKED_AT or frame.luma is None:
             continue
-        progress("looking for the markers", frame.index, _LOOKED_AT[-1])
+        progress("looking for the markers", frame.index, LOOKED_AT[-1])
         found = sticks_in(frame.luma)
         if found is None:
             continue
@@ -93,20 +125,20 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
             best = (score, frame.index, frame.luma.copy(), found)
         if score > _CLEAR:
             break
-    progress("looking for the markers", _LOOKED_AT[-1], _LOOKED_AT[-1])
+    progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if best is None:
         if count == 0:
             raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
-            where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, _LOOKED_AT[-1])}",
+            where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, LOOKED_AT[-1])}",
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
             "of one stick no more than 3 times as large as those of the other",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
     score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in _on_stick(luma, stick)]
-    return Start(markers, index, None, "dot", doubtful=score <= _CLEAR)
+    return Start(markers, index, None, doubtful=score <= _CLEAR)
 
 
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
@@ -149,13 +181,35 @@ def first_frame(source: FrameSource) -> Frame:
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:
     frame = first_frame(source)
+    return Start(given_dots(frame, hints, sticks=(0, 1)), frame.index, 1, hints=hints)
+
+
+def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:
+    """Return the start of sticks of which at least one has no dots, after a look at whether they are there."""
+    from tracker.patches.begin import look_for_tags, sticks_of
+
+    first = first_frame(source)
+    assert first.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    # The frame's picture is only lent.
+    first = replace(first, luma=first.luma.copy())
+    sticks_of(first, hints)
+    if "tag" in hints.kinds:
+        look_for_tags((frame for frame in _decoded(source)), hints, name=source.name, progress=progress)
+    return Start([], first.index, 1, hints.kinds, first=first, hints=hints)
+
+
+def given_dots(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
+    """Return the markers, two of each stick, next to the positions that were given.
+
+    Raises
+    ------
+    NoResultError
+        When there is no dot at a position, or two positions are of one dot.
+    """
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
-    markers: list[Marker] = []
-    dots: list[Dot] = []
-    for name, (x, y) in zip(MARKERS, hints.position_px.tolist(), strict=True):
-        if hints.kind == "texture":
-            markers.append(_texture_marker(frame.luma, x, y, name=name, hints=hints))
-            continue
+    dots: dict[str, Dot] = {}
+    for index in (2 * stick + end for stick in sticks for end in (0, 1)):
+        name, (x, y) = MARKERS[index], hints.position_px[index].tolist()
         dot = dot_near(frame.luma, x, y, reach_px=SNAP_PX)
         if dot is None:
             raise NoResultError(
@@ -165,7 +219,7 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
                 limit=f"a dot of 3 to {HUGE_PX:g} px radius within {SNAP_PX:g} px, in frame {frame.index}",
                 do='mend the position, or set kind = "texture" for a point without a dot',
             )
-        for other, before in zip(MARKERS, dots, strict=False):
+        for other, before in dots.items():
             if math.hypot(before.x_px - dot.x_px, before.y_px - dot.y_px) < 0.5 * dot.radius_px:
                 raise NoResultError(
                     f"is next to the same dot as {other}",
@@ -173,10 +227,10 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
                     value=f"[{x:g}, {y:g}]",
                     do="give one position on each dot",
                 )
-        dots.append(dot)
-    for first in range(0, len(dots), 2):
-        markers += _on_stick(frame.luma, Stick(dots[first], dots[first + 1], 0.0))
-    return Start(markers, frame.index, 1, hints.kind)
+        dots[name] = dot
+    found = list(dots.values())
+    pairs = zip(found[::2], found[1::2], strict=True)
+    return [marker for one, two in pairs for marker in _on_stick(frame.luma, Stick(one, two, 0.0))]
 
 
 def _decoded(source: FrameSource) -> Iterator[Frame]:
@@ -198,25 +252,3 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
             do="keep the sticks inside the picture",
         )
     return Marker(template, Gauge.start(reading), dot.radius_px, reading.x_px, reading.y_px)
-
-
-def _texture_marker(luma: NDArray[np.uint8], x: float, y: float, *, name: str, hints: MarkerHints) -> Marker:
-    height, width = luma.shape
-    room = min(x, y, width - 1 - x, height - 1 - y) - 2.0
-    window = min(_TEXTURE_PX, room)
-    where = f"{hints.where}, {name.replace('_', ', ')} marker"
-    if window < 6.0:
-        raise NoResultError(
-            "lies too close to the border of the picture", where=where, value=f"[{x:g}, {y:g}]", limit="8 px of room"
-        )
-    template = TextureTemplate(luma, x, y, window_px=window)
-    reading = template.read(luma, x, y)
-    if reading is None or template.spread < 2.0:
-        raise NoResultError(
-            "has no texture around it that could be followed",
-            where=where,
-            value=f"spread of {template.spread:.1f} grey levels",
-            limit="2 grey levels or more within 15 px",
-            do="choose a point with clear structure",
-        )
-    return Marker(template, Gauge.start(reading, kind="texture"), 0.5 * window, reading.x_px, reading.y_px)

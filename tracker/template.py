@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,28 +20,6 @@ from tracker.rules import CHANGE_PX, MOST_STRETCH
 Floats = NDArray[np.float64]
 
 
-class Template(Protocol):
-    """How one marker looks."""
-
-    window_px: float
-    turns: bool
-
-    def tile(self, half: int, *, light: float, view: View) -> NDArray[np.uint8]:
-        """Return the marker's picture, centred in a square of side 2 · half + 1."""
-
-    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, view: View = STILL) -> Reading | None:
-        """Read the marker near a position; None where the window leaves the picture."""
-
-    def reshape(self, change: Change) -> bool:
-        """Follow a change of the shape; return whether it was taken."""
-
-    def to_state(self) -> list[float]:
-        """Return what :meth:`restore` needs to look the same again."""
-
-    def restore(self, state: list[float]) -> None:
-        """Go back to a noted state."""
-
-
 class DotTemplate:
     """A round dot, rendered from its fitted shape; see :mod:`tracker.compiled` for how it is read."""
 
@@ -50,7 +27,6 @@ class DotTemplate:
         self.first = shape
         self.strip_px = strip_px
         self.window_px = shape.window_px
-        self.turns = False
         self.pixels = window_pixels(shape.window_px)
         self.packed = np.empty(7)
         self.models = np.empty((PHASES * PHASES, 2 * COLUMNS + 4, self.pixels.shape[1]))
@@ -78,7 +54,7 @@ class DotTemplate:
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float, *, view: View = STILL) -> Reading | None:
         """Read the dot near a position; None where the window leaves the picture."""
         out = np.empty(FIELDS)
-        seen = np.array(view[1:])
+        seen = np.array(view)
         inside = read_dot(luma, x_px, y_px, self.pixels, self.packed, self.models, self.extras, seen, out)
         return reading_of(out) if inside else None
 

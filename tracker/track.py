@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,14 @@ from torsight.core.tracks import MarkerTracks
 from tracker.checkpoint import RowStore, source_key
 from tracker.covered import cover_base
 from tracker.detect import HUGE_PX
-from tracker.follow import Follower
-from tracker.hints import MarkerHints
-from tracker.pair import Pair
+from tracker.hints import STICKS, MarkerHints
 from tracker.rows import CODE, ROW
 from tracker.source import FrameSource
 from tracker.start import Start, find_start
+
+if TYPE_CHECKING:
+    from tracker.follow import Follower
+    from tracker.patches.follow import StickFollower
 
 _REPORT_EVERY = 100
 _DOUBTFUL_RAD = math.radians(3.0)
@@ -81,7 +83,7 @@ def track_film(
     source : FrameSource
         See :func:`tracker.source.open_source`.
     markers : MarkerHints, optional
-        Positions in the first frame; found without help otherwise.
+        What the markers are and where, see :func:`tracker.hints.read_markers`; found without help otherwise.
     out : str or Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
@@ -99,7 +101,7 @@ def track_film(
     """
     out = None if out is None else Path(out)
     start = find_start(source, markers, progress=progress)
-    follower = Follower(start.markers, moving=start.moving)
+    follower = start.follower()
     store = RowStore(out, key=_key(source, markers) if out else "")
     state = store.resume() if resume else None
     if state is None:
@@ -122,7 +124,9 @@ def track_film(
 
 
 def _key(source: FrameSource, markers: MarkerHints | None) -> str:
-    given = None if markers is None else [markers.position_px.tolist(), markers.kind]
+    given = None
+    if markers is not None:
+        given = [markers.position_px.tolist(), markers.kinds, markers.family, markers.ids]
     return source_key(source.files(), settings={"markers": given, "source": source.describe()})
 
 
@@ -134,10 +138,10 @@ def _unseen(time_s: float) -> NDArray[np.void]:
     return row
 
 
-def _moves(table: NDArray[np.void], moving: Pair) -> bool:
+def _moves(table: NDArray[np.void], indices: tuple[int, int]) -> bool:
     """Return whether a stick's direction goes to and fro by more than faint dots of the background seem to."""
-    inner, outer = (table["position_px"][:, index] for index in moving.indices)
-    seen = (table["state"][:, list(moving.indices)] == CODE["seen"]).all(axis=1)
+    inner, outer = (table["position_px"][:, index] for index in indices)
+    seen = (table["state"][:, list(indices)] == CODE["seen"]).all(axis=1)
     offset = (outer - inner)[seen]
     if not len(offset):
         return False
@@ -155,8 +159,11 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
     return f"dots of {radii[0]:.0f} to {radii[-1]:.0f} px radius{contrast} were followed, last at {places}"
 
 
-def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
-    if follower.moving is None or follower.base is None or (start.doubtful and not _moves(table, follower.moving)):
+def _result(
+    table: NDArray[np.void], start: Start, follower: Follower | StickFollower, source: FrameSource
+) -> TrackResult:
+    moving, base = follower.moving, follower.base
+    if moving is None or base is None or (start.doubtful and not _moves(table, moving.indices)):
         raise NoResultError(
             "no stick moves, so the moving one cannot be told from the base",
             where=source.name,
@@ -165,12 +172,12 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             do="film a motion if these four dots are the markers; if they are not, pick the markers with 'torsight "
             "markers' and name its file with --markers",
         )
-    order = [*follower.base.indices, *follower.moving.indices]
+    order = [*base.indices, *moving.indices]
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
-    radius_px = float(np.median([marker.radius_px for marker in follower.markers]))
-    cover_base(rows, radius_px=radius_px)
+    sizes = follower.report()
+    cover_base(rows, radius_px=sizes["radius_px"])
     flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
@@ -183,12 +190,10 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
     report = {
         "source": source.describe(),
         "markers": {
-            "kind": start.kind,
+            "kind": start.kind if len(set(start.kinds)) == 1 else dict(zip(STICKS, start.kinds, strict=True)),
             "given": start.moving is not None,
             "first_frame": start.frame,
-            "radius_px": radius_px,
-            "stick_length_px": float(np.median([pair.length_px for pair in follower.pairs])),
-            "shutter_share_of_frame": follower.shutter.share,
+            **sizes,
         },
     }
     return TrackResult(tracks, rows, list(source.damage.entries), report)

@@ -17,6 +17,7 @@ from tests.calibration.made_up_views import in_right, poses
 from tests.docs.documented import ROOT
 from tests.small_picture import SMALL_PICTURE
 from tests.tracker.films import Rig, write_film
+from tests.tracker.flat_films import FlatFilm, Sprite, tag
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
 
@@ -67,6 +68,8 @@ def make_world(folder: Path) -> None:
     _boards(folder)
     # What a camera gives: the sticks turn by 40° within a second.
     write_film(Rig(lambda t: 60.0 - 40.0 * t, frames=30, texture=0.0), folder / "bench.mkv")
+    base, moving = (Sprite(**tag("4X4_50", number, side_mm=36.0, along_mm=70.0)) for number in (0, 1))
+    FlatFilm([base], [moving], lambda t: 60.0 + 40.0 * t, frames=30).write(folder / "tagged.mkv")
 
 
 def write_logger(folder: Path, temps: pd.DataFrame) -> None:

@@ -169,6 +169,7 @@ def test_points_without_dots_are_taken_where_they_are_picked(page: Any, film: Pa
         load(page, picking.address)
         page.click("#clear")
         page.select_option("#kind-base", "texture")
+        page.select_option("#kind-moving", "texture")
         for number, place in enumerate(picked):
             page.mouse.click(*on_screen(page, place))
             page.wait_for_selector(f"#overlay g[data-marker={MARKERS[number]}]", state="attached")

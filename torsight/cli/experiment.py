@@ -17,7 +17,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "video": ("path", "timestamps", "fps"),
     "angle": ("file", "film"),
     "camera": ("file",),
-    "markers": ("file", "base", "moving", "kind"),
+    "markers": ("file", "base", "moving", "kind", "family", "base_id", "moving_id", "base_mm", "moving_mm"),
     "temperature": ("path", "columns", "units"),
     "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led"),
     "actuator": ("file",),

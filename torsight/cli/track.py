@@ -34,7 +34,8 @@ def track(
     out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
     camera: Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")] = None,
     markers: Annotated[
-        Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
+        Path | None,
+        typer.Option(metavar="MARKERS.toml", help="What the markers are: positions in the first frame, or tags."),
     ] = None,
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
@@ -182,7 +183,7 @@ def _tracked(
                 look(frame.luma),
                 title=f"{Path(source.name).name}, frame {frame.index}: no result",
                 message=str(error),
-                given_px=None if hints is None else hints.position_px,
+                given_px=None if hints is None or "tag" in hints.kinds else hints.position_px,
             )
         do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
         told = NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do)

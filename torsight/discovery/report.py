@@ -197,7 +197,6 @@ class DiscoveryReport(Frozen, Shown):
             "laws": [law.to_json() for law in self.laws],
             "notes": list(self.notes),
             "evidence": dict(self.evidence),
-            "laws": [law.to_json() for law in self.laws],
             "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
         }
 

@@ -195,14 +195,13 @@ def _verdict(known: int, tracks: MarkerTracks, moving: int | None, turned_deg: N
 
 def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
     """Return which stick moves, 0 for the one given as base and 1 for the other; None where neither does yet."""
-    from tracker.follow import Follower
     from tracker.start import find_start
 
-    follower = Follower(find_start(source, hints).markers, moving=None)
+    follower = find_start(source, hints).follower(motion_tells=True)
     for frame in source:
         follower.step(frame)
         if follower.moving is not None:
-            return int(follower.moving.indices[0] // 2)
+            return follower.moving.stick
     return None
 
 

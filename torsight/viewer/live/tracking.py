@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from torsight.viewer.live.intake import LiveFrame
     from tracker.follow import Follower
     from tracker.hints import MarkerHints
+    from tracker.patches.follow import StickFollower
 
 _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
@@ -116,7 +117,7 @@ class LiveTracker:
         self._name = name
         self._tell = tell
         self._angle = LiveAngle(camera, pixel_aspect=pixel_aspect)
-        self._follower: Follower | None = None
+        self._follower: Follower | StickFollower | None = None
         self._looked_s = -math.inf
         self._away = np.zeros(4, np.int64)
         self._told = np.zeros(4, bool)
@@ -165,7 +166,6 @@ class LiveTracker:
         return Seen(position, covariance, angle, sigma, position_mm)
 
     def _start(self, frame: LiveFrame) -> bool:
-        from tracker.follow import Follower
         from tracker.start import find_start
 
         if frame.luma is None or frame.damaged or frame.time_s - self._looked_s < _LOOK_EVERY_S:
@@ -177,12 +177,12 @@ class LiveTracker:
         try:
             start = find_start(source, self._hints)
         except NoResultError as error:
-            if self._hints is not None:
+            if self._hints is not None and "tag" not in self._hints.kinds:
                 raise
             if first_look:
                 self._tell(frame.time_s, frame.index, "lost", f"{error.what}; looking on")
             return False
-        self._follower = Follower(start.markers, moving=start.moving)
+        self._follower = start.follower()
         words = "found the four markers" + ("" if start.moving is not None else "; the stick that moves will tell")
         self._tell(frame.time_s, frame.index, "found", words)
         return True

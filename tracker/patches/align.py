@@ -1,0 +1,364 @@
+"""Lucas–Kanade of a patch against a fixed template: inverse compositional, with light and contrast free.
+
+A template T is known around its middle; a picture I shows it through a warp W (3 × 3, from the template's plane to
+pixels) in other light:
+
+    I(W u) = o + a · u + g T(D u),    D = 1 + Σ δₖ Gₖ
+
+For small δ this is linear in all that is unknown, and the derivatives belong to the template: they are the same in
+every frame. W is replaced by W D⁻¹ until δ vanishes (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput.
+Vision 56, 2004, section 3.2, with a linear change of light as in its part 3). The template stays, so nothing drifts.
+Where something lies over a part of the patch, its points are weighed down (Tukey's biweight) and the fit repeated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.flow import cut_out
+from tracker.patches.warps import Floats, jacobian, project
+
+Look = Callable[[Floats, Floats], Floats]
+"""Brightness of a template at offsets x, y (n,) from its middle, y down."""
+
+_ROUNDS: Final = 12
+_STOP_PX: Final = 0.01
+"""Last step of a point at the patch's rim: a tenth of what noise makes of a reading in an ordinary film."""
+_ROUNDED: Final = 1.0 / 12.0
+"""Variance of brightness that was rounded: no picture is better known, even the one of the template."""
+_TUKEY: Final = 4.685
+"""Standard deviations from which a point has no weight: 95 % efficient for normal noise (Holland & Welsch 1977)."""
+_MAD: Final = 1.4826
+"""Standard deviation over the median of the absolute values, for normal noise."""
+_OTHER_DRAWN: Final = 0.4
+_OTHER_SEEN: Final = 1.5
+"""What a point may be off at least before it is taken for something else, over the template's spread. Of a drawn tag
+it is a fifth of the step from black to white, which smear shorter than a module leaves; texture is shaded anew as it
+turns under the light."""
+_FEW: Final = 0.005
+"""Share of such points that does not matter: it is what noise makes."""
+_BLUR: Final = 0.5
+"""Blur of the picture before it is sampled, in steps of the grid: linear interpolation between blurred pixels hardly
+depends on where between them a sample lies."""
+_LINEAR_PX2: Final = 1.0 / 6.0
+"""Variance of the kernel of linear interpolation, mean of f (1 − f) over all places f between two pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Part of a picture, blurred, with the pixel at its top left corner."""
+
+    values: NDArray[np.float32]
+    left: int
+    top: int
+    size_px: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """How a patch lies in a picture.
+
+    Attributes
+    ----------
+    warp : (3, 3) float64
+        From offsets in the template, px, to pixels.
+    likeness : float
+        Correlation of picture and template, light that falls unevenly taken out; negative for a negative.
+    inside : float
+        The same for the part of the template that was named at its making.
+    light, gain : float
+        Brightness at the template's mean, grey levels; contrast over the template's.
+    residual : float
+        Root mean square of what the model leaves, grey levels.
+    kept : float
+        Share of the points that were used; the others show something else.
+    covariance : (k, k) float64
+        Of the last δ, for white noise of the size of ``residual``.
+    """
+
+    warp: Floats
+    likeness: float
+    inside: float
+    light: float
+    gain: float
+    residual: float
+    kept: float
+    covariance: Floats
+
+
+class Patch:
+    """A template with its derivatives.
+
+    Parameters
+    ----------
+    look : callable
+        The template's brightness at offsets from its middle, px of the picture in which it was taken.
+    half_px : float
+        Half the side of the square that is compared.
+    spacing_px : float
+        Distance of the points that are compared.
+    round_ : bool
+        Compare a disc instead of the square.
+    freedom : int
+        How many changes are followed: 2 for the place alone, 6 with turn, scale and both stretches, 8 with the
+        perspective of a plane, for templates so large that it shows.
+    soft : bool
+        Let the sharpness be free: for templates that are drawn, and do not know the lens.
+    within_px : float
+        Half the side of the part for which likeness is also told alone.
+    """
+
+    def __init__(
+        self,
+        look: Look,
+        *,
+        half_px: float,
+        spacing_px: float = 1.0,
+        round_: bool = False,
+        freedom: int = 6,
+        soft: bool = False,
+        within_px: float = math.inf,
+    ) -> None:
+        count = max(2, round(half_px / spacing_px))
+        self.half_px, self.spacing_px = half_px, spacing_px
+        self.blur_px = _BLUR * spacing_px
+        self._side = 2 * count + 1
+        self._grid = np.array(
+            [[spacing_px, 0.0, -count * spacing_px], [0.0, spacing_px, -count * spacing_px], [0, 0, 1]]
+        )
+        y, x = (axis.ravel() * spacing_px for axis in np.mgrid[-count : count + 1, -count : count + 1].astype(float))
+        chosen = np.hypot(x, y) <= half_px if round_ else np.ones(len(x), bool)
+        self._index = np.flatnonzero(chosen)
+        x, y = x[chosen], y[chosen]
+        self.generators = _generators(half_px)[:freedom]
+        around = np.exp(0.25j * np.pi * np.arange(8)) if round_ else np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
+        self._rim = np.stack([half_px * around.real, half_px * around.imag, np.ones(len(around))])
+        self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
+        self._solve_for(look, x, y, soft=soft)
+        self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px)
+
+    def _solve_for(self, look: Look, x: Floats, y: Floats, *, soft: bool) -> None:
+        """Prepare the least-squares inverse, and what white noise makes of its solution."""
+        step = 0.5 * self.spacing_px
+        middle = look(x, y)
+        right, left, down, up = look(x + step, y), look(x - step, y), look(x, y + step), look(x, y - step)
+        slope_x, slope_y = (right - left) / (2.0 * step), (down - up) / (2.0 * step)
+        columns = [np.ones_like(x), x / self.half_px, y / self.half_px, middle - middle.mean()]
+        if soft:
+            columns.append((right + left + down + up - 4.0 * middle) / step**2)
+        self._first = len(columns)
+        moved = self.generators @ np.stack([x, y, np.ones_like(x)])
+        self._along_x, self._along_y = (moved[:, 0] - x * moved[:, 2]).T, (moved[:, 1] - y * moved[:, 2]).T
+        self._basis = np.column_stack([*columns, self._columns(slope_x, slope_y)])
+        self._inverse = np.linalg.pinv(self._basis, rcond=1e-9)
+        plain = self._basis[:, :3]
+        self._plain = np.linalg.pinv(plain)
+        self.mean, self.spread = float(middle.mean()), float((middle - plain @ (self._plain @ middle)).std())
+        self._noise = self._overlap(self._inverse)
+
+    @property
+    def turn_doubt(self) -> float:
+        """How much worse the turn (in px at the rim) shows than the place."""
+        variance = np.diag(self._noise)
+        return math.sqrt(float(variance[2] / variance[:2].max())) if len(variance) > 2 else math.inf
+
+    def _overlap(self, inverse: Floats) -> Floats:
+        """Return the covariance of δ times gain for residuals of variance 1 from white noise in the picture."""
+        kernel_px2 = self.blur_px**2 + _LINEAR_PX2
+        sigma = math.sqrt(kernel_px2) / self.spacing_px
+        rows = np.zeros((len(self.generators), self._side * self._side), np.float32)
+        rows[:, self._index] = inverse[self._first :]
+        seen = np.stack(
+            [
+                cv2.GaussianBlur(row.reshape(self._side, -1), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+                for row in rows
+            ]
+        ).reshape(len(rows), -1)
+        # A sample holds 1/(4πσ²) of the variance of a pixel's noise, the solution the overlap of the samples' kernels.
+        return np.asarray(4.0 * math.pi * kernel_px2 / self.spacing_px**2 * (seen @ seen.T), dtype=np.float64)
+
+    def cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> Cut:
+        """Return the part of a picture around where the patch should be."""
+        corners = project(warp, self._rim)
+        low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
+        middle = 0.5 * (low + high)
+        half = math.ceil(0.5 * float((high - low).max()))
+        cx, cy = round(float(middle[0])), round(float(middle[1]))
+        part = cut_out(luma, cx, cy, half).astype(np.float32)
+        blurred = cv2.GaussianBlur(part, (0, 0), self.blur_px)
+        return Cut(np.asarray(blurred, dtype=np.float32), cx - half, cy - half, (luma.shape[1], luma.shape[0]))
+
+    def align(self, luma: NDArray[np.uint8], warp: Floats) -> Fit | None:
+        """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
+        if not self.in_picture(warp, luma):
+            return None
+        cut = self.cut(luma, warp)
+        moved = math.inf
+        for _ in range(_ROUNDS):
+            seen = self._sample(cut, warp)
+            values = seen.ravel()[self._index]
+            found = self._inverse @ values
+            after = self._step(found, warp, cut)
+            if after is None:
+                return None
+            moved, warp = self._moved(after, warp), after
+            if moved < _STOP_PX:
+                break
+        if moved > 10.0 * _STOP_PX:
+            return None
+        left = values - self._basis @ found
+        weight = self._weights(left, found)
+        if np.count_nonzero(weight) > (1.0 - _FEW) * len(weight):
+            return self._fit(seen, found, warp, np.ones(len(values)), self._inverse)
+        return self._align_in_part(cut, warp, weight)
+
+    def _align_in_part(self, cut: Cut, warp: Floats, weight: Floats) -> Fit | None:
+        """Go on with the points that show the patch, and learn meanwhile which do."""
+        for _ in range(_ROUNDS):
+            seen = self._sample(cut, warp)
+            values = seen.ravel()[self._index]
+            weighted = weight[:, None] * self._basis
+            normal = weighted.T @ self._basis
+            normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+            try:
+                inverse = np.linalg.solve(normal, weighted.T)
+            except np.linalg.LinAlgError:
+                return None
+            found = inverse @ values
+            after = self._step(found, warp, cut)
+            if after is None:
+                return None
+            moved, warp = self._moved(after, warp), after
+            weight = self._weights(values - self._basis @ found, found)
+            if moved < _STOP_PX:
+                break
+        return self._fit(seen, found, warp, weight, inverse)
+
+    def _step(self, found: Floats, warp: Floats, cut: Cut) -> Floats | None:
+        """Return the warp after a step; None where it leads astray."""
+        gain = float(found[3])
+        if abs(gain) * self.spread < 1.0:
+            return None
+        delta = found[self._first :] / gain
+        if not np.abs(delta).max() < 0.7 * self.half_px:
+            return None
+        change = np.eye(3) + np.tensordot(delta, self.generators, axes=1)
+        after = warp @ np.linalg.inv(change)
+        after /= after[2, 2]
+        return after if self._in_cut(after, cut) else None
+
+    def _moved(self, after: Floats, before: Floats) -> float:
+        return float(np.abs(project(after, self._rim) - project(before, self._rim)).max())
+
+    def _weights(self, left: Floats, found: Floats) -> Floats:
+        """Return Tukey's weights of the points from what the model leaves at them."""
+        sigma = _MAD * float(np.median(np.abs(left)))
+        limit = max(self._other * self.spread * abs(float(found[3])), _TUKEY * sigma)
+        return np.asarray(np.square(np.clip(1.0 - np.square(left / limit), 0.0, None)))
+
+    def _fit(self, seen: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
+        values, root = seen.ravel()[self._index], np.sqrt(weight)
+        left = root * (values - self._basis @ found)
+        plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
+        if inverse is not self._inverse:
+            used = self._basis[:, :3] * root[:, None]
+            plain = root * values - used @ np.linalg.lstsq(used, root * values, rcond=None)[0]
+        gain, total = float(found[3]), float(weight.sum())
+        variance = max(float(left @ left) / max(total - len(found), 1.0), _ROUNDED)
+        return Fit(
+            warp=warp,
+            likeness=math.copysign(_likeness(left, plain), gain),
+            inside=_correlation((self._basis @ found)[self._within], values[self._within]),
+            light=float(found[0]),
+            gain=gain,
+            residual=math.sqrt(variance),
+            kept=float(np.count_nonzero(weight > 0.0)) / len(weight),
+            covariance=variance * self._spread_of(seen, inverse),
+        )
+
+    def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
+        """Return the covariance of δ for residuals of variance 1.
+
+        A picture that is smeared answers a shift with less than the template does: its own slopes tell by how much.
+        """
+        down, right = (axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen))
+        answer = np.linalg.pinv(inverse[self._first :] @ self._columns(right, down))
+        noise = self._noise if inverse is self._inverse else self._overlap(inverse)
+        return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
+
+    def _columns(self, slope_x: Floats, slope_y: Floats) -> Floats:
+        """Return how brightness changes with δ (n, k) from its slopes."""
+        return np.asarray(slope_x[:, None] * self._along_x + slope_y[:, None] * self._along_y, dtype=np.float64)
+
+    def slope(self, warp: Floats, at: tuple[float, float]) -> Floats:
+        """Return how a point of the template moves in the picture with δ, (2, k) px."""
+        x, y = at
+        moved = self.generators @ np.array([x, y, 1.0])
+        inside = np.stack([moved[:, 0] - x * moved[:, 2], moved[:, 1] - y * moved[:, 2]])
+        return np.asarray(-jacobian(warp, at) @ inside, dtype=np.float64)
+
+    def _sample(self, cut: Cut, warp: Floats) -> Floats:
+        shift = np.array([[1.0, 0.0, -cut.left], [0.0, 1.0, -cut.top], [0.0, 0.0, 1.0]])
+        seen = cv2.warpPerspective(
+            cut.values,
+            shift @ warp @ self._grid,
+            (self._side, self._side),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        return np.asarray(seen, dtype=np.float64)
+
+    def in_picture(self, warp: Floats, luma: NDArray[np.uint8]) -> bool:
+        """Return whether all of the patch lies in a picture."""
+        corners = project(warp, self._rim)
+        height, width = luma.shape
+        return bool(
+            np.isfinite(corners).all()
+            and corners.min() > -1.0
+            and corners[0].max() < width
+            and corners[1].max() < height
+        )
+
+    def _in_cut(self, warp: Floats, cut: Cut) -> bool:
+        corners = project(warp, self._rim)
+        low, high = np.array([cut.left, cut.top]), np.array([cut.left, cut.top]) + cut.values.shape[0]
+        # Both what was cut out and the picture itself end there.
+        low, high = np.maximum(low, 0) - 1.0, np.minimum(high, cut.size_px)
+        return bool(np.isfinite(corners).all() and (low <= corners.T).all() and (high >= corners.T).all())
+
+
+def _generators(half_px: float) -> Floats:
+    """Return what δ does, (8, 3, 3): two shifts, turn, scale, two stretches, and two of perspective.
+
+    One unit of each moves the rim by about a pixel.
+    """
+    r = 1.0 / half_px
+    found = [
+        [[0, 0, 1], [0, 0, 0], [0, 0, 0]],
+        [[0, 0, 0], [0, 0, 1], [0, 0, 0]],
+        [[0, -r, 0], [r, 0, 0], [0, 0, 0]],
+        [[r, 0, 0], [0, r, 0], [0, 0, 0]],
+        [[r, 0, 0], [0, -r, 0], [0, 0, 0]],
+        [[0, r, 0], [r, 0, 0], [0, 0, 0]],
+        [[0, 0, 0], [0, 0, 0], [r * r, 0, 0]],
+        [[0, 0, 0], [0, 0, 0], [0, r * r, 0]],
+    ]
+    return np.array(found, dtype=np.float64)
+
+
+def _correlation(one: Floats, other: Floats) -> float:
+    a, b = one - one.mean(), other - other.mean()
+    return float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12))
+
+
+def _likeness(left: Floats, plain: Floats) -> float:
+    """Return the correlation that leaves ``left`` of a variation ``plain``."""
+    total = float(plain @ plain)
+    return 0.0 if total <= 0.0 else math.sqrt(max(0.0, 1.0 - float(left @ left) / total))

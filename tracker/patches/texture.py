@@ -1,0 +1,155 @@
+"""A point without a dot: the texture around it in the first frame, and where it is in another one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.patches.align import Look, Patch
+from tracker.patches.warps import Floats
+
+Point = tuple[float, float]
+
+_TURN_DOUBT: Final = 4.0
+"""How much worse a patch may show its turn than its place. Texture has 1 to 2.6, dots on paper have 6 to 9."""
+_ANGLES: Final = 24
+"""Turns at which a patch is looked for. Between two of them its rim is off by 2 px, a step of the coarse search."""
+_COARSE: Final = 2
+"""Pixels per step of the coarse search."""
+_KEPT: Final = 8
+"""Candidates that are looked at closely."""
+_LIKELY: Final = 0.35
+"""Mean coarse correlation of both points below which a place is not looked at closely: noise alone gives a tenth over
+the 100 steps of a patch, a patch that is turned by half a step of the search a half."""
+
+
+def texture_patch(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float) -> Patch:
+    """Return the patch of texture in a disc around a point of the first frame.
+
+    Of a patch that looks the same however it is turned, such as a dot, only the place is followed.
+    """
+    look = texture_look(luma, x_px, y_px, window_px=window_px)
+    patch = Patch(look, half_px=window_px, round_=True)
+    return patch if patch.turn_doubt < _TURN_DOUBT else Patch(look, half_px=window_px, round_=True, freedom=2)
+
+
+def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float, blur_px: float = 0.5) -> Look:
+    """Return the brightness around a point of a picture, blurred as the pictures are with which it is compared."""
+    margin = math.ceil(math.sqrt(2.0) * window_px) + 4
+    left, top = round(x_px) - margin, round(y_px) - margin
+    rows = np.clip(np.arange(top, top + 2 * margin + 1), 0, luma.shape[0] - 1)
+    columns = np.clip(np.arange(left, left + 2 * margin + 1), 0, luma.shape[1] - 1)
+    part = cv2.GaussianBlur(luma[np.ix_(rows, columns)].astype(np.float32), (0, 0), blur_px)
+
+    def brightness(x: Floats, y: Floats) -> Floats:
+        at = (np.asarray(x + x_px - left, np.float32), np.asarray(y + y_px - top, np.float32))
+        seen = cv2.remap(part, at[0].reshape(-1, 1), at[1].reshape(-1, 1), cv2.INTER_LINEAR)
+        return np.asarray(seen, dtype=np.float64).ravel()
+
+    return brightness
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A place at which a stick may be: its first point and by how much it is turned, with the mean correlation."""
+
+    score: float
+    x_px: float
+    y_px: float
+    turn_rad: float
+
+
+class TurnedSearch:
+    """Looks for two patches of one stick at any turn: normalised correlation, coarse in place and turn.
+
+    Parameters
+    ----------
+    looks : two callables
+        Brightness around both points in the first frame, blurred for steps of two pixels.
+    window_px : float
+        Radius in which they are known.
+    offset_px : Point
+        From the first point to the second one, in the first frame.
+    """
+
+    def __init__(self, looks: tuple[Look, Look], *, window_px: float, offset_px: Point) -> None:
+        self._offset = offset_px
+        half = int(window_px / math.sqrt(2.0) / _COARSE)
+        self._half = half
+        self._turns = [math.tau * number / _ANGLES for number in range(_ANGLES)]
+        v, u = (axis.ravel() * float(_COARSE) for axis in np.mgrid[-half : half + 1, -half : half + 1])
+        side = 2 * half + 1
+        self._templates: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+        for turn in self._turns:
+            cos, sin = math.cos(turn), math.sin(turn)
+            # The template's own offsets are those of the picture turned back.
+            x, y = cos * u + sin * v, cos * v - sin * u
+            one, two = (look(x, y).astype(np.float32).reshape(side, side) for look in looks)
+            self._templates.append((one, two))
+        # How far the second point is off where the turn is wrong by half a step.
+        self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(math.pi / _ANGLES) / _COARSE) + 1
+
+    def find(self, luma: NDArray[np.uint8], *, around: tuple[Point, float] | None = None) -> list[Candidate]:
+        """Return places where the stick may be, the likeliest first; ``around`` limits the first point to a square."""
+        height, width = luma.shape
+        left = top = 0
+        right, bottom = width, height
+        if around is not None:
+            (x, y), half_px = around
+            reach = half_px + math.hypot(*self._offset)
+            left, right = max(0, int(x - reach)), min(width, int(x + reach))
+            top, bottom = max(0, int(y - reach)), min(height, int(y + reach))
+        part = luma[top:bottom, left:right]
+        if min(part.shape) < _COARSE * (2 * self._half + 3):
+            return []
+        small = cv2.resize(
+            part, (part.shape[1] // _COARSE, part.shape[0] // _COARSE), interpolation=cv2.INTER_AREA
+        ).astype(np.float32)
+        found: list[Candidate] = []
+        for turn, pair in zip(self._turns, self._templates, strict=True):
+            score = self._joint(small, pair, turn)
+            for row, column in _peaks(score, self._half):
+                middle = 0.5 * (_COARSE - 1)
+                x = left + middle + _COARSE * (column + self._half)
+                y = top + middle + _COARSE * (row + self._half)
+                found.append(Candidate(float(score[row, column]), x, y, turn))
+        if around is not None:
+            (x, y), half_px = around
+            found = [one for one in found if max(abs(one.x_px - x), abs(one.y_px - y)) <= half_px]
+        found = [one for one in found if one.score > _LIKELY]
+        return sorted(found, key=lambda one: -one.score)[:_KEPT]
+
+    def _joint(
+        self, small: NDArray[np.float32], pair: tuple[NDArray[np.float32], NDArray[np.float32]], turn: float
+    ) -> NDArray[np.float32]:
+        """Return the mean correlation of both points, at the place of the first."""
+        one, two = (
+            np.nan_to_num(cv2.matchTemplate(small, template, cv2.TM_CCOEFF_NORMED), posinf=0.0, neginf=0.0)
+            for template in pair
+        )
+        two = np.maximum(cv2.dilate(two, np.ones((self._loose, self._loose), np.uint8)), 0.0)
+        cos, sin = math.cos(turn), math.sin(turn)
+        dx = round((cos * self._offset[0] - sin * self._offset[1]) / _COARSE)
+        dy = round((sin * self._offset[0] + cos * self._offset[1]) / _COARSE)
+        rows, columns = one.shape
+        partner = np.zeros_like(one)
+        y0, y1, x0, x1 = max(0, -dy), min(rows, rows - dy), max(0, -dx), min(columns, columns - dx)
+        if y1 > y0 and x1 > x0:
+            partner[y0:y1, x0:x1] = two[y0 + dy : y1 + dy, x0 + dx : x1 + dx]
+        return np.asarray(0.5 * (one + partner), dtype=np.float32)
+
+
+def _peaks(score: NDArray[np.float32], half: int, *, count: int = 2) -> list[tuple[int, int]]:
+    """Return the highest places of a map, none within the size of a patch of another."""
+    left = score.copy()
+    found: list[tuple[int, int]] = []
+    for _ in range(count):
+        row, column = (int(value) for value in np.unravel_index(int(np.argmax(left)), left.shape))
+        found.append((row, column))
+        left[max(0, row - half) : row + half + 1, max(0, column - half) : column + half + 1] = -1.0
+    return found

@@ -1,0 +1,233 @@
+"""A stick in every frame by the texture around two of its points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.axis import Axis
+from tracker.linear import Reading
+from tracker.patches.align import Fit, Patch
+from tracker.patches.sticks import Point, Seen, reading_of
+from tracker.patches.texture import TurnedSearch
+from tracker.patches.track import PatchTrack
+from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
+from tracker.rules import TURN_RAD
+
+_ALIKE: Final = 0.7
+"""Least correlation with texture: half of its variance. Paper next to it or an edge alone stays below."""
+_FADED: Final = (0.4, 2.5)
+"""Contrast over that of the first frame outside of which it is not the same texture."""
+_SCALED: Final = (0.7, 1.4)
+"""Size over that of the first frame: a stick that turns in a plane seen from up to 45 degrees aside."""
+_FLAT: Final = 0.5
+"""The same for its two axes against each other."""
+_LENGTH_PX: Final = 0.8
+_LENGTH: Final = 0.01
+"""By how much the distance of both points may differ from the last one, px and share: what is asked of dots."""
+_OWN_TURN_RAD: Final = math.radians(12.0)
+"""By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
+sides and its diagonals bent by 11 degrees against each other."""
+_NEAR_PX: Final = 48.0
+"""Around its last place a stick is looked for in the first frames after it was lost."""
+_NEARBY: Final = 5
+_ARC: Final = 3
+"""Parts of ten degrees in which a stick was seen from which its axis is known well enough to look around it."""
+_OFTEN: Final = 3
+_SELDOM: Final = 30
+_WHOLE: Final = (3, 10)
+"""Frames in which a lost stick is looked for around its axis, and in the whole picture, for what that costs: 15 and 100
+times as much as to follow it."""
+
+_KEPT: Final = 0.7
+"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
+
+
+class TextureStick:
+    """A stick with texture around two of its points, each followed by its patch of the first frame.
+
+    The points are at a constant distance, and both patches turn as the line through them does: a patch that slides
+    along an edge or onto something else breaks one of these.
+
+    Parameters
+    ----------
+    patches, points_px : of two
+        From :func:`tracker.patches.texture.texture_patch`; where they are in the first frame.
+    search : TurnedSearch
+        For both.
+    still : bool
+        True for the base, whose direction does not change.
+    """
+
+    def __init__(
+        self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
+    ) -> None:
+        reach = 0.6 * patches[0].half_px
+        corners = np.array([[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]])
+        self._tracks = [
+            PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
+        ]
+        self._search = search
+        self._still = still
+        self._axis = Axis()
+        (x1, y1), (x2, y2) = points_px
+        self._offset = np.array([x2 - x1, y2 - y1])
+        self._length_px = float(np.hypot(*self._offset))
+
+    @property
+    def radius_px(self) -> float:
+        """Half the radius of a patch: what counts as the size of a dot."""
+        return 0.5 * self._tracks[0].patch.half_px
+
+    @property
+    def length_px(self) -> float:
+        """Distance of both points."""
+        return self._length_px
+
+    @property
+    def shutter_share(self) -> float:
+        """Not told by texture."""
+        return 0.0
+
+    def step(self, luma: NDArray[np.uint8], time_s: float) -> Seen:
+        """Return what is read in the next frame."""
+        # Seen from aside the distance changes as the stick turns.
+        expected_px = math.dist(*(place(track.predict(time_s)) for track in self._tracks))
+        found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
+        fits: list[Fit | None] = [None if why else fit for fit, why in found]
+        whys = [why for _, why in found]
+        for lost, seen in ((0, 1), (1, 0)):
+            partner = fits[seen]
+            if whys[lost] and partner is not None:
+                fits[lost], whys[lost] = self._beside(luma, lost, partner, whys[lost])
+        self._judge_together(fits, whys, expected_px)
+        if all(whys):
+            again = self._find(luma)
+            if again is not None:
+                fits, whys = [*again], ["", ""]
+        if not any(whys):
+            fits = self._turned(fits)
+        readings: list[Reading | None] = [None, None]
+        for index, (track, fit) in enumerate(zip(self._tracks, fits, strict=True)):
+            if whys[index] or fit is None:
+                track.miss()
+            else:
+                track.take(luma, time_s, fit)
+                slope = track.patch.slope(fit.warp, (0.0, 0.0))
+                covariance = slope @ fit.covariance @ slope.T
+                readings[index] = reading_of(fit, place(fit.warp), covariance, track.patch.spread)
+        if not any(whys):
+            one, two = (place(track.warp) for track in self._tracks)
+            self._length_px = math.dist(one, two)
+            self._axis.add(one, two)
+        return readings, whys
+
+    def miss(self) -> None:
+        """Pass over a frame that shows nothing."""
+        for track in self._tracks:
+            track.miss()
+
+    def _judge(self, fit: Fit) -> str:
+        if fit.likeness < _ALIKE or not _FADED[0] < fit.gain < _FADED[1]:
+            return "hidden"
+        if not _SCALED[0] < size_of(fit.warp) < _SCALED[1] or flatness_of(fit.warp) < _FLAT:
+            return "lost"
+        return "hidden" if fit.kept < _KEPT else ""
+
+    def _beside(self, luma: NDArray[np.uint8], lost: int, partner: Fit, why: str) -> tuple[Fit | None, str]:
+        """Look for one point where the other, and the turn of its patch, put it."""
+        sign = 1.0 if lost else -1.0
+        x, y = (np.array(place(partner.warp)) + sign * jacobian(partner.warp) @ self._offset).tolist()
+        guess = similarity(x, y, turn_rad=turn_of(partner.warp), scale=size_of(partner.warp))
+        fit = self._tracks[lost].patch.align(luma, guess)
+        reason = why if fit is None else self._judge(fit)
+        return (None, reason) if reason else (fit, "")
+
+    def _judge_together(self, fits: list[Fit | None], whys: list[str], expected_px: float) -> None:
+        """Refuse what is not one rigid stick."""
+        one, two = fits
+        if one is None or two is None or any(whys):
+            return
+        if not self._is_stick(one, two, lost=max(track.lost for track in self._tracks), expected_px=expected_px):
+            # The one that fits less well than it usually does is the wrong one.
+            short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
+            wrong = 0 if short[0] > short[1] else 1
+            whys[wrong] = "hidden"
+            if abs(short[0] - short[1]) < 0.05:
+                whys[1 - wrong] = "hidden"
+
+    def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
+        """Turn patches that do not show their turn as the line through both points is."""
+        one, two = (np.array(place(fit.warp)) for fit in fits if fit is not None)
+        turn = math.atan2(*(two - one)[::-1]) - math.atan2(*self._offset[::-1])
+        return [
+            replace(fit, warp=similarity(*place(fit.warp), turn_rad=turn))
+            if fit is not None and math.isinf(track.patch.turn_doubt)
+            else fit
+            for track, fit in zip(self._tracks, fits, strict=True)
+        ]
+
+    def _is_stick(self, one: Fit, two: Fit, *, lost: int, expected_px: float) -> bool:
+        a, b = np.array(place(one.warp)), np.array(place(two.warp))
+        length = float(np.hypot(*(b - a)))
+        # It may have changed the more the longer the stick was not seen.
+        allowed = _LENGTH_PX + _LENGTH * self._length_px * (1.0 + 0.5 * min(lost, 20))
+        if min(abs(length - self._length_px), abs(length - expected_px)) > allowed:
+            return False
+        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
+        if self._still and abs(math.remainder(turn, math.tau)) > TURN_RAD:
+            return False
+        return all(
+            math.isinf(track.patch.turn_doubt)
+            or abs(math.remainder(turn_of(fit.warp) - turn, math.tau)) < _OWN_TURN_RAD
+            for track, fit in zip(self._tracks, (one, two), strict=True)
+        )
+
+    def _find(self, luma: NDArray[np.uint8]) -> tuple[Fit, Fit] | None:
+        """Look for the stick around its last place or its axis, now and then in the whole picture."""
+        lost = min(track.lost for track in self._tracks) + 1
+        regions: list[tuple[Point, float] | None] = []
+        if lost <= _NEARBY:
+            regions.append((place(self._tracks[0].warp), _NEAR_PX))
+        centre = self._axis.centre if np.count_nonzero(self._axis.seen) >= _ARC else None
+        if centre is not None and lost % _OFTEN == 0:
+            regions.append((centre, self._axis.arm(outer=False) + _NEAR_PX))
+        if lost in _WHOLE or lost % _SELDOM == 0:
+            regions.append(None)
+        for region in regions:
+            for candidate in self._search.find(luma, around=region):
+                fits = self._closely(luma, candidate.x_px, candidate.y_px, candidate.turn_rad, lost)
+                if fits is not None:
+                    return fits
+        return None
+
+    def _closely(
+        self, luma: NDArray[np.uint8], x_px: float, y_px: float, turn_rad: float, lost: int
+    ) -> tuple[Fit, Fit] | None:
+        one = self._tracks[0].patch.align(luma, similarity(x_px, y_px, turn_rad=turn_rad))
+        if one is None or self._judge(one):
+            return None
+        two, why = self._beside(luma, 1, one, "lost")
+        return (
+            None if why or two is None or not self._is_stick(one, two, lost=lost, expected_px=math.inf) else (one, two)
+        )
+
+    def to_state(self) -> dict[str, Any]:
+        """Return what :meth:`restore` needs."""
+        return {
+            "length_px": self._length_px,
+            "axis": self._axis.to_state(),
+            "tracks": [track.to_state() for track in self._tracks],
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state, exactly."""
+        self._length_px = float(state["length_px"])
+        self._axis = Axis.from_state(state["axis"])
+        for track, content in zip(self._tracks, state["tracks"], strict=True):
+            track.restore(content)
