@@ -7,10 +7,10 @@ from typing import Any, Final
 
 from torsight.core.errors import NoResultError
 
-_USUAL: Final = 0.9
-_LEAST: Final = 0.5
+USUAL: Final = 0.9
+LEAST: Final = 0.5
 """Shares of the contract: below the first a warning, below the second exit code 4."""
-_WHY: Final = {
+WHY: Final = {
     "hidden": "something lies over a marker",
     "shadowed": "the sticks are too close to each other",
     "dark": "the light is off",
@@ -37,24 +37,24 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
         Where less than nine tenths of the frames have an angle; :func:`is_no_result` says whether that ends a command.
     """
     share = _share(account)
-    if share >= _USUAL:
+    if share >= USUAL:
         return None
     frames = account["frames"]
     why = next(iter(frames.get("why", {})), "")
     advice = next(iter(account.get("advice") or []), "look at track.png: it shows what was read, and where not")
     return NoResultError(
-        "few frames have an angle" if share >= _LEAST else "less than half of the frames have an angle",
+        "few frames have an angle" if share >= LEAST else "less than half of the frames have an angle",
         where=where,
         value=f"{frames['with_angle']} of {frames['total']}, {100.0 * share:.0f} %"
-        + (f"; most of the others: {_WHY[why]}" if why in _WHY else ""),
-        limit=f"{100.0 * (_USUAL if share >= _LEAST else _LEAST):.0f} % or more",
+        + (f"; most of the others: {WHY[why]}" if why in WHY else ""),
+        limit=f"{100.0 * (USUAL if share >= LEAST else LEAST):.0f} % or more",
         do=advice.rstrip("."),
     )
 
 
 def is_no_result(account: Mapping[str, Any]) -> bool:
     """Return whether so few frames have an angle that a command ends without a result (exit code 4)."""
-    return _share(account) < _LEAST
+    return _share(account) < LEAST
 
 
 def _share(account: Mapping[str, Any]) -> float:

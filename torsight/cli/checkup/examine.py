@@ -10,9 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.actuator.spec import ActuatorSpec, read_actuator
-from torsight.cli.checkup.film import MODEL_ERROR_DEG, check_film
+from torsight.cli.checkup.film import check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
+from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment import experiment_file, read_experiment
 from torsight.core.camera import read_camera, require_second
 from torsight.core.errors import ConfigError, TorsightError
