@@ -14,6 +14,7 @@ from tracker.events import find_events
 from tracker.gaps import gap_advice
 from tracker.orient import Orientation
 from tracker.rows import CODE, STATES
+from tracker.timing import timing
 from tracker.track import TrackResult
 
 _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
@@ -33,9 +34,15 @@ def account(
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
+    source = result.report["source"]
+    times = timing(angles.time_s, tick_s=source.get("tick_s", 0.0))
+    # A film that plays at another rate than it was captured at has its bit rate in the time in which it plays.
+    own = source["kind"] == "film" and "tick_s" in source
     content: dict[str, Any] = {
         **result.report,
+        "source": {**source, "fps": times.rate_fps} if own else source,
         "frames": frame_account(rows, angles),
+        "timing": times.to_json(),
         **{name: value for name, value in orientation.report.items() if name != "noise"},
         "noise": noise_account(rows, orientation.with_errors(result.tracks), angles, noise),
         "compression": compression_account(result.report["source"], noise),

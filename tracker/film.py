@@ -127,6 +127,8 @@ class FilmSource:
         """Return format, codec, bit rate, size and rate of the film."""
         about: dict[str, Any] = {**self._about, "width_px": self._size_px[0], "height_px": self._size_px[1]}
         about |= self.display.describe()
+        if not self.times_given:
+            about["tick_s"] = self.tick_s
         if self._fps is not None:
             about["capture_fps"] = self._fps
         if abs(self._aspect - 1.0) > 1e-6:

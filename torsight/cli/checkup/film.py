@@ -17,7 +17,6 @@ from torsight.core.camera import Camera, require_size
 from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.wording import counted
-from tracker.film import FilmSource
 from tracker.hints import MarkerHints
 from tracker.sample import Clip, Stamps, read_stamps
 from tracker.source import open_source
@@ -73,7 +72,7 @@ def check_film(
             require_size(camera.intrinsics, source.size_px, where="the film")
         stamps = read_stamps(source, progress=progress)
         check.content |= source.describe()
-        tick_s = source.tick_s if isinstance(source, FilmSource) and not source.times_given else 0.0
+        tick_s = check.content.get("tick_s", 0.0)
         _look_at_times(check, about, stamps, tick_s=tick_s, given=timestamps or fps)
         _look_at_file(check, about, source, stamps)
         start = find_start(source, hints, progress=progress)
