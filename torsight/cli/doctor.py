@@ -21,7 +21,9 @@ def doctor(
         ),
     ],
     *,
-    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
+    ] = None,
 ) -> Answer:
     """Check film, log and configuration before the long run, and say what will limit the result.
 

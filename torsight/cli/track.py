@@ -39,7 +39,9 @@ def track(
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
     ] = None,
-    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
@@ -94,7 +96,7 @@ def track_to_folder(
     timestamps : Path, optional
         Table of frame times.
     fps : float, optional
-        Frame rate of pictures.
+        Frames a second of pictures, or at which a slow-motion film was captured.
     out : Path
         Folder for the results.
     resume : bool
