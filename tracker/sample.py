@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -147,6 +147,17 @@ class Clip:
         pictures = self._pictures(source) if isinstance(source, PictureSource) else self._decoded(source)
         for index, (number, luma) in enumerate(pictures):
             yield Frame(index, float(self._stamps.time_s[number]), luma)
+
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some frames of the clip again, by their numbers; those that cannot be decoded are left out."""
+        wanted = set(indices)
+        found: dict[int, NDArray[np.uint8]] = {}
+        for frame in self if wanted else ():
+            if frame.index in wanted and frame.luma is not None:
+                found[frame.index] = frame.luma.copy()
+            if frame.index >= max(wanted):
+                break
+        return found
 
     def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
         # The depth of the whole row: a few pictures of it may be darker than the rest.

@@ -146,7 +146,7 @@ def track_to_folder(
         )
         write_angles(out / "angle.csv", orientation.angles)
         doubtful = doubts(result)
-        content = account(result, orientation, doubts=doubtful, remarks=remarks)
+        content = account(result, orientation, doubts=doubtful, remarks=remarks, pictures=source.pictures)
         write_json(out / "track.json", content)
         for doubt in doubtful:
             say(f"warning: {video}: {doubt}")

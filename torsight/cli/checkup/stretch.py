@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.checkup.finding import Finding, refusal
-from torsight.cli.coverage import LEAST, USUAL, WHY
+from torsight.cli.coverage import LEAST, USUAL, WHY, gap_words
 from torsight.core.camera import Camera
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
@@ -71,7 +71,10 @@ def track_stretches(
         tracked.append((clip, result, orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)))
     if not tracked:
         return [_nothing(clips, errors, about=about, total=total)], {}
-    told = [account(result, orientation, doubts=doubts(result)) for _, result, orientation in tracked]
+    told = [
+        account(result, orientation, doubts=doubts(result), pictures=clip.pictures)
+        for clip, result, orientation in tracked
+    ]
     findings, coverage = _look_at_coverage(
         told, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
     )
@@ -121,15 +124,14 @@ def _look_at_coverage(
         text += f"; the markers are first seen in frame {before}, {100 * before / total:.0f} % into the film"
     why: dict[str, int] = {}
     for one in told:
-        for name, count in one["frames"]["why"].items():
+        for name, count in one["frames"]["causes"].items():
             why[name] = why.get(name, 0) + count
     most = max(why, key=lambda name: why[name], default="")
     if most in WHY:
         text += f"; most of the others: {WHY[most]}"
     if share >= USUAL:
         return [Finding(about, "fine", f"{text}.")], content
-    advised = next((str(words) for one in told for words in one["advice"] if "frames have no angle" in words), "")
-    advice = advised.partition(": ")[2].rstrip(".")
+    advice = next((words for one in told if (words := gap_words(one))), "")
     if share >= LEAST:
         return [Finding(about, "limits", f"{text}.", advice)], content
     error = NoResultError(
