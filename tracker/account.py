@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.events import find_events
-from tracker.gaps import gap_advice
+from tracker.gap_pictures import Pictures
+from tracker.gaps import Causes, find_causes, gap_advice
 from tracker.orient import Orientation
 from tracker.rows import CODE, STATES
+from tracker.timing import timing
 from tracker.track import TrackResult
 
 _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
@@ -25,17 +28,31 @@ _FAINT: Final = 40.0
 
 
 def account(
-    result: TrackResult, orientation: Orientation, *, doubts: Sequence[str], remarks: Sequence[str] = ()
+    result: TrackResult,
+    orientation: Orientation,
+    *,
+    doubts: Sequence[str],
+    remarks: Sequence[str] = (),
+    pictures: Pictures | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``track.json``.
 
-    ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked.
+    ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked,
+    ``pictures`` gives frames by their numbers, of which some without an angle are looked at.
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
+    source = result.report["source"]
+    times = timing(angles.time_s, tick_s=source.get("tick_s", 0.0))
+    # A film that plays at another rate than it was captured at has its bit rate in the time in which it plays.
+    own = source["kind"] == "film" and "tick_s" in source
+    states = gap_states(rows, angles)
+    causes = find_causes(result, angles, states, pictures=pictures)
     content: dict[str, Any] = {
         **result.report,
-        "frames": frame_account(rows, angles),
+        "source": {**source, "fps": times.rate_fps} if own else source,
+        "frames": frame_account(states, angles, causes),
+        "timing": times.to_json(),
         **{name: value for name, value in orientation.report.items() if name != "noise"},
         "noise": noise_account(rows, orientation.with_errors(result.tracks), angles, noise),
         "compression": compression_account(result.report["source"], noise),
@@ -49,7 +66,7 @@ def account(
         length_px=markers["stick_length_px"],
         radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
         events=events,
-        gaps=gap_advice(content["frames"], result, angles),
+        gaps=gap_advice(content["frames"], causes),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events
@@ -68,23 +85,26 @@ def _remark(angles: StickAngles, text: str) -> dict[str, Any]:
     }
 
 
-def frame_account(rows: NDArray[np.void], angles: StickAngles) -> dict[str, Any]:
-    """Return how many frames have an angle, and why the others have none."""
-    reasons: dict[str, int] = {}
+def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
+    """Return what the markers say of every frame without an angle: one of ``STATES``, or ``impossible``."""
+    found: list[str] = []
     for index in np.flatnonzero(~angles.valid):
         states = rows["state"][index]
         moving = states[2:] if (states[2:] != CODE["seen"]).any() else states[:2]
-        name = (
-            STATES[int(np.bincount(moving[moving != CODE["seen"]], minlength=1).argmax())]
-            if (moving != CODE["seen"]).any()
-            else "impossible"
-        )
-        reasons[name] = reasons.get(name, 0) + 1
+        away = moving[moving != CODE["seen"]]
+        found.append(STATES[int(np.bincount(away).argmax())] if len(away) else "impossible")
+    return found
+
+
+def frame_account(states: Sequence[str], angles: StickAngles, causes: Causes) -> dict[str, Any]:
+    """Return how many frames have an angle, and why the others have none: by the markers' states, and by cause."""
+    reasons = Counter(states)
     return {
         "total": len(angles),
         "with_angle": int(angles.valid.sum()),
         "without_angle": int((~angles.valid).sum()),
-        "why": dict(sorted(reasons.items(), key=lambda item: -item[1])),
+        "why": dict(reasons.most_common()),
+        "causes": causes.count,
         "turn_uncertain": int((~angles.branch_certain & angles.valid).sum()),
     }
 

@@ -71,7 +71,7 @@ def _missing_base(result: TrackResult) -> list[str]:
 
 def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
     """Tell which stick's inner marker is the one further from the axis."""
-    axis = _axis_px(tracks)
+    axis = axis_px(tracks)
     if axis is None:
         return []
     found: list[str] = []
@@ -96,7 +96,7 @@ def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
     return [" ".join([*found, f"{what}: {do}."])]
 
 
-def _axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
+def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     """Return the common centre (2,) of both moving markers' circles; None where they turn too little."""
     turn = _direction(tracks, 2)
     seen = np.isfinite(turn)

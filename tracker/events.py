@@ -16,7 +16,7 @@ _SHORTEST: Final = 2
 _BUMP_PX: Final = 3.0
 _SIDE: Final = 10
 _KINDS: Final = {
-    "hidden": ("occlusion", "something lies over {name}"),
+    "hidden": ("occlusion", "{name} is covered or blurred"),
     "lost": ("lost", "{name} is not found"),
     "outside": ("occlusion", "{name} is outside the picture"),
     "shadowed": ("crossing", "the other stick is over {name} or next to it"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import heapq
 import itertools
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -15,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from tracker.decoder import Decoder
+from tracker.display import Display, display_of, luma_of, transfer_of
 from tracker.source import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
-
-# Formats whose first plane is the luma, one byte per pixel.
-_PLANAR: Final = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16", "nv24")
-# Formats whose first plane is the luma in the low bits of two bytes.
-_DEEP: Final = {"10le": 2, "12le": 4, "14le": 6, "16le": 8}
 
 _FROM_KEY: Final = 300
 """Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
+_CAPTURE_KEYS: Final = ("com.android.capture.fps",)
+"""Metadata in which phones note the rate of a slow-motion film (Android's MediaRecorder)."""
+_SLOWER: Final = 1.5
+"""Frames captured for each one that is played from which a film counts as slow motion: the smallest factor on sale is
+2."""
 
 
 class FilmSource:
@@ -47,23 +47,27 @@ class FilmSource:
         self.damage = Damage()
         self._fps = fps
         self._times_s = times_s
-        self._rotation = 0
-        self._pts: list[int | None] = []
-        with self._open() as container:
-            stream = self._stream(container)
+        self.display = Display()
+        self.pts: list[int | None] = []
+        with self.open() as container:
+            stream = self.stream(container)
             self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
             self._count = int(stream.frames) or None
             aspect = stream.sample_aspect_ratio
             self._aspect = float(aspect) if aspect else 1.0
-            self._rate = _number(stream.average_rate)
+            self.rate_fps = _number(stream.average_rate)
+            self.tick_s = float(stream.time_base or 0)
+            self.span_s = _span_s(container, stream)
             self._about: dict[str, Any] = {
                 "kind": "film",
                 "format": str(container.format.name),
                 "codec": str(stream.codec_context.name),
                 "pixel_format": str(stream.codec_context.pix_fmt),
                 "bit_rate_kbps": _kilo(stream.bit_rate or container.bit_rate),
-                "fps": self._rate,
+                "fps": self.rate_fps,
             }
+            self._note_streams(container, stream)
+            self._note_slow_motion(container, stream)
             self._look_at_first(container, stream)
 
     def _look_at_first(self, container: Any, stream: Any) -> None:
@@ -77,9 +81,12 @@ class FilmSource:
                     message = str(error)
                     continue
                 if frames:
-                    self._rotation = int(frames[0].rotation or 0) % 360
+                    self.display = display_of(frames[0], stream.codec_context)
+                    self._about["pixel_format"] = str(frames[0].format.name)
+                    if (transfer := transfer_of(frames[0])) is not None:
+                        self._about["transfer"] = transfer
                     self._size_px = (frames[0].width, frames[0].height)
-                    if self._rotation in (90, 270):
+                    if self.display.transposed:
                         self._size_px = self._size_px[::-1]
                         self._aspect = 1.0 / self._aspect
                     return
@@ -107,6 +114,11 @@ class FilmSource:
         return self._count
 
     @property
+    def times_given(self) -> bool:
+        """Whether the times are those of a table or of a given rate, and not the film's own stamps."""
+        return self._fps is not None or self._times_s is not None
+
+    @property
     def pixel_aspect(self) -> float:
         """Width of a pixel over its height as displayed."""
         return self._aspect
@@ -114,31 +126,34 @@ class FilmSource:
     def describe(self) -> dict[str, Any]:
         """Return format, codec, bit rate, size and rate of the film."""
         about: dict[str, Any] = {**self._about, "width_px": self._size_px[0], "height_px": self._size_px[1]}
-        if self._rotation:
-            about["rotation_deg"] = self._rotation
+        about |= self.display.describe()
+        if not self.times_given:
+            about["tick_s"] = self.tick_s
+        if self._fps is not None:
+            about["capture_fps"] = self._fps
         if abs(self._aspect - 1.0) > 1e-6:
             about["pixel_aspect"] = self._aspect
         return about
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames in display order; packets that could not be decoded as frames without luma."""
-        reader = _Reader()
-        with self._open() as container:
-            stream = self._stream(container)
+        decoder = Decoder()
+        with self.open() as container:
+            stream = self.stream(container)
             stream.thread_type = "AUTO"
             base = stream.time_base or Fraction(1, 1000)
             start = stream.start_time
             index = 0
-            self._pts = []
+            self.pts = []
             last_s = -np.inf
-            for pts, luma, damaged in reader.pictures(container, stream, rotation=self._rotation):
+            for pts, luma, damaged in decoder.pictures(container, stream, display=self.display):
                 if start is None and pts is not None:
                     start = pts
-                self._pts.append(pts)
+                self.pts.append(pts)
                 time_s = self._time_s(index, pts, start, base, last_s)
                 last_s = time_s
                 if damaged or luma is None:
-                    self._note(index, time_s, reader, missing=luma is None)
+                    self._note(index, time_s, decoder, missing=luma is None)
                 if luma is not None and (luma.shape[1], luma.shape[0]) != self._size_px:
                     raise InputError(
                         "changes its picture size",
@@ -149,7 +164,15 @@ class FilmSource:
                     )
                 yield Frame(index, time_s, luma, damaged=damaged or luma is None)
                 index += 1
-        self._note_end(index, last_s, reader)
+        self._note_end(index, last_s, decoder)
+
+    def times_of(self, pts: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the times (n,) of all frames from their stamps, s, or from the table or the rate that was given."""
+        if self._times_s is not None:
+            return np.array([time_from_table(self._times_s, index, name=self.name) for index in range(len(pts))])
+        if self._fps is not None:
+            return np.arange(len(pts)) / self._fps
+        return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some frames of the last pass again, by their numbers; those that cannot be decoded are left out.
@@ -157,7 +180,7 @@ class FilmSource:
         Frames that cannot be sought, in a damaged film or one without an index, are all taken from one further pass.
         """
         wanted = set(indices)
-        stamps = {index: self._pts[index] for index in wanted if index < len(self._pts)}
+        stamps = {index: self.pts[index] for index in wanted if index < len(self.pts)}
         sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
         found = {index: luma for index, luma in sought.items() if luma is not None}
         left = wanted - set(found)
@@ -170,14 +193,14 @@ class FilmSource:
 
     def _sought(self, pts: int) -> NDArray[np.uint8] | None:
         """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""
-        with self._open() as container:
-            stream = self._stream(container)
+        with self.open() as container:
+            stream = self.stream(container)
             stream.thread_type = "AUTO"
             try:
                 container.seek(pts, stream=stream)
                 for frame in itertools.islice(container.decode(stream), _FROM_KEY):
                     if frame.pts == pts:
-                        return luma_of(frame, rotation=self._rotation).copy()
+                        return luma_of(frame, self.display).copy()
                     if frame.pts is not None and frame.pts > pts:
                         break
             except (av.error.FFmpegError, OSError):
@@ -189,7 +212,7 @@ class FilmSource:
             return time_from_table(self._times_s, index, name=self.name)
         if self._fps is not None:
             return index / self._fps
-        step = 1.0 / (self._rate or DEFAULT_FPS)
+        step = 1.0 / (self.rate_fps or DEFAULT_FPS)
         if pts is None or start is None:
             return last_s + step if np.isfinite(last_s) else 0.0
         # Rounded once, as the fraction would be.
@@ -197,30 +220,49 @@ class FilmSource:
         # Two frames with one stamp: some containers' clocks are coarser than the frame rate.
         return time_s if time_s > last_s else last_s + 1e-3 * step
 
-    def _note(self, index: int, time_s: float, reader: _Reader, *, missing: bool) -> None:
-        if reader.in_damage and not missing:
+    def _note(self, index: int, time_s: float, decoder: Decoder, *, missing: bool) -> None:
+        if decoder.in_damage and not missing:
             return
-        reader.in_damage = True
+        decoder.in_damage = True
         text = "could not be decoded" if missing else "was decoded with errors"
-        more = f" ({reader.message})" if reader.message else ""
+        more = f" ({decoder.message})" if decoder.message else ""
         self.damage.add(index, time_s, f"frame {index} {text}{more}; nothing is taken from here to the next key frame")
 
-    def _note_end(self, count: int, last_s: float, reader: _Reader) -> None:
+    def _note_end(self, count: int, last_s: float, decoder: Decoder) -> None:
         note_rows_left(self.damage, self._times_s, count)
-        if reader.fatal:
+        self._note_interlaced(decoder, count)
+        if decoder.fatal:
             self.damage.add(
                 count,
                 last_s,
-                f"the film cannot be read past frame {count - 1} ({reader.fatal}); what came before is kept",
+                f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept",
             )
-        elif self._count is not None and count < self._count - reader.hidden:
+        elif self._count is not None and count < self._count - decoder.hidden:
             self.damage.add(
                 count,
                 last_s,
                 f"the film ends after frame {count - 1}, but {self._count} frames are declared: it was cut",
             )
 
-    def _open(self) -> Any:
+    def _note_interlaced(self, decoder: Decoder, count: int) -> None:
+        if not decoder.interlaced:
+            return
+        part = "" if decoder.interlaced == count else f" in {decoder.interlaced} of its {count} frames"
+        text = (
+            f"the film is interlaced{part}: of such a frame only the field that is shown first is used, which halves "
+            f"the "
+            "resolution down the picture; film progressively (25p or 30p instead of 50i or 60i)"
+        )
+        self.damage.add(0, 0.0, text, kind="interlaced")
+
+    def open(self) -> Any:
+        """Return the film's container, to be closed after use.
+
+        Raises
+        ------
+        InputError
+            When it is none that can be read.
+        """
         try:
             return av.open(self.name, metadata_errors="ignore")
         except (av.error.FFmpegError, OSError) as error:
@@ -230,112 +272,75 @@ class FilmSource:
                 do="check that the copy is whole; a film whose recording was cut off may be mended with ffmpeg",
             ) from error
 
-    def _stream(self, container: Any) -> Any:
-        streams = container.streams.video
-        if not streams:
-            raise InputError("has no video stream", where=self.name, do="name the film")
-        if streams[0].codec_context is None or not hasattr(streams[0].codec_context, "width"):
-            raise InputError("has a codec that cannot be decoded here", where=self.name, do="convert it with ffmpeg")
-        return streams[0]
+    def stream(self, container: Any) -> Any:
+        """Return the video stream that a player would show; a cover picture is none.
 
-
-class _Reader:
-    """One pass of decoding: keeps account of packets that gave no frame."""
-
-    def __init__(self) -> None:
-        self.message = ""
-        self.fatal = ""
-        self.hidden = 0
-        self.in_damage = False
-        self._waiting: list[int] = []
-        self._errors = 0
-
-    def pictures(
-        self, container: Any, stream: Any, *, rotation: int
-    ) -> Iterator[tuple[int | None, NDArray[np.uint8] | None, bool]]:
-        """Give ``(pts, luma or None, damaged)`` in display order."""
-        damaged = False
-        for frame in self._decoded(container, stream):
-            for pts in self._missing_before(frame.pts):
-                damaged = True
-                yield pts, None, True
-            if frame.key_frame and not frame.is_corrupt:
-                damaged = False
-                self.in_damage = False
-            damaged = damaged or bool(frame.is_corrupt)
-            yield frame.pts, luma_of(frame, rotation=rotation), damaged
-
-    def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
-        packets = container.demux(stream)
-        while True:
-            try:
-                packet = next(packets)
-            except StopIteration:
-                return
-            except (av.error.FFmpegError, OSError) as error:
-                self.fatal = str(error.strerror or error)
-                # What the decoder still holds was read before the damage.
-                yield from self._flush(stream)
-                return
-            if packet.pts is not None and packet.size:
-                heapq.heappush(self._waiting, packet.pts)
-            if getattr(packet, "is_corrupt", False):
-                self._errors += 1
-                self.message = "a packet is marked as corrupt"
-            try:
-                yield from packet.decode()
-            except (av.error.InvalidDataError, av.error.FFmpegError) as error:
-                self._errors += 1
-                self.message = str(error.strerror or error)
-
-    def _flush(self, stream: Any) -> Iterator[Any]:
-        try:
-            yield from stream.decode(None)
-        except (av.error.FFmpegError, EOFError):
-            return
-
-    def _missing_before(self, pts: int | None) -> Iterator[int]:
-        """Give the stamps of packets before ``pts`` that gave no frame, once an error has been met.
-
-        Without an error such packets are frames that are not meant to be shown.
+        Raises
+        ------
+        InputError
+            When there is none, or its codec cannot be decoded here.
         """
-        if pts is None:
+        streams = _films_in(container)
+        if not streams:
+            others = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
+            covers = " and a cover picture" if container.streams.video else ""
+            raise InputError(
+                "has no video stream",
+                where=self.name,
+                value=f"{others.replace('video', '').strip(', ') or 'nothing else'}{covers}",
+                do="name the film",
+            )
+        best = container.streams.best("video")
+        stream = best if best in streams else streams[0]
+        if stream.codec_context is None or not hasattr(stream.codec_context, "width"):
+            raise InputError("has a codec that cannot be decoded here", where=self.name, do="convert it with ffmpeg")
+        return stream
+
+    def _note_streams(self, container: Any, stream: Any) -> None:
+        """Note which stream is used where there is more than one."""
+        streams = _films_in(container)
+        if len(streams) < 2:
             return
-        while self._waiting and self._waiting[0] < pts:
-            lost = heapq.heappop(self._waiting)
-            if self._errors:
-                yield lost
-            else:
-                self.hidden += 1
-        while self._waiting and self._waiting[0] == pts:
-            heapq.heappop(self._waiting)
+        self._about["video_streams"] = len(streams)
+        self._about["video_stream"] = streams.index(stream)
+        sizes = [f"{one.codec_context.width} × {one.codec_context.height}" for one in streams if one.codec_context]
+        text = (
+            f"the film holds {len(streams)} video streams ({', '.join(sizes)}), and number {streams.index(stream)}, "
+            f"which "
+            "players show, is used; for another one write it into a file of its own"
+        )
+        self.damage.add(0, 0.0, text, kind="streams")
+
+    def _note_slow_motion(self, container: Any, stream: Any) -> None:
+        """Note that the camera says it captured more frames a second than are played, unless true times are given."""
+        metadata = {**container.metadata, **stream.metadata}
+        told = next((metadata[key] for key in _CAPTURE_KEYS if key in metadata), "")
+        try:
+            capture_fps = float(told)
+        except ValueError:
+            return
+        self._about["camera_says_fps"] = capture_fps
+        if not self.rate_fps or not capture_fps > _SLOWER * self.rate_fps or self._fps or self._times_s is not None:
+            return
+        text = (
+            f"the camera filmed {capture_fps:g} frames a second (its own note in the file) and the film plays "
+            f"{self.rate_fps:.4g}: in slow motion every time is wrong by {capture_fps / self.rate_fps:.3g}; give --fps "
+            f"{capture_fps:g}"
+        )
+        self.damage.add(0, 0.0, text, kind="slow motion")
 
 
-def luma_of(frame: Any, *, rotation: int) -> NDArray[np.uint8]:
-    """Return the brightness of a frame, a view of the decoder's memory where possible."""
-    name = frame.format.name
-    bits = _bits_below(name)
-    if bits == 0:
-        plane = frame.planes[0]
-        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
-        luma = rows[: frame.height, : frame.width]
-    elif bits is not None:
-        plane = frame.planes[0]
-        deep = np.frombuffer(plane, np.uint16).reshape(-1, plane.line_size // 2)
-        luma = (deep[: frame.height, : frame.width] >> bits).astype(np.uint8)
-    else:
-        luma = frame.to_ndarray(format="gray")
-    if rotation:
-        luma = np.ascontiguousarray(np.rot90(luma, rotation // 90))
-    return luma
+def _films_in(container: Any) -> list[Any]:
+    """Return the video streams that are no cover pictures."""
+    cover = av.stream.Disposition.attached_pic
+    return [stream for stream in container.streams.video if not stream.disposition & cover]
 
 
-@functools.cache
-def _bits_below(name: str) -> int | None:
-    """Return how many bits the luma of a pixel format has below a byte's; None where it has no plane of its own."""
-    if name.startswith(_PLANAR) and not name.endswith(("le", "be")) and name not in ("gray16", "gray10"):
-        return 0
-    return _DEEP.get(name[-4:]) if name.startswith(("yuv4", "gray1")) else None
+def _span_s(container: Any, stream: Any) -> float | None:
+    """Return how long the file says that it plays."""
+    if stream.duration:
+        return float(stream.duration * stream.time_base)
+    return container.duration / av.time_base if container.duration else None
 
 
 def _kilo(value: int | None) -> float | None:

@@ -59,8 +59,8 @@ class PictureSource:
         self.paths = tuple(paths)
         self.damage = Damage()
         self.fps_given = fps is not None or times_s is not None
-        self._fps = fps or DEFAULT_FPS
-        self._times_s = times_s
+        self.fps = fps or DEFAULT_FPS
+        self.times_s = times_s
         if not self.paths:
             raise InputError(
                 "has no pictures",
@@ -97,9 +97,7 @@ class PictureSource:
     def __iter__(self) -> Iterator[Frame]:
         """Give one frame per picture; one that cannot be read has no luma."""
         for index, path in enumerate(self.paths):
-            time_s = (
-                index / self._fps if self._times_s is None else time_from_table(self._times_s, index, name=self.name)
-            )
+            time_s = index / self.fps if self.times_s is None else time_from_table(self.times_s, index, name=self.name)
             picture = _read(path)
             luma = None if picture is None else self._to_bytes(picture, index, time_s)
             if luma is None:
@@ -113,7 +111,7 @@ class PictureSource:
                     do="keep one size per folder",
                 )
             yield Frame(index, time_s, luma, damaged=luma is None)
-        note_rows_left(self.damage, self._times_s, len(self.paths))
+        note_rows_left(self.damage, self.times_s, len(self.paths))
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some pictures again, by their numbers; those that cannot be read are left out."""
@@ -156,7 +154,7 @@ class PictureSource:
             "codec": "jpeg" if self.paths[0].suffix.lower() in (".jpg", ".jpeg", ".webp", ".jp2") else "none",
             "width_px": self._size_px[0],
             "height_px": self._size_px[1],
-            "fps": None if self._times_s is not None else self._fps,
+            "fps": None if self.times_s is not None else self.fps,
         }
         if self.bits is not None:
             content["bits_in_use"] = self.bits

@@ -13,7 +13,7 @@ from films import Cover, Rig, write_film, write_pictures
 
 from torsight.cli.track import track_to_folder
 from torsight.core.tracks import MarkerTracks, StickAngles
-from tracker.gaps import gap_advice, smear_around_gaps_px
+from tracker.gaps import find_causes, gap_advice, smear_around_gaps_px
 from tracker.rows import ROW
 from tracker.track import TrackResult
 
@@ -77,11 +77,11 @@ def test_a_smear_is_told_as_a_shutter_too_long() -> None:
     # 10 degrees per frame at 76 px from the axis, half of it with the shutter open.
     expected_px = 0.5 * 2.0 * 76.0 * np.sin(np.deg2rad(5.0))
     assert smear_around_gaps_px(result, angles) == pytest.approx(expected_px, rel=1e-6)
-    (words,) = gap_advice(frames, result, angles)
+    (words,) = gap_advice(frames, find_causes(result, angles, ["hidden"] * 10))
     assert "shutter" in words
     assert "hands" not in words
     result, angles = made_gap(share=0.0)
-    assert "keep hands" in gap_advice(frames, result, angles)[0]
+    assert "keep hands" in gap_advice(frames, find_causes(result, angles, ["hidden"] * 10))[0]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,8 @@ def test_a_smear_is_told_as_a_shutter_too_long() -> None:
 )
 def test_each_cause_has_its_own_advice(state: str, words: str) -> None:
     result, angles = made_gap(share=0.0)
-    (told,) = gap_advice({"total": 40, "without_angle": 10, "why": {state: 9, "hidden": 1}}, result, angles)
+    causes = find_causes(result, angles, [state] * 9 + ["hidden"])
+    (told,) = gap_advice({"total": 40, "without_angle": 10, "why": {state: 9, "hidden": 1}}, causes)
     assert words in told
     assert "hands" not in told
 

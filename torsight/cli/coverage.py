@@ -7,18 +7,24 @@ from typing import Any, Final
 
 from torsight.core.errors import NoResultError
 
-_USUAL: Final = 0.9
-_LEAST: Final = 0.5
+USUAL: Final = 0.9
+LEAST: Final = 0.5
 """Shares of the contract: below the first a warning, below the second exit code 4."""
-_WHY: Final = {
-    "hidden": "something lies over a marker",
-    "shadowed": "the sticks are too close to each other",
-    "dark": "the light is off",
-    "outside": "a marker is outside the picture",
-    "lost": "a marker was not found again",
-    "damaged": "the frame is damaged",
-    "impossible": "the markers' places contradict each other",
+WHY: Final = {
+    "hand": "something lies over a marker",
+    "sticks": "the sticks are too close to each other",
+    "light": "the light is off",
+    "picture": "a marker is outside the picture",
+    "marker": "a marker was not found again",
+    "texture": "the texture around a marker was lost",
+    "file": "the frame is damaged",
+    "late": "the markers are not in sight yet",
+    "shutter": "the markers are smeared by their motion",
+    "speed": "the stick is too fast for the search",
+    "focus": "the picture is out of focus",
+    "interlaced": "the film is interlaced",
 }
+"""Words for the causes of :mod:`tracker.gaps`."""
 
 
 def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
@@ -37,24 +43,33 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
         Where less than nine tenths of the frames have an angle; :func:`is_no_result` says whether that ends a command.
     """
     share = _share(account)
-    if share >= _USUAL:
+    if share >= USUAL:
         return None
     frames = account["frames"]
-    why = next(iter(frames.get("why", {})), "")
-    advice = next(iter(account.get("advice") or []), "look at track.png: it shows what was read, and where not")
+    why = next(iter(frames.get("causes", {})), "")
+    advice = gap_words(account) or "look at track.png: it shows what was read, and where not"
     return NoResultError(
-        "few frames have an angle" if share >= _LEAST else "less than half of the frames have an angle",
+        "few frames have an angle" if share >= LEAST else "less than half of the frames have an angle",
         where=where,
         value=f"{frames['with_angle']} of {frames['total']}, {100.0 * share:.0f} %"
-        + (f"; most of the others: {_WHY[why]}" if why in _WHY else ""),
-        limit=f"{100.0 * (_USUAL if share >= _LEAST else _LEAST):.0f} % or more",
-        do=advice.rstrip("."),
+        + (f"; most of the others: {WHY[why]}" if why in WHY else ""),
+        limit=f"{100.0 * (USUAL if share >= LEAST else LEAST):.0f} % or more",
+        do=advice,
     )
+
+
+def gap_words(account: Mapping[str, Any]) -> str:
+    """Return what to do about frames without an angle, from the advice of ``track.json``; doubts come first."""
+    advice = [str(words) for words in account.get("advice") or []]
+    about = next((words for words in advice if "frames have no angle" in words), "")
+    # What makes a track doubtful stands before its gaps, and is their cause: sticks exchanged, a damaged file.
+    first = advice[0] if advice and about != advice[0] and about in advice[1:2] else about.partition(": ")[2]
+    return (first or next(iter(advice), "")).rstrip(".")
 
 
 def is_no_result(account: Mapping[str, Any]) -> bool:
     """Return whether so few frames have an angle that a command ends without a result (exit code 4)."""
-    return _share(account) < _LEAST
+    return _share(account) < LEAST
 
 
 def _share(account: Mapping[str, Any]) -> float:

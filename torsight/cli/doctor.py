@@ -22,7 +22,9 @@ def doctor(
         ),
     ],
     *,
-    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
+    ] = None,
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:

@@ -41,7 +41,7 @@ class Experiment(Frozen):
     timestamps : Path or None
         Table of frame times.
     fps : float or None
-        Frame rate of a folder of pictures.
+        Frames a second of a folder of pictures, or at which a slow-motion film was captured.
     camera, markers_file : Path or None
         ``CAMERA.toml``; ``MARKERS.toml``.
     markers : mapping

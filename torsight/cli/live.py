@@ -48,7 +48,9 @@ def live(
     ] = None,
     speed: Annotated[float, typer.Option(help="How much faster than its own pace a film plays.")] = 1.0,
     grows: Annotated[bool, typer.Option("--grows", help="The film is still being written: wait for more.")] = False,
-    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
+    ] = None,
     offset_s: Annotated[
         float | None, typer.Option(help="Log's time less film's time; taken from when rows arrive otherwise.")
     ] = None,

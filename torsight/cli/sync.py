@@ -41,7 +41,10 @@ def sync(
     ] = None,
     film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
-    fps: Annotated[float | None, typer.Option(metavar="HZ", help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured."),
+    ] = None,
     table: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the merged table here, too (.csv or .parquet).")
     ] = None,
@@ -119,12 +122,17 @@ def sync_to_folder(
     NoResultError
         When the offset is neither given nor to be found.
     """
+    import numpy as np
+
     from sync import find_clock, merge, read_temperature_log
     from sync.merge import longest_gap_s, require_overlap
     from sync.report import sync_content
+    from sync.slow_motion import slow_motion_text
+    from torsight.cli.console import say
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json
     from torsight.core.tables import read_angles, write_merged
+    from tracker.timing import timing
 
     steps = 4.0
     values = _numbers(settings)
@@ -137,6 +145,11 @@ def sync_to_folder(
     reading = read_temperature_log(temperature, columns=columns, units=units)
     progress("one clock", 1.0, steps)
     light = _light(settings, film, timestamps, fps, out=out, progress=progress)
+    slow = slow_motion_text(
+        float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
+    )
+    if slow is not None:
+        say(f"warning: {angle}: {slow[0]}; {slow[1]}")
     found = find_clock(
         angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
     )

@@ -40,7 +40,9 @@ def track(
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
     ] = None,
-    fps: Annotated[float | None, typer.Option(help="Frame rate of pictures.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
@@ -95,7 +97,7 @@ def track_to_folder(
     timestamps : Path, optional
         Table of frame times.
     fps : float, optional
-        Frame rate of pictures.
+        Frames a second of pictures, or at which a slow-motion film was captured.
     out : Path
         Folder for the results.
     resume : bool
@@ -145,7 +147,7 @@ def track_to_folder(
         )
         write_angles(out / "angle.csv", orientation.angles)
         doubtful = doubts(result)
-        content = account(result, orientation, doubts=doubtful, remarks=remarks)
+        content = account(result, orientation, doubts=doubtful, remarks=remarks, pictures=source.pictures)
         write_json(out / "track.json", content)
         for doubt in doubtful:
             say(f"warning: {video}: {doubt}")

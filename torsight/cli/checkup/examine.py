@@ -9,10 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from sync.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
-from torsight.cli.checkup.film import MODEL_ERROR_DEG, check_film
+from torsight.cli.checkup.film import check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
+from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment import experiment_file, read_experiment
 from torsight.core.camera import read_camera, require_second
 from torsight.core.errors import ConfigError, TorsightError
@@ -172,7 +174,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
         findings += check.findings
         content["film_right" if number else "film"] = check.content
         if number == 0:
-            findings += _look_at_overlap(check.duration_s, log, inputs.settings)
+            findings += _look_at_overlap(check.duration_s, log, inputs.settings, rate_fps=check.content.get("rate_fps"))
     return findings, content
 
 
@@ -208,10 +210,15 @@ def _look_at_priors(spec: ActuatorSpec) -> list[Finding]:
     return [Finding("actuator", level, text, "give one standard deviation of each in [uncertainty]")]
 
 
-def _look_at_overlap(film_s: float, log: LogCheck, settings: Mapping[str, Any]) -> list[Finding]:
+def _look_at_overlap(
+    film_s: float, log: LogCheck, settings: Mapping[str, Any], *, rate_fps: float | None = None
+) -> list[Finding]:
     """Compare the lengths of film and log, and their ends where the offset is given."""
     if film_s == 0.0 or log.reading is None:
         return []
+    slow = slow_motion_text(film_s, log.duration_s, rate_fps=rate_fps)
+    if slow is not None:
+        return [Finding("record", "limits", f"{slow[0]}.", slow[1])]
     offset = settings.get("offset_s")
     if isinstance(offset, (int, float)) and not isinstance(offset, bool):
         time_s = log.reading.log.time_s

@@ -1,0 +1,226 @@
+"""Stretches of a film, tracked as a run would: how many frames have an angle, how well it is known, how fast it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.coverage import LEAST, USUAL, WHY, gap_words
+from torsight.core.camera import Camera
+from torsight.core.errors import NoResultError
+from torsight.core.progress import Progress, silent
+from torsight.core.units import DEG
+from torsight.core.wording import counted
+from tracker.account import account
+from tracker.doubts import doubts
+from tracker.hints import MarkerHints
+from tracker.orient import Orientation, orient
+from tracker.sample import Clip
+from tracker.start import Start
+from tracker.tilt import KNOWN
+from tracker.track import TrackResult, track_film
+
+CLIP: Final = 400
+"""Frames of a stretch."""
+MODEL_ERROR_DEG: Final = 0.2
+"""What the plain model itself leaves on a good record: an angle that is known better than this limits nothing."""
+_FAST_DEG: Final = 5.0
+_SMEAR_PX: Final = 0.5
+
+
+def track_stretches(
+    clips: Sequence[Clip],
+    start: Start,
+    *,
+    about: str,
+    total: int,
+    hints: MarkerHints | None = None,
+    camera: Camera | None = None,
+    progress: Progress = silent,
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Track stretches of a film and return what came out, as findings and as figures.
+
+    Parameters
+    ----------
+    clips : sequence of Clip
+        The first one is where a run begins, the last one where most moves.
+    start : Start
+        The markers as a run finds them.
+    about : str
+        What the findings call the film.
+    total : int
+        Frames of the film.
+    hints : MarkerHints, optional
+        Given positions, of the first frame.
+    camera : Camera, optional
+        Calibrated camera.
+    progress : Progress
+        Where to report.
+    """
+    tracked: list[tuple[Clip, TrackResult, Orientation]] = []
+    errors: list[NoResultError] = []
+    for clip in clips:
+        try:
+            result = track_film(clip, markers=hints if clip.first == 0 else None, progress=progress)
+        except NoResultError as error:
+            errors.append(error)
+            continue
+        tracked.append((clip, result, orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)))
+    if not tracked:
+        return [_nothing(clips, errors, about=about, total=total)], {}
+    told = [
+        account(result, orientation, doubts=doubts(result), pictures=clip.pictures)
+        for clip, result, orientation in tracked
+    ]
+    findings, coverage = _look_at_coverage(
+        told, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
+    )
+    if start.doubtful:
+        findings.append(_faint(start, about))
+    clip, result, orientation = tracked[-1]
+    names = ("markers", "frames", "noise", "compression", "tilt")
+    content: dict[str, Any] = {
+        "tracked": {"first_frame": clip.first, **{name: told[-1][name] for name in names if name in told[-1]}},
+        "coverage": coverage,
+    }
+    findings += _look_at_account(told, about)
+    findings += _look_at_tilt(told[-1], about, camera)
+    more, motion = _look_at_speed(about, result, orientation, told[-1]["markers"]["shutter_share_of_frame"])
+    return findings + more, content | motion
+
+
+def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: str, total: int) -> Finding:
+    """Return the finding that no stretch gave an angle."""
+    if sum(clip.count for clip in clips) >= total:
+        return refusal(about, errors[0])
+    tried = " and ".join(f"{clip.first} to {clip.first + clip.count - 1}" for clip in clips)
+    error = NoResultError(
+        "no frame has an angle in the stretches that were tracked, where a run begins and where most is seen to move",
+        where=f"{clips[0].name.rpartition(', ')[0]}, frames {tried}",
+        value=errors[-1].what,
+        do=errors[-1].do,
+    )
+    return refusal(about, error)
+
+
+def _look_at_coverage(
+    told: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, about: str, total: int, given: bool
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Say how many frames had an angle, and what that makes of the whole film."""
+    frames = sum(one["frames"]["total"] for one in told)
+    known = sum(one["frames"]["with_angle"] for one in told)
+    before = 0 if given else start.frame
+    if len(clips) == 1 and clips[0].first == 0 and frames >= before:
+        # What comes before the markers are seen was tracked along.
+        share = known / frames if frames else 0.0
+    else:
+        share = known / frames * (total - before) / total
+    content = {"tracked_frames": frames, "with_angle": known, "before_markers": before, "expected_share": share}
+    text = f"{known} of {counted(frames, 'frame')} that were tracked have an angle"
+    if before:
+        text += f"; the markers are first seen in frame {before}, {100 * before / total:.0f} % into the film"
+    why: dict[str, int] = {}
+    for one in told:
+        for name, count in one["frames"]["causes"].items():
+            why[name] = why.get(name, 0) + count
+    most = max(why, key=lambda name: why[name], default="")
+    if most in WHY:
+        text += f"; most of the others: {WHY[most]}"
+    if share >= USUAL:
+        return [Finding(about, "fine", f"{text}.")], content
+    advice = next((words for one in told if (words := gap_words(one))), "")
+    if share >= LEAST:
+        return [Finding(about, "limits", f"{text}.", advice)], content
+    error = NoResultError(
+        "less than half of the frames would have an angle",
+        where=clips[0].name.rpartition(", ")[0],
+        value=text,
+        limit=f"{100 * LEAST:.0f} % or more of the film",
+        do=advice or "look at track.png of 'torsight track'",
+    )
+    return [refusal(about, error)], content
+
+
+def _faint(start: Start, about: str) -> Finding:
+    places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
+    text = f"the dots at {places} in frame {start.frame} hardly stand out: they may be something else than the markers."
+    return Finding(about, "limits", text, "look at them with 'torsight markers', and pick the markers there")
+
+
+def _look_at_account(told: Sequence[Mapping[str, Any]], about: str) -> list[Finding]:
+    """Take over what the tracker says of the stretches: how well the angle is known, and what would make it better."""
+    findings: list[Finding] = []
+    sigma = told[-1]["noise"]["angle_sigma_deg"]
+    if sigma["median"] is not None:
+        level = "limits" if sigma["median"] > MODEL_ERROR_DEG else "fine"
+        bound = "" if sigma["bound"] is None else f" (bound of its noise {sigma['bound']:.4f}°)"
+        text = f"angle known to {sigma['median']:.4f}°{bound}: {_markers_text(told[-1])}."
+        findings.append(Finding(about, level, text, angle_deg=sigma["median"]))
+    seen: set[str] = set()
+    for words in (words for one in reversed(told) for words in one["advice"]):
+        text, _, advice = words.partition(": ")
+        if text in seen:
+            continue
+        seen.add(text)
+        level = "limits" if "frames have no angle" in words or "light was off" in words else "note"
+        findings.append(Finding(about, level, text.rstrip(".") + ".", advice.rstrip("."), sigma["median"]))
+    return findings
+
+
+def _markers_text(told: Mapping[str, Any]) -> str:
+    markers, noise = told["markers"], told["noise"]
+    return (
+        f"dots of {markers['radius_px']:.1f} px radius, {markers['stick_length_px']:.0f} px apart, contrast "
+        f"{noise['marker_contrast_grey']:.0f} and noise {noise['picture_noise_grey']:.1f} grey levels"
+    )
+
+
+def _look_at_tilt(told: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
+    tilt = told.get("tilt", {})
+    if camera is not None and camera.pose is not None:
+        return []
+    if not tilt.get("known", False) or tilt.get("error_it_can_make_deg", 0.0) > KNOWN / DEG:
+        text = (
+            "without a camera file the tilt is learned from the markers' own circles, and this stretch does not show "
+            "it; a tilt of 10° that stays unknown bends the angle by 0.4°."
+        )
+        return [Finding(about, "note", text, "calibrate the camera with one picture of the board on the disk")]
+    return []
+
+
+def _look_at_speed(
+    about: str, result: TrackResult, orientation: Orientation, shutter: float
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Say how far things move from frame to frame and while the shutter is open."""
+    angles = orientation.angles
+    known = angles.valid & angles.branch_certain
+    time_s, angle_deg = angles.time_s[known], angles.angle_rad[known] / DEG
+    outer = result.tracks.position_px[:, 3]
+    if len(time_s) < 3:
+        return [], {}
+    step_deg = float(np.nanquantile(np.abs(np.diff(angle_deg)), 0.99))
+    rate_deg_s = float(np.nanquantile(np.abs(np.diff(angle_deg) / np.diff(time_s)), 0.99))
+    moved = np.hypot(*np.diff(outer, axis=0).T)
+    step_px = float(np.nanquantile(moved, 0.99)) if np.isfinite(moved).any() else 0.0
+    range_deg = float(np.ptp(angle_deg))
+    smear_px = shutter * step_px
+    findings: list[Finding] = []
+    motion = {
+        "range_deg": range_deg,
+        "rate_deg_s": rate_deg_s,
+        "step_deg": step_deg,
+        "step_px": step_px,
+        "smear_px": smear_px,
+    }
+    if step_deg > _FAST_DEG:
+        text = f"turns by up to {step_deg:.1f}° from one frame to the next ({rate_deg_s:.0f}°/s)."
+        findings.append(Finding(about, "limits", text, f"film faster: {_FAST_DEG:g}° per frame and less are safe"))
+    if smear_px > _SMEAR_PX:
+        text = (
+            f"smears the outer marker by {smear_px:.1f} px: the shutter is open for {100 * shutter:.0f} % of a frame."
+        )
+        findings.append(Finding(about, "note", text, "shorten the exposure, with more light"))
+    return findings, {"motion": motion}
