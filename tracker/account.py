@@ -12,7 +12,7 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.events import find_events
 from tracker.gaps import gap_advice
-from tracker.orient import Orientation
+from tracker.plane import Orientation
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 

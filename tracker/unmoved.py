@@ -45,10 +45,16 @@ class Unmoved:
     paths : MarkerTracks
         Turned back about the base as well, where the camera was rolled: for the circles of the moving markers. Angles
         are taken against the base in any case, and have its errors counted there.
+    shift_px2 : (n,) float64
+        Variance, along each axis, of the shift that was taken out: an error that all markers of a frame have in common.
+    turn_rad2 : (n,) float64
+        Variance of what ``paths`` are turned back by.
     """
 
     tracks: MarkerTracks
     paths: MarkerTracks
+    shift_px2: Floats
+    turn_rad2: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +65,14 @@ class Shift:
     ----------
     step : (n, 2) float64
         From its place at the start; interpolated where the base is not seen.
+    variance : (n,) float64
+        Of the step, along the axis that is known worse.
     loose : (n,) float64
-        Variance of the step where the base is not seen; nought elsewhere.
+        The same where the base is not seen; nought elsewhere.
     """
 
     step: Floats
+    variance: Floats
     loose: Floats
 
 
@@ -76,15 +85,17 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     flat, covariance, pixel = _flat(tracks, intrinsics, pixel_aspect)
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
     if shift is None:
-        return Unmoved(tracks, tracks)
+        nothing = np.zeros(len(tracks))
+        return Unmoved(tracks, tracks, nothing, nothing)
     flat = flat - shift.step[:, None]
     seen = _seen(flat)
     alone = (seen[:, 2] != seen[:, 3]) * shift.loose / pixel**2
     spread = tracks.covariance_px2.copy()
     spread[:, 2:] += alone[:, None, None, None] * np.eye(2)
     still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
-    turned = _in_picture(upright(flat, covariance, pixel=pixel), intrinsics, pixel_aspect)
-    return Unmoved(still, replace(still, position_px=turned))
+    turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
+    paths = replace(still, position_px=_in_picture(turned, intrinsics, pixel_aspect))
+    return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
 
 
 def _flat(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
@@ -123,19 +134,21 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
     scale = _base_scale(base, covariance)
     noise = _noise(base, covariance) * max(scale, 1.0) ** 2
     first = np.flatnonzero(known)[: max(1, round(_START * known.sum()))]
-    step, loose = np.zeros_like(place), np.zeros(len(place))
+    step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
         away = place[:, axis] - np.median(place[first, axis])
         step[:, axis], spread = _followed(away, noise[:, axis])
-        loose = np.maximum(loose, np.where(known, 0.0, spread))
+        variance = np.maximum(variance, spread)
     usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
     if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
         return None
-    return Shift(step, loose)
+    return Shift(step, variance, np.where(known, 0.0, variance))
 
 
-def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floats:
+def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
     """Return positions turned back about the base stick by as much as it is turned: where a camera was rolled.
+
+    Also the variance (n,) of the turn, nought where nothing is turned.
 
     Parameters
     ----------
@@ -147,22 +160,22 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floa
         Size of a pixel in the unit of the positions.
     """
     offset = position[:, 1] - position[:, 0]
-    known = _seen(offset)
+    known, nothing = _seen(offset), np.zeros(len(position))
     if not known.any():
-        return position
+        return position, nothing
     scale = _base_scale(position, covariance)
     usual = np.median(offset[known], axis=0)
     along, across = offset @ usual, offset @ np.array([-usual[1], usual[0]])
     noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / float(usual @ usual)
     noise *= max(scale, 1.0) ** 2
-    turn, _ = _followed(np.arctan2(across, along), noise)
+    turn, variance = _followed(np.arctan2(across, along), noise)
     felt = (_FELT_PX * pixel) ** 2 / float(usual @ usual)
     if not np.var(turn[known]) > max(_MOVED**2 * float(np.median(noise[known])), felt):
-        return position
+        return position, nothing
     pivot = np.median(position[known, :2].mean(axis=1), axis=0)
     cos, sin = np.cos(turn), np.sin(turn)
     back = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
-    return np.asarray((position - pivot) @ back + pivot)
+    return np.asarray((position - pivot) @ back + pivot), variance
 
 
 def _seen(points: Floats) -> NDArray[np.bool_]:
