@@ -21,6 +21,10 @@ Points = tuple[NDArray[np.float64], NDArray[np.float64]]
 FLOOR_PX: Final = 0.003
 """What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
 
+_FROZEN: Final = 0.8
+"""Error that a codec freezes in a base at rest over that of markers in motion, at most: 0.43 to 0.79 for x264 at CRF 12 to
+30, from its fastest preset to medium, on the films of benchmarks/tracking/stereo.py."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
@@ -121,7 +125,8 @@ def stick_errors(tracks: MarkerTracks, plane: list[Points]) -> StickErrors:
     base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
     base, moving = stick_witness(plane[:2], base_moves), stick_witness(plane[2:], moves)
     # The base's noise is frozen longest of all: the other stick tells what it hides.
-    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, moving.still))
+    hidden = _FROZEN * moving.still
+    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
     return StickErrors(base, moving, np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1))
 
 

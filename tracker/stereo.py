@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 _PARALLEL: Final = 0.2
 _MISREAD: Final = 36.0
 """χ² of a frame, in the usual one, above which one of its markers was misread: six standard deviations."""
-_SLOPES: Final = np.deg2rad([0.1, 1.0, 10.0])
+_SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
 """How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
 beforehand. Sticks are made flat, to a few hundredths of a millimetre over 20, unless the film shows otherwise; one camera

@@ -42,6 +42,13 @@ class Film:
     shift_px2: Floats
     turn_rad2: Floats
 
+    @property
+    def covariance_px2(self) -> Floats:
+        """Each marker's covariance (n, 4, 2, 2), with what is not known of a shift: the base tells it, and has none."""
+        covariance = self.tracks.covariance_px2.copy()
+        covariance[:, 2:] += self.shift_px2[:, None, None, None] * np.eye(2)
+        return covariance
+
     def pose(self, direction: Floats, point: Floats) -> Pose:
         """Return this camera from a world whose z axis is the rotation axis."""
         u, v = axis_basis(direction)
@@ -123,8 +130,8 @@ def triangulated(films: list[Film]) -> SpacePoints:
         right.tracks.position_px,
         left=left.intrinsics,
         right=RightCamera(right.intrinsics, rotation_vector(right.rotation), right.shift),
-        left_covariance_px2=left.tracks.covariance_px2,
-        right_covariance_px2=right.tracks.covariance_px2,
+        left_covariance_px2=left.covariance_px2,
+        right_covariance_px2=right.covariance_px2,
     )
 
 

@@ -29,6 +29,8 @@ _FELT_PX: Final = 5.0 * USUAL_PX
 """Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
 _START: Final = 0.1
 """Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
+_SAME: Final = 2.0
+"""Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -133,10 +135,10 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
         return None
     scale = _base_scale(base, covariance)
     noise = _noise(base, covariance) * max(scale, 1.0) ** 2
-    first = np.flatnonzero(known)[: max(1, round(_START * known.sum()))]
+    start = _at_the_start(place[known])
     step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
-        away = place[:, axis] - np.median(place[first, axis])
+        away = place[:, axis] - start[axis]
         step[:, axis], spread = _followed(away, noise[:, axis])
         variance = np.maximum(variance, spread)
     usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
@@ -192,6 +194,20 @@ def _middle(base: Floats) -> Floats:
     half = 0.5 * np.median(offset[both], axis=0)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
+
+
+def _at_the_start(place: Floats) -> Floats:
+    """Return where the stick is (2,) before the camera is moved, from its places (n, 2).
+
+    A camera that shakes about one place is averaged for as long as it does; one that sags or is bumped is not.
+    """
+    count = max(1, round(_START * len(place)))
+    while 2 * count <= len(place):
+        apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
+        if (apart > _SAME * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
+            break
+        count *= 2
+    return np.asarray(np.median(place[:count], axis=0))
 
 
 def _one_astray(base: Floats) -> Floats:
