@@ -22,8 +22,8 @@ FLOOR_PX: Final = 0.003
 """What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
 
 _FROZEN: Final = 0.8
-"""Error that a codec freezes in a base at rest over that of markers in motion, at most: 0.43 to 0.79 for x264 at CRF 12 to
-30, from its fastest preset to medium, on the films of benchmarks/tracking/stereo.py."""
+"""Error that a codec freezes in a base at rest over that of markers in motion, at most: 0.43 to 0.79 for x264 at CRF 12
+to 30, from its fastest preset to its usual one, on the films of benchmarks/tracking/stereo.py."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,13 +1,14 @@
 """The actuator angle from two films: the angle on circles that all frames share.
 
 Depth from two pictures is several times worse than the place within one. So it is used where all frames can give it
-together: where the rotation axis is, on which circles about it the moving stick's markers go, and where the base's markers
-are (:mod:`torsight.core.circles`). A frame then has its angle alone to be found, from whatever markers either film shows
-in it.
+together: where the rotation axis is, on which circles about it the moving stick's markers go, and where the base's
+markers are (:mod:`torsight.core.circles`). A frame then has its angle alone to be found, from whatever markers either
+film shows in it.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -46,15 +47,16 @@ _MISREAD: Final = 36.0
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
 """How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
-beforehand. Sticks are made flat, to a few hundredths of a millimetre over 20, unless the film shows otherwise; one camera
-with known planes takes them as flat in any case."""
+beforehand. Sticks are flat to a hundredth of a millimetre over 20, unless the film shows otherwise; one camera with
+known planes takes them as flat in any case."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rig:
     """What all frames share.
 
-    ``direction`` and ``point`` are of the axis, ``height_mm`` (4,) of the markers along it; ``circles`` is None where the
+    ``direction`` and ``point`` are of the axis, ``height_mm`` (4,) of the markers along it, ``rise_sigma_mm`` the
+    standard deviation of how much higher the base's outer marker is than its inner one; ``circles`` is None where the
     stick turns too little to show them; ``report`` is for ``track.json``.
     """
 
@@ -77,9 +79,9 @@ def orient_pair(
 ) -> Orientation:
     """Return the moving stick's orientation against the base stick.
 
-    Every angle is the likeliest one for the pixels of both pictures (of one, where the other shows no marker of the moving
-    stick), with the markers on their circles about the axis and the base at its place; the base stick shows whether a
-    camera moved, and by how much, which is taken out.
+    Every angle is the likeliest one for the pixels of both pictures (of one, where the other shows no marker of the
+    moving stick), with the markers on their circles about the axis and the base at its place; the base stick shows
+    whether a camera moved, and by how much, which is taken out.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def orient_pair(
         moving = moving_direction(plane, np.ones(len(left)))
         method = "two cameras: positions in planes across both sticks"
     else:
-        moving = _on_circles(scaled_films, films, rig, space)
+        moving = _on_circles(rig.circles, scaled_films, films, rig=rig, space=space)
         method = "two cameras: the angle on the markers' circles, axis and circles from the tracks"
     found = against_base(
         films[0].tracks,
@@ -207,11 +209,11 @@ def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
     rise, variance = steady_direction(base[:, 1, 2] - base[:, 0, 2], covariance[:, :2, 2, 2].sum(axis=1))
     values, radii = rig.circles, rig.circles.radii
     own = float(np.hypot(*_stick(radii, values.between_rad)))
-    rise, sigma = _leaning(
+    lean, sigma = _leaning(
         (usual_of(rise) / length, usual_of(variance) / length**2),
         (values.rise / own, float(values.covariance[-1, -1]) / own**2),
     )
-    half = 0.5 * rise * length
+    half = 0.5 * lean * length
     height = np.array([middle - half, middle + half, *rig.height_mm[2:]])
     return replace(rig, height_mm=height, rise_sigma_mm=sigma * length)
 
@@ -255,17 +257,18 @@ def _positions(in_frame: Floats, plane: list[Points], rig: _Rig) -> Floats:
     return position
 
 
-def _on_circles(films: list[Film], bare: list[Film], rig: _Rig, space: SpacePoints) -> Moving:
+def _on_circles(circles: Circles, films: list[Film], bare: list[Film], *, rig: _Rig, space: SpacePoints) -> Moving:
     """Return the moving stick's direction from its markers' places on their circles.
 
     ``bare`` are the films with errors as the fits say, for the bound that the pictures' noise sets.
     """
-    assert rig.circles is not None
-    whole = replace(rig.circles, sights=[film.sight() for film in films])
+    whole = replace(circles, sights=[film.sight() for film in films])
     turns, usual = _without_misread(whole)
     bound = replace(whole, sights=[film.sight() for film in bare]).turns(near_rad=turns.angle_rad)
     rolled = np.mean([film.turn_rad2 for film in films], axis=0)
-    variance = turns.variance_rad2 * usual + _shared_variance(whole, turns.angle_rad, films, rig, space) + rolled
+    variance = (
+        turns.variance_rad2 * usual + _shared_variance(whole, turns.angle_rad, films, rig=rig, space=space) + rolled
+    )
     offset = np.arctan2(*_stick(whole.radii, whole.between_rad)[::-1])
     alone = sum(sight.seen.sum(axis=1) for sight in whole.sights) == 1
     return Moving(turns.angle_rad + offset, variance, alone, usual_of(bound.variance_rad2))
@@ -283,28 +286,24 @@ def _without_misread(whole: Circles) -> tuple[Turns, float]:
     fit = told & (turns.chi_squared < _MISREAD * usual)
     usual = max(1.0, float(turns.chi_squared[fit].sum() / turns.freedom[fit].sum())) if fit.any() else usual
     rows = np.flatnonzero(turns.chi_squared > _MISREAD * usual)
-    if len(rows) == 0:
-        return turns, usual
-    best = (turns.angle_rad[rows], turns.variance_rad2[rows], turns.chi_squared[rows], turns.freedom[rows])
-    for number in range(len(whole.sights)):
-        for marker in (0, 1):
-            sights = [sight.rows(rows) for sight in whole.sights]
-            sights[number] = sights[number].without(marker)
-            other = replace(whole, sights=sights).turns()
-            found = (other.angle_rad, other.variance_rad2, other.chi_squared, other.freedom)
-            better = np.isfinite(found[0]) & (other.freedom > 0.0) & (found[2] < best[2])
-            best = tuple(np.where(better, new, old) for new, old in zip(found, best, strict=True))
-    still_off = best[2] > _MISREAD * usual
-    columns = []
-    for column, new in zip((turns.angle_rad, turns.variance_rad2, turns.chi_squared, turns.freedom), best, strict=True):
-        columns.append(column.copy())
-        columns[-1][rows] = new
-    for column in columns[:2]:
-        column[rows[still_off]] = np.nan
+    best = _columns(turns)[:, rows]
+    for number, marker in itertools.product(range(len(whole.sights)), (0, 1)):
+        sights = [sight.rows(rows) for sight in whole.sights]
+        sights[number] = sights[number].without(marker)
+        other = replace(whole, sights=sights).turns()
+        better = np.isfinite(other.angle_rad) & (other.freedom > 0.0) & (other.chi_squared < best[2])
+        best = np.where(better, _columns(other), best)
+    best[:2, best[2] > _MISREAD * usual] = np.nan
+    columns = _columns(turns)
+    columns[:, rows] = best
     return Turns(*columns), usual
 
 
-def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], rig: _Rig, space: SpacePoints) -> Floats:
+def _columns(turns: Turns) -> Floats:
+    return np.stack((turns.angle_rad, turns.variance_rad2, turns.chi_squared, turns.freedom))
+
+
+def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig: _Rig, space: SpacePoints) -> Floats:
     """Return the variance of the angle by what is not known of axis, circles, and the base's height."""
     near_rad = np.nan_to_num(near_rad)
     base = np.nanmedian(space.position_mm[:, :2], axis=0)

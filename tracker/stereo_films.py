@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
-from torsight.core.circles import Sight, axis_basis
+from torsight.core.circles import axis_basis
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import SpacePoints, rotation_matrix, rotation_vector, triangulate
+from torsight.core.geometry import SpacePoints, epipolar_distance_px, rotation_matrix, rotation_vector, triangulate
+from torsight.core.sights import Sight
 from torsight.core.tracks import MARKERS, MarkerTracks
 from tracker.noise import in_motion
-from tracker.plane import FLOOR_PX, Points, StickErrors
+from tracker.plane import FLOOR_PX, Points, StickErrors, usual_of
 from tracker.unmoved import unmoved
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,9 @@ _OFF_LINE: Final = 30.0
 """χ² above which a marker in both pictures is not the same point (one degree of freedom)."""
 _FEWEST: Final = 30
 """Readings that tell a usual misfit."""
+_APART: Final = 0.2
+"""Distance from the other film's line, over that of a stick's markers, at which two positions are not of one marker:
+exchanged markers are apart by about the stick's length, those of a badly calibrated pair by a few pixels."""
 _MEDIAN_1: Final = 0.455
 """Median of χ² with one degree of freedom."""
 
@@ -31,8 +35,8 @@ _MEDIAN_1: Final = 0.455
 class Film:
     """One film of the pair, as its camera would have seen it unmoved, in the left film's frames.
 
-    ``rotation`` and ``shift`` are its camera from the left one; ``shift_px2`` and ``turn_rad2`` (n,) the variances of what
-    was taken out for a camera that moved.
+    ``rotation`` and ``shift`` are its camera from the left one; ``shift_px2`` and ``turn_rad2`` (n,) the variances of
+    what was taken out for a camera that moved.
     """
 
     tracks: MarkerTracks
@@ -41,6 +45,11 @@ class Film:
     shift: Floats
     shift_px2: Floats
     turn_rad2: Floats
+
+    @property
+    def camera(self) -> RightCamera:
+        """The camera, as the second one of the pair."""
+        return RightCamera(self.intrinsics, rotation_vector(self.rotation), self.shift)
 
     @property
     def covariance_px2(self) -> Floats:
@@ -79,6 +88,13 @@ class Film:
 
 
 def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Film]:
+    """Return both films in the frames of the left one; what a camera moved by is taken out.
+
+    Raises
+    ------
+    ConfigError
+        When the camera file has no second camera, or is for another picture size.
+    """
     second = require_second(camera, where="the camera file")
     require_size(camera.intrinsics, left.size_px, where="the left film")
     require_size(second.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
@@ -124,19 +140,26 @@ def _blanked(tracks: MarkerTracks, gone: NDArray[np.bool_]) -> MarkerTracks:
 
 
 def triangulated(films: list[Film]) -> SpacePoints:
+    """Return the markers (n, 4) in space."""
     left, right = films
     return triangulate(
         left.tracks.position_px,
         right.tracks.position_px,
         left=left.intrinsics,
-        right=RightCamera(right.intrinsics, rotation_vector(right.rotation), right.shift),
+        right=right.camera,
         left_covariance_px2=left.covariance_px2,
         right_covariance_px2=right.covariance_px2,
     )
 
 
 def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
-    """Return films without markers that are not the same point in both, and the points in space."""
+    """Return films without markers that are not the same point in both, and the points in space.
+
+    Raises
+    ------
+    NoResultError
+        When a marker is never seen in both films at once, or is another one in each.
+    """
     space = triangulated(films)
     for marker, name in enumerate(MARKERS):
         if not np.isfinite(space.chi_squared[:, marker]).any():
@@ -145,11 +168,33 @@ def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
                 where=f"stereo pair, {name.replace('_', ' ')} marker",
                 do="check that both films show the rig and start at the same time",
             )
+    _require_same_markers(films)
     # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
     usual = _usual(space.chi_squared, in_motion(films[0].tracks.position_px[:, 2:]))
     off = space.chi_squared > _OFF_LINE * max(1.0, usual / _MEDIAN_1)
     films = [film.without(off) for film in films]
     return films, replace(space, position_mm=np.where(off[..., None], np.nan, space.position_mm))
+
+
+def _require_same_markers(films: list[Film]) -> None:
+    """Refuse films whose markers go by different names, or a camera file of another pair."""
+    left, right = films
+    distance = epipolar_distance_px(
+        left.tracks.position_px, right.tracks.position_px, left=left.intrinsics, right=right.camera
+    )
+    position = left.tracks.position_px
+    limit_px = _APART * usual_of(np.linalg.norm(position[:, 1::2] - position[:, ::2], axis=-1))
+    for marker, name in enumerate(MARKERS):
+        apart_px = usual_of(distance[:, marker].max(axis=-1))
+        if apart_px > limit_px:
+            raise NoResultError(
+                "is not the same point in both films",
+                where=f"stereo pair, {name.replace('_', ' ')} marker",
+                value=f"{apart_px:.1f} px beside the line on which the other film puts it",
+                limit=f"{limit_px:.1f} px",
+                do="check that the camera file is of this pair, that left and right are not exchanged, and that the "
+                "marker file names inner and outer, base and moving markers as they are found without it",
+            )
 
 
 def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:
@@ -169,11 +214,11 @@ def fused(planes: list[list[Points]]) -> list[Points]:
         total, weighted = np.zeros((len(planes[0][marker][0]), 2, 2)), np.zeros((len(planes[0][marker][0]), 2))
         for plane in planes:
             position, covariance = plane[marker]
-            known = np.isfinite(position).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+            known = np.asarray(np.isfinite(position).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
             weight = np.linalg.inv(np.where(known[:, None, None], covariance, np.eye(2))) * known[:, None, None]
             total += weight
             weighted += np.einsum("nij,nj->ni", weight, np.where(known[:, None], position, 0.0))
-        seen = total[:, 0, 0] > 0.0
+        seen = np.asarray(total[:, 0, 0] > 0.0)
         covariance = np.linalg.inv(np.where(seen[:, None, None], total, np.eye(2)))
         covariance[~seen] = np.nan
         fused.append((np.einsum("nij,nj->ni", covariance, weighted), covariance))

@@ -5,8 +5,8 @@ Run: python benchmarks/tracking/stereo.py [--seeds 2] [--crf 18] [--shake 0]
 The right camera looks at the rig from the side by the angle between the cameras; dots of the moving stick are 50 px
 apart. Columns: tilt of the axis against the left camera's line of sight and angle between the cameras, degrees; for the
 better of both single cameras (its own pose and planes, exact) and for the pair (axis and circles from the tracks): rms
-error, rms of the sigma, degrees, and rms of error over sigma; the pair's error over the single camera's; tilt of the axis
-as found, degrees.
+error, rms of the sigma, degrees, and rms of error over sigma; the pair's error over the single camera's; tilt of the
+axis as found, degrees.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The rotation axis from the paths of the moving stick's markers, and the angle of a stick about it.
 
-A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in space.
-In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the angle
-between them say how the axis is tilted: seen along a tilted axis the circles become ellipses, and perspective tells the
-near side from the far side. Both are the same fit, :class:`torsight.core.circles.Circles`.
+A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in
+space. In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the
+angle between them say how the axis is tilted: seen along a tilted axis the circles become ellipses, and perspective
+tells the near side from the far side. Both are the same fit, :class:`torsight.core.circles.Circles`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import Intrinsics, Pose
-from torsight.core.circles import Circles, Sight, axis_basis, common_centre, on_unit_plane, tilted
+from torsight.core.circles import Circles, axis_basis, common_centre, on_unit_plane, tilted
 from torsight.core.errors import NoResultError
 from torsight.core.geometry import meeting_point, rotation_vector
 from torsight.core.hanging import USUAL_PX, spread_rows
 from torsight.core.minimise import jacobian_of
+from torsight.core.sights import Sight
 
 Floats = NDArray[np.float64]
 
@@ -93,9 +94,11 @@ def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis,
         When too few positions are known, or the markers turned too little.
     """
     seen = np.concatenate((left.seen, right.seen), axis=1)
-    whole = seen.all(axis=1)
+    whole = np.asarray(seen.all(axis=1))
     _require_frames(int(whole.sum()))
-    stick = np.where(left.seen.all(axis=1)[:, None], left.ray[:, 1] - left.ray[:, 0], right.ray[:, 1] - right.ray[:, 0])
+    stick = np.where(
+        np.asarray(left.seen.all(axis=1))[:, None], left.ray[:, 1] - left.ray[:, 0], right.ray[:, 1] - right.ray[:, 0]
+    )
     rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), whole)
     sights = [left.rows(rows), right.rows(rows)]
     points = meeting_point(sights[0].ray, sights[1].ray, rotation=right.rotation, shift=right.shift)
@@ -147,9 +150,7 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
     return _axis_of(best, first, arc_rad=arc_rad, unit=length, mirror_gap=gap)
 
 
-def _axis_of(
-    best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf
-) -> Axis:
+def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf) -> Axis:
     """Return what a fit says of the axis; ``first`` is the one that took all errors as independent."""
     turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
     tilt = best.covariance[:2, :2]

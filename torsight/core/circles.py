@@ -4,11 +4,11 @@ Marker k of the stick goes around a circle: in the first camera's coordinates::
 
     X_k(θ) = p + h_k d + r_k (cos(θ + b_k) u + sin(θ + b_k) v),    h_1 = b_1 = 0
 
-with d the axis' direction, p where it meets the first marker's plane, and u, v across it (:func:`axis_basis`). All frames
-share d, p, r, h and b; a frame has θ alone. The residuals are those of bundle adjustment (Triggs and others, 2000), the
-markers' distances in the pictures from the projections of X_k, each frame's θ at its best for the shared values (Golub
-and Pereyra, 1973). They are taken along rays, with covariances carried through the lens: to first order that is the
-same as in pixels.
+with d the axis' direction, p where it meets the first marker's plane, and u, v across it (:func:`axis_basis`). All
+frames share d, p, r, h and b; a frame has θ alone. The residuals are those of bundle adjustment (Triggs and others,
+2000), the markers' distances in the pictures from the projections of X_k, each frame's θ at its best for the shared
+values (Golub and Pereyra, 1973). They are taken along rays, with covariances carried through the lens: to first order
+that is the same as in pixels.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Intrinsics
-from torsight.core.geometry import ray_from_pixel
+from torsight.core.geometry import cross_matrix
 from torsight.core.hanging import hanging_errors
 from torsight.core.minimise import least_squares
+from torsight.core.sights import Sight
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _ENOUGH: Final = 1e-6
-_ANGLE_STEPS: Final = 4
-"""Gauss-Newton steps for θ: its first guess is off by less than a tenth, and each step takes the error's square."""
+_ANGLE_STEPS: Final = 2
+"""Gauss-Newton steps for θ: its first guess is off by the pictures' noise over a radius, and each step leaves about the
+square of it."""
 _FAR: Final = 6.0
 """Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
 # Places of the shared values.
@@ -47,102 +48,7 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
     if np.linalg.norm(u) < 1e-6:
         u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
     u /= np.linalg.norm(u)
-    return u, np.cross(direction, u)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """Both markers of a stick as one camera sees them.
-
-    Attributes
-    ----------
-    ray : (n, 2, 2) float64
-        X/Z, Y/Z of the inner and the outer marker; NaN where not seen.
-    covariance : (n, 4, 4) float64
-        Of both rays together.
-    rotation, shift : (3, 3), (3,) float64
-        This camera from the first one.
-    """
-
-    ray: Floats
-    covariance: Floats
-    rotation: Floats = field(default_factory=lambda: np.eye(3))
-    shift: Floats = field(default_factory=lambda: np.zeros(3))
-
-    @classmethod
-    def of(
-        cls,
-        position_px: Floats,
-        covariance_px2: Floats,
-        intrinsics: Intrinsics,
-        *,
-        shared_px2: Floats | None = None,
-        rotation: Floats | None = None,
-        shift: Floats | None = None,
-    ) -> Sight:
-        """Return what a camera sees at pixel positions (n, 2, 2).
-
-        ``covariance_px2`` (n, 2, 2, 2) is each marker's own; ``shared_px2`` (n,) the variance along each axis of an
-        error that both have in common, such as by a camera that moved.
-        """
-        ray, slope = ray_from_pixel(position_px, intrinsics)
-        seen = np.isfinite(ray).all(axis=-1)
-        ray = np.where(seen[..., None], ray, np.nan)
-        slope = np.where(seen[..., None, None], slope, 0.0)
-        own = slope @ np.where(seen[..., None, None], covariance_px2, 1.0) @ np.swapaxes(slope, -1, -2)
-        covariance = np.zeros((len(ray), 4, 4))
-        for marker, part in enumerate((slice(0, 2), slice(2, 4))):
-            # Any variance will do where nothing is seen: it is not used.
-            covariance[:, part, part] = np.where(seen[:, marker, None, None], own[:, marker], np.eye(2))
-        if shared_px2 is not None:
-            both = slope.reshape(-1, 4, 2)
-            covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
-        return cls(
-            ray,
-            covariance,
-            np.eye(3) if rotation is None else rotation,
-            np.zeros(3) if shift is None else shift,
-        )
-
-    @property
-    def seen(self) -> Flags:
-        """Where each marker (n, 2) is seen."""
-        return np.asarray(np.isfinite(self.ray[..., 0]))
-
-    def rows(self, rows: NDArray[np.intp] | Flags) -> Sight:
-        """Return some of the frames."""
-        return replace(self, ray=self.ray[rows], covariance=self.covariance[rows])
-
-    def without(self, marker: int) -> Sight:
-        """Return the sight as if one marker had not been seen."""
-        ray, covariance = self.ray.copy(), self.covariance.copy()
-        part = slice(2 * marker, 2 * marker + 2)
-        ray[:, marker] = np.nan
-        covariance[:, part], covariance[:, :, part] = 0.0, 0.0
-        covariance[:, part, part] = np.eye(2)
-        return replace(self, ray=ray, covariance=covariance)
-
-    @property
-    def precision(self) -> Floats:
-        """Inverse (n, 4, 4) of the covariance; nought for a marker that is not seen."""
-        known = np.repeat(self.seen, 2, axis=1)
-        return np.asarray(np.linalg.inv(self.covariance) * known[:, :, None] * known[:, None, :])
-
-    def lines(self) -> tuple[Floats, Floats]:
-        """Return the eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
-        ray = np.concatenate((self.ray, np.ones_like(self.ray[..., :1])), axis=-1)
-        return -self.rotation.T @ self.shift, ray @ self.rotation
-
-    def error(self, points: Floats, along: Floats) -> tuple[Floats, Floats]:
-        """Return by how much points (n, 2, 3) are seen beside the markers (n, 2, 2), and how that goes with ``along``.
-
-        Both are nought for a marker that is not seen.
-        """
-        place, way = points @ self.rotation.T + self.shift, along @ self.rotation.T
-        ray = place[..., :2] / place[..., 2:]
-        slope = (way[..., :2] - ray * way[..., 2:]) / place[..., 2:]
-        known = self.seen[..., None]
-        return np.where(known, ray - self.ray, 0.0), np.where(known, slope, 0.0)
+    return u, cross_matrix(direction) @ u
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,7 +160,7 @@ class Circles:
         First across each marker's path, then along it, less what the frame's own θ takes up.
         """
         across, along, slopes = [], [], []
-        points, ways = _on_circles(self.frame, values, self._angle(values))
+        points, ways = _on_circles(self.frame, values, self._refined(values, self._first_angle(values))[0])
         for sight in self.sights:
             error, slope = sight.error(points, ways)
             size = np.linalg.norm(slope, axis=-1, keepdims=True)
@@ -278,13 +184,9 @@ class Circles:
         ``near_rad`` (n,) are angles to begin with, where they are known already.
         """
         values = self.values if values is None else values
-        angle = self._angle(values) if near_rad is None else near_rad
-        weights = [sight.precision for sight in self.sights]
-        steps = _ANGLE_STEPS if near_rad is None else _ANGLE_STEPS // 2
-        for _ in range(steps):
-            gradient, information, _ = self._sums(values, angle, weights)
-            angle = angle - gradient / np.where(information > 0.0, information, 1.0)
-        _, information, chi_squared = self._sums(values, angle, weights)
+        angle, information, chi_squared = self._refined(
+            values, self._first_angle(values) if near_rad is None else near_rad
+        )
         known = information > 0.0
         with np.errstate(divide="ignore"):
             variance = np.where(known, 1.0 / information, np.nan)
@@ -294,7 +196,7 @@ class Circles:
     def weighed(self, *, usual: float) -> Circles:
         """Return the fit with residuals taken as they hang together; see :mod:`torsight.core.hanging`."""
         errors = hanging_errors(
-            self._angle(self.values),
+            self.turns().angle_rad,
             lambda part: self.misfit(self._with(part)),
             self.values[self.free],
             usual=usual,
@@ -323,8 +225,8 @@ class Circles:
         values[self.free] = part
         return values
 
-    def _angle(self, values: Floats) -> Floats:
-        """Return θ (n,) from where lines of sight meet the circles' planes, and a few Gauss-Newton steps."""
+    def _first_angle(self, values: Floats) -> Floats:
+        """Return θ (n,) as lines of sight tell it where they meet the circles' planes."""
         direction = tilted(self.frame, values[_TILT])
         u, v = axis_basis(direction)
         total = np.zeros(len(self.sights[0].ray), np.complex128)
@@ -339,12 +241,16 @@ class Circles:
                     # A plane that is seen from the side tells little.
                     facing = np.abs(line @ direction) / np.linalg.norm(line, axis=1)
                 total += np.where(sight.seen[:, marker], np.nan_to_num(turn) * np.nan_to_num(facing), 0.0)
-        angle = np.angle(total)
+        return np.angle(total)
+
+    def _refined(self, values: Floats, angle: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return θ (n,) at its best, the information about it, and the misfit χ²."""
         weights = [sight.precision for sight in self.sights]
         for _ in range(_ANGLE_STEPS):
             gradient, information, _ = self._sums(values, angle, weights)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
-        return np.asarray(angle)
+        _, information, chi_squared = self._sums(values, angle, weights)
+        return angle, information, chi_squared
 
     def _sums(self, values: Floats, angle: Floats, weights: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
         """Return of every frame's χ² half the derivative by θ, its Gauss-Newton curvature, and χ² itself."""
@@ -373,7 +279,7 @@ def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, F
 
 
 def _without_direction(error: Floats, direction: Floats) -> Floats:
-    """Return errors (n, k) less their part along a direction (n, k), as k − 1 coordinates (Householder's reflection)."""
+    """Return errors (n, k) less their part along a direction (n, k), as k − 1 coordinates (by Householder)."""
     mirror = direction.copy()
     mirror[:, 0] += np.linalg.norm(direction, axis=1)
     square = np.sum(mirror**2, axis=1, keepdims=True)
