@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
-from tracker.events import find_events
+from tracker.events import events_of_right, find_events
 from tracker.gap_pictures import Pictures
 from tracker.gaps import Causes, find_causes, gap_advice
-from tracker.orient import Orientation
+from tracker.plane import Orientation
 from tracker.rows import CODE, STATES
 from tracker.timing import timing
 from tracker.track import TrackResult
@@ -34,11 +34,13 @@ def account(
     doubts: Sequence[str],
     remarks: Sequence[str] = (),
     pictures: Pictures | None = None,
+    right: TrackResult | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``track.json``.
 
     ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked,
     ``pictures`` gives frames by their numbers, of which some without an angle are looked at.
+    ``right`` is the right film of a stereo pair.
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
@@ -58,6 +60,13 @@ def account(
         "compression": compression_account(result.report["source"], noise),
     }
     events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
+    if right is not None:
+        content["right_film"] = {
+            **right.report,
+            "frames": len(right.rows),
+            "error_over_white_noise": noise.get("error_over_white_noise_right"),
+        }
+        events = sorted(events + events_of_right(right, angles), key=lambda event: event["frame"])
     markers = result.report["markers"]
     # What makes the angles doubtful comes before what would make them better.
     content["advice"] = list(doubts)

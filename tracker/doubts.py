@@ -30,7 +30,8 @@ def doubts(result: TrackResult) -> list[str]:
     given = bool(result.report["markers"]["given"])
     found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
     # Circles of a stick that rests tell nothing of the axis.
-    if result.report["markers"]["kind"] in {"dot", "texture"}:
+    kind = result.report["markers"]["kind"]
+    if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
         found = found or _exchanged_markers(result.tracks, given=given)
     return found + _file_faults(result)

@@ -132,9 +132,7 @@ def combed(picture: Luma, other: Luma) -> float:
 
 
 def _steepness(picture: Luma) -> float:
-    """Return the gradient at a picture's edges over the change of brightness across each: free of light and
-    contrast.
-    """
+    """Return the gradient at edges over the change of brightness across each: free of light and contrast."""
     across, down = (cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1)))
     gradient = np.hypot(across, down)
     window = np.ones((9, 9), np.uint8)

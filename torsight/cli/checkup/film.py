@@ -150,7 +150,7 @@ def _stretches(
     begin = 0 if hints is not None else start.frame
     if len(stamps) <= CLIP:
         return [0]
-    if start.kind == "texture":
+    if start.kind != "dot":
         return [begin]
     moving = _liveliest(source, stamps, check, about, progress, sought=hints is None and not start.doubtful)
     return [begin] if abs(moving - begin) < CLIP // 2 else [begin, moving]
