@@ -2,7 +2,8 @@
 
 from tracker.account import account
 from tracker.hints import MarkerHints, read_markers
-from tracker.orient import Orientation, orient
+from tracker.orient import orient
+from tracker.plane import Orientation
 from tracker.source import Frame, FrameSource, open_source
 from tracker.stereo import orient_pair
 from tracker.track import TrackResult, track_film

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
-from tracker.events import find_events
+from tracker.events import events_of_right, find_events
 from tracker.gaps import gap_advice
-from tracker.orient import Orientation
+from tracker.plane import Orientation
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
@@ -25,11 +25,17 @@ _FAINT: Final = 40.0
 
 
 def account(
-    result: TrackResult, orientation: Orientation, *, doubts: Sequence[str], remarks: Sequence[str] = ()
+    result: TrackResult,
+    orientation: Orientation,
+    *,
+    doubts: Sequence[str],
+    remarks: Sequence[str] = (),
+    right: TrackResult | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``track.json``.
 
-    ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked.
+    ``doubts`` are those of :func:`tracker.doubts.doubts`, ``remarks`` what was noticed before anything was tracked,
+    ``right`` is the right film of a stereo pair.
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
@@ -41,6 +47,13 @@ def account(
         "compression": compression_account(result.report["source"], noise),
     }
     events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
+    if right is not None:
+        content["right_film"] = {
+            **right.report,
+            "frames": len(right.rows),
+            "error_over_white_noise": noise.get("error_over_white_noise_right"),
+        }
+        events = sorted(events + events_of_right(right, angles), key=lambda event: event["frame"])
     markers = result.report["markers"]
     # What makes the angles doubtful comes before what would make them better.
     content["advice"] = list(doubts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS, StickAngles
 from tracker.rows import CODE
+
+if TYPE_CHECKING:
+    from tracker.track import TrackResult
 
 _SHORTEST: Final = 2
 """Frames for which a marker must be away to be told, unless the angle is lost with it."""
@@ -35,7 +38,7 @@ def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[s
     damage : list of dict
         What the source told.
     """
-    events = list(damage)
+    events = [dict(entry) for entry in damage]
     dark = (rows["state"] == CODE["dark"]).any(axis=1)
     events += [_event(angles, run, "light", "the light is off") for run in _runs(dark)]
     for marker, name in enumerate(MARKERS):
@@ -43,6 +46,27 @@ def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[s
     events += _bumps(rows, angles)
     events += _angle_events(angles)
     return sorted(events, key=lambda event: (event["frame"], event["kind"]))
+
+
+def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, Any]]:
+    """Return what happened in the right film of a stereo pair, at the left film's frames.
+
+    ``angles`` (left film's frames) are what was made of both.
+    """
+    time_s = right.rows["time_s"]
+    if len(angles) == 0:
+        return []
+    at = np.clip(np.searchsorted(angles.time_s, time_s), 0, len(angles) - 1)
+    # Whether there is an angle is asked, and what the angle itself did is told of both films together.
+    known = np.zeros(len(time_s))
+    seen = StickAngles(np.arange(len(time_s)), time_s, known, known, angles.valid[at], np.ones(len(time_s), np.bool_))
+    events = [event for event in find_events(right.rows, seen, right.damage) if event["kind"] != "angle unknown"]
+    for event in events:
+        event["text"] = f"right film: {event['text']}"
+        for key in ("frame", "end_frame"):
+            if key in event:
+                event[key] = int(at[min(event[key], len(at) - 1)]) if len(at) else 0
+    return events
 
 
 def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list[dict[str, Any]]:

@@ -29,6 +29,8 @@ _FELT_PX: Final = 5.0 * USUAL_PX
 """Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
 _START: Final = 0.1
 """Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
+_SAME: Final = 2.0
+"""Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -45,10 +47,16 @@ class Unmoved:
     paths : MarkerTracks
         Turned back about the base as well, where the camera was rolled: for the circles of the moving markers. Angles
         are taken against the base in any case, and have its errors counted there.
+    shift_px2 : (n,) float64
+        Variance, along each axis, of the shift that was taken out: an error that all markers of a frame have in common.
+    turn_rad2 : (n,) float64
+        Variance of what ``paths`` are turned back by.
     """
 
     tracks: MarkerTracks
     paths: MarkerTracks
+    shift_px2: Floats
+    turn_rad2: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +67,14 @@ class Shift:
     ----------
     step : (n, 2) float64
         From its place at the start; interpolated where the base is not seen.
+    variance : (n,) float64
+        Of the step, along the axis that is known worse.
     loose : (n,) float64
-        Variance of the step where the base is not seen; nought elsewhere.
+        The same where the base is not seen; nought elsewhere.
     """
 
     step: Floats
+    variance: Floats
     loose: Floats
 
 
@@ -76,15 +87,17 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     flat, covariance, pixel = _flat(tracks, intrinsics, pixel_aspect)
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
     if shift is None:
-        return Unmoved(tracks, tracks)
+        nothing = np.zeros(len(tracks))
+        return Unmoved(tracks, tracks, nothing, nothing)
     flat = flat - shift.step[:, None]
     seen = _seen(flat)
     alone = (seen[:, 2] != seen[:, 3]) * shift.loose / pixel**2
     spread = tracks.covariance_px2.copy()
     spread[:, 2:] += alone[:, None, None, None] * np.eye(2)
     still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
-    turned = _in_picture(upright(flat, covariance, pixel=pixel), intrinsics, pixel_aspect)
-    return Unmoved(still, replace(still, position_px=turned))
+    turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
+    paths = replace(still, position_px=_in_picture(turned, intrinsics, pixel_aspect))
+    return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
 
 
 def _flat(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
@@ -122,20 +135,22 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
         return None
     scale = _base_scale(base, covariance)
     noise = _noise(base, covariance) * max(scale, 1.0) ** 2
-    first = np.flatnonzero(known)[: max(1, round(_START * known.sum()))]
-    step, loose = np.zeros_like(place), np.zeros(len(place))
+    start = _at_the_start(place[known])
+    step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
-        away = place[:, axis] - np.median(place[first, axis])
+        away = place[:, axis] - start[axis]
         step[:, axis], spread = _followed(away, noise[:, axis])
-        loose = np.maximum(loose, np.where(known, 0.0, spread))
+        variance = np.maximum(variance, spread)
     usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
     if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
         return None
-    return Shift(step, loose)
+    return Shift(step, variance, np.where(known, 0.0, variance))
 
 
-def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floats:
+def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
     """Return positions turned back about the base stick by as much as it is turned: where a camera was rolled.
+
+    Also the variance (n,) of the turn, nought where nothing is turned.
 
     Parameters
     ----------
@@ -147,22 +162,22 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floa
         Size of a pixel in the unit of the positions.
     """
     offset = position[:, 1] - position[:, 0]
-    known = _seen(offset)
+    known, nothing = _seen(offset), np.zeros(len(position))
     if not known.any():
-        return position
+        return position, nothing
     scale = _base_scale(position, covariance)
     usual = np.median(offset[known], axis=0)
     along, across = offset @ usual, offset @ np.array([-usual[1], usual[0]])
     noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / float(usual @ usual)
     noise *= max(scale, 1.0) ** 2
-    turn, _ = _followed(np.arctan2(across, along), noise)
+    turn, variance = _followed(np.arctan2(across, along), noise)
     felt = (_FELT_PX * pixel) ** 2 / float(usual @ usual)
     if not np.var(turn[known]) > max(_MOVED**2 * float(np.median(noise[known])), felt):
-        return position
+        return position, nothing
     pivot = np.median(position[known, :2].mean(axis=1), axis=0)
     cos, sin = np.cos(turn), np.sin(turn)
     back = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
-    return np.asarray((position - pivot) @ back + pivot)
+    return np.asarray((position - pivot) @ back + pivot), variance
 
 
 def _seen(points: Floats) -> NDArray[np.bool_]:
@@ -179,6 +194,20 @@ def _middle(base: Floats) -> Floats:
     half = 0.5 * np.median(offset[both], axis=0)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
+
+
+def _at_the_start(place: Floats) -> Floats:
+    """Return where the stick is (2,) before the camera is moved, from its places (n, 2).
+
+    A camera that shakes about one place is averaged for as long as it does; one that sags or is bumped is not.
+    """
+    count = max(1, round(_START * len(place)))
+    while 2 * count <= len(place):
+        apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
+        if (apart > _SAME * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
+            break
+        count *= 2
+    return np.asarray(np.median(place[:count], axis=0))
 
 
 def _one_astray(base: Floats) -> Floats:

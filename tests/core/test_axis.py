@@ -4,12 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.core.axis import axis_in_picture, axis_in_space, pose_from_axis, stick_angle
+from torsight.core.axis import axis_from_pair, axis_in_picture, pose_from_axis, stick_angle
 from torsight.core.camera import Intrinsics, RightCamera
 from torsight.core.circles import axis_basis
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import on_plane, rotation_matrix, triangulate
+from torsight.core.geometry import on_plane, rotation_matrix
 from torsight.core.minimise import least_squares
+from torsight.core.sights import Sight
 
 LENS = Intrinsics(
     (640, 480),
@@ -42,12 +43,11 @@ def seen(points_mm, rng, *, rvec=(0.0, 0.0, 0.0), tvec_mm=(0.0, 0.0, 0.0), sigma
     return pixels + rng.normal(0, 1, pixels.shape) * sigma_px, covariance
 
 
-def in_space(points_mm, rng, *, sigma_px=SIGMA_PX):
+def from_pair(points_mm, rng, *, sigma_px=SIGMA_PX):
     left, covariance = seen(points_mm, rng, sigma_px=sigma_px)
     right, _ = seen(points_mm, rng, rvec=RIGHT.rvec, tvec_mm=RIGHT.tvec_mm, sigma_px=sigma_px)
-    return triangulate(
-        left, right, left=LENS, right=RIGHT, left_covariance_px2=covariance, right_covariance_px2=covariance
-    )
+    other = Sight.of(right, covariance, LENS, rotation=rotation_matrix(RIGHT.rvec), shift=RIGHT.tvec_mm)
+    return axis_from_pair(Sight.of(left, covariance, LENS), other, noise_px=max(sigma_px, 1e-4))[0]
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 7.0, 30.0])
@@ -61,11 +61,10 @@ def test_axis_in_picture_without_noise(tilt_deg):
     assert np.degrees(axis.arc_rad) == pytest.approx(250, abs=0.1)
 
 
-def test_axis_in_space_without_noise():
+def test_axis_from_a_pair_without_noise():
     direction, centre, points = rig(12.0, np.radians(np.linspace(0, 120, 60)))
     points[:, 1] += 3.0 * direction
-    space = in_space(points, np.random.default_rng(0), sigma_px=0.0)
-    axis = axis_in_space(space.position_mm, space.covariance_mm2)
+    axis = from_pair(points, np.random.default_rng(0), sigma_px=0.0)
     assert axis.direction == pytest.approx(direction, abs=1e-7)
     assert axis.point_mm == pytest.approx(centre, abs=1e-5)
     assert axis.radius_mm == pytest.approx([8.0, 25.0], abs=1e-5)
@@ -78,18 +77,14 @@ def test_axis_lies_within_its_own_sigma(cameras):
     direction, _, points = rig(9.0, np.radians(np.linspace(0, 200, 120)))
     scaled, misfit = [], []
     for _ in range(25):
-        if cameras == 1:
-            axis = axis_in_picture(*seen(points, rng), LENS)
-        else:
-            space = in_space(points, rng)
-            axis = axis_in_space(space.position_mm, space.covariance_mm2)
+        axis = axis_in_picture(*seen(points, rng), LENS) if cameras == 1 else from_pair(points, rng)
         scaled.append(np.arccos(min(1.0, axis.direction @ direction)) / axis.direction_sigma_rad)
         misfit.append(axis.misfit)
     # Two tilts, each at most one sigma wide: the mean square is at most 2, within the scatter of 25 draws (χ² with 50).
     assert np.mean(np.square(scaled)) < 2.0 + 5 * 2.0 * np.sqrt(2 / 50)
     assert np.mean(np.square(scaled)) > 0.5
-    # χ² per degree of freedom of about 240 residuals, 25 times.
-    assert np.mean(misfit) == pytest.approx(1.0, abs=5 * np.sqrt(0.5 / 240 / 25) + 0.005)
+    # χ² per degree of freedom of 3 residuals a frame, 7 of two cameras, in 120 frames, 25 times.
+    assert np.mean(misfit) == pytest.approx(1.0, abs=5 * np.sqrt(0.5 / (120 * (4 * cameras - 1)) / 25) + 0.005)
 
 
 def test_without_perspective_the_mirror_image_fits_almost_as_well():
@@ -147,15 +142,13 @@ def test_what_cannot_show_an_axis_is_refused(frames, arc_deg, said):
     rng = np.random.default_rng(0)
     with pytest.raises(NoResultError, match=said):
         axis_in_picture(*seen(points, rng, sigma_px=0.001), LENS)
-    space = in_space(points, rng, sigma_px=0.001)
     with pytest.raises(NoResultError, match=said):
-        axis_in_space(space.position_mm, space.covariance_mm2)
+        from_pair(points, rng, sigma_px=0.001)
 
 
 def test_pose_has_the_axis_as_z_towards_the_camera():
     direction, centre, points = rig(15.0, np.radians(np.linspace(0, 90, 40)))
-    space = in_space(points, np.random.default_rng(0), sigma_px=0.0)
-    pose = pose_from_axis(axis_in_space(space.position_mm, space.covariance_mm2), base_z_mm=-4.0)
+    pose = pose_from_axis(from_pair(points, np.random.default_rng(0), sigma_px=0.0), base_z_mm=-4.0)
     assert rotation_matrix(pose.rvec)[:, 2] == pytest.approx(direction, abs=1e-6)
     assert pose.tvec_mm == pytest.approx(centre, abs=1e-4)
     assert pose.base_z_mm == -4.0

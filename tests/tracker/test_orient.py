@@ -1,4 +1,4 @@
-"""The angle from positions: with a lens and a pose, with a lens alone, with neither, and from two films.
+"""The angle from positions: with a lens and a pose, with a lens alone, and with neither.
 
 Positions are made by projection, not from pictures: what is tested is the geometry and the sigma.
 """
@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Rig, write_film
+from films import Rig
 
 from torsight.core.camera import Camera, read_camera
-from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.errors import ConfigError
 from torsight.core.tracks import MarkerTracks
 from tracker.orient import orient
-from tracker.stereo import orient_pair
 
 SIGMA_PX = 0.02
 TILTED = Rig(
@@ -192,67 +191,3 @@ def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
     away = replace(camera, pose=replace(camera.pose, rvec=np.zeros(3)))
     with pytest.raises(ConfigError, match="points away"):
         orient(tracks_of(TILTED), away)
-
-
-@pytest.mark.parametrize("range_deg", [400.0, 4.0])
-def test_two_films(tmp_path: Path, range_deg: float) -> None:
-    left = replace(TILTED, angle_deg=lambda t: 60.0 + 0.5 * range_deg * (np.cos(t) - 1.0))
-    right = replace(left, tilt_deg=(10.0, 14.0))
-    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
-    found = orient_pair(tracks_of(left, seed=1), tracks_of(right, seed=2), read_camera(tmp_path / "pair.toml"))
-    check(left, found.angles)
-    assert found.position_mm is not None
-    # Distances in space are those of the rig: noise of 0.02 px is 0.02 mm here, averaged over 400 frames.
-    length = np.linalg.norm(found.position_mm[:, 1] - found.position_mm[:, 0], axis=1)
-    assert length.mean() == pytest.approx(85.0, abs=0.02)
-    scale = found.report["scale"]
-    assert scale["complaints"] == []
-    for name, known in (("base", 85.0), ("moving", 70.0)):
-        assert scale["sticks"][name]["length_mm"] == pytest.approx(known, abs=0.03)
-        assert 0.5 < scale["sticks"][name]["misfit"] < 2.0
-    wrong = orient_pair(
-        tracks_of(left, seed=1),
-        tracks_of(right, seed=2),
-        read_camera(tmp_path / "pair.toml"),
-        known_mm={"base": 85.0, "moving": 72.0},
-    )
-    assert any("disagree on the scale" in text for text in wrong.report["scale"]["complaints"])
-    if range_deg > 100.0:
-        assert found.report["axis"]["tilt_deg"] == pytest.approx(14.7, abs=0.2)
-        height = found.position_mm[:, 2:, 2].mean() - found.position_mm[:, :2, 2].mean()
-        assert height == pytest.approx(6.0, abs=0.1)
-
-
-def test_two_films_where_one_lost_frames(tmp_path: Path) -> None:
-    left = TILTED
-    right = replace(left, tilt_deg=(10.0, 14.0), drop=(5, 6, 100, 250))
-    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
-    found = orient_pair(tracks_of(left, seed=1), tracks_of(right, seed=2), read_camera(tmp_path / "pair.toml"))
-    assert np.flatnonzero(~found.angles.valid).tolist() == [5, 6, 100, 250]
-    error = (np.rad2deg(found.angles.angle_rad) - left.truth_deg)[found.angles.valid]
-    assert np.abs(error).max() < 0.2
-
-
-def test_two_films_that_never_show_a_marker_at_once(tmp_path: Path) -> None:
-    right = replace(TILTED, tilt_deg=(10.0, 14.0))
-    (tmp_path / "pair.toml").write_text(TILTED.pair_toml(right))
-    tracks = tracks_of(TILTED)
-    blind = tracks.position_px.copy()
-    blind[:, 2] = np.nan
-    with pytest.raises(NoResultError, match="moving inner"):
-        orient_pair(replace(tracks, position_px=blind), tracks_of(right), read_camera(tmp_path / "pair.toml"))
-
-
-def test_the_command_takes_two_films(tmp_path: Path) -> None:
-    from torsight.cli.track import track_to_folder
-
-    left = Rig(lambda t: 100.0 - 140.0 * t, frames=24, tilt_deg=(6.0, -9.0), distance=500.0)
-    right = replace(left, tilt_deg=(4.0, 12.0), seed=9)
-    films = [write_film(rig, tmp_path / f"{name}.mkv") for name, rig in (("left", left), ("right", right))]
-    (tmp_path / "pair.toml").write_text(left.pair_toml(right))
-    angles = track_to_folder(films[0], right=films[1], camera=tmp_path / "pair.toml", out=tmp_path / "out")
-    error = np.rad2deg(angles.angle_rad) - left.truth_deg
-    assert angles.valid.mean() > 0.8
-    assert np.nanmax(np.abs(error)) < 0.15
-    with pytest.raises(ConfigError, match="second camera"):
-        track_to_folder(films[0], right=films[1], out=tmp_path / "out")

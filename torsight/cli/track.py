@@ -132,6 +132,7 @@ def track_to_folder(
     with only_writer(out):
         kept = [out / ".track", out / ".track-right"]
         result = _tracked(source, hints, out=out, resume=resume, progress=progress)
+        other = None
         if second is not None and lens is not None:
             # Positions that were given are of the left picture; in the right one the markers are found.
             other = track_film(second, out=kept[1], resume=resume, progress=progress)
@@ -143,11 +144,13 @@ def track_to_folder(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        doubtful = doubts(result)
-        content = account(result, orientation, doubts=doubtful, remarks=remarks)
+        doubtful = [(str(video), doubt) for doubt in doubts(result)]
+        doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
+        told = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
+        content = account(result, orientation, doubts=told, remarks=remarks, right=other)
         write_json(out / "track.json", content)
-        for doubt in doubtful:
-            say(f"warning: {video}: {doubt}")
+        for film, doubt in doubtful:
+            say(f"warning: {film}: {doubt}")
         if (few := few_angles(content, where=str(video))) is not None:
             say(f"{'torsight' if is_no_result(content) else 'warning'}: {few}")
         write_track_picture(out / TRACK_PICTURE, source, result, orientation.angles)

@@ -1,9 +1,9 @@
 """The rotation axis from the paths of the moving stick's markers, and the angle of a stick about it.
 
-A marker on a turning stick stays at one height along the axis and at one distance from it. In space (stereo) these two
-statements are the residuals of a circle fit. In one camera's picture the height is not seen, but two markers that keep
-their distances from the axis and the angle between them say how the axis is tilted: seen along a tilted axis the
-circles become ellipses, and perspective tells the near side from the far side.
+A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in
+space. In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the
+angle between them say how the axis is tilted: seen along a tilted axis the circles become ellipses, and perspective
+tells the near side from the far side. Both are the same fit, :class:`torsight.core.circles.Circles`.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.camera import Intrinsics, Pose
-from torsight.core.circles import Circles, axis_basis, common_centre, on_unit_plane, polar_of, tilted, whitened
+from torsight.core.circles import Circles, axis_basis, common_centre, on_unit_plane, tilted
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import ray_from_pixel, rotation_vector
+from torsight.core.geometry import meeting_point, rotation_vector
 from torsight.core.hanging import USUAL_PX, spread_rows
-from torsight.core.minimise import jacobian_of, least_squares
+from torsight.core.minimise import jacobian_of
+from torsight.core.sights import Sight
 
 Floats = NDArray[np.float64]
 
 _FEWEST_FRAMES: Final = 8
-_MOST_FRAMES: Final = 600
 _SMALLEST_ARC_RAD: Final = np.pi / 6
 
 
@@ -40,8 +40,7 @@ class Axis:
     direction : (3,) float64
         Unit vector along the axis, towards the camera.
     direction_sigma_rad : float
-        Standard deviation of its tilt, in the direction that is known worst; widened by a misfit above 1, and from one
-        camera's picture by errors that hang together.
+        Standard deviation of its tilt, in the direction that is known worst; errors that hang together are allowed for.
     radius_mm, height_mm : (k,) float64
         Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
     misfit : float
@@ -52,7 +51,7 @@ class Axis:
         Gain in χ² over the mirror-image tilt, which one camera can tell from the true one by perspective alone;
         infinite from two cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
     direction_covariance : (3, 3) float64
-        Of ``direction``, from one camera's picture: errors that follow the stick's direction are allowed for.
+        Of ``direction``: errors that follow the stick's direction are allowed for.
     """
 
     point_mm: Floats
@@ -72,61 +71,42 @@ class Axis:
         return float(np.arccos(np.clip(toward @ self.direction, -1.0, 1.0)))
 
 
-def axis_in_space(position_mm: Floats, covariance_mm2: Floats) -> Axis:
-    """Fit one axis to the circles of k markers in space, from a stereo pair.
+def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis, Circles]:
+    """Fit one axis to the circles of the moving stick's markers as two cameras see them.
 
     Parameters
     ----------
-    position_mm : (n, k, 3) float64
-        Positions in the left camera's coordinates; NaN where not known.
-    covariance_mm2 : (n, k, 3, 3) float64
-        Their covariance.
+    left, right : Sight
+        The inner and the outer marker; the left camera is the one whose coordinates count.
+    noise_px : float
+        Usual standard deviation of a marker's position, in pixels.
+
+    Returns
+    -------
+    Axis
+        In mm, if that is the unit of the cameras' distance.
+    Circles
+        The fit, for the angles of all frames.
 
     Raises
     ------
     NoResultError
         When too few positions are known, or the markers turned too little.
     """
-    rows = thinned(np.asarray(np.isfinite(position_mm).all(axis=(1, 2))))
-    position, covariance = position_mm[rows], covariance_mm2[rows]
-    _require_frames(len(rows))
-    spread = position - position.mean(axis=0)
-    scatter = np.einsum("nki,nkj->ij", spread, spread)
-    start_direction = _towards_camera(np.linalg.eigh(scatter)[1][:, 0], position.mean(axis=(0, 1)))
-    start_point = common_centre(position, start_direction)
-    frame = np.stack((*axis_basis(start_direction), start_direction))
-    markers = position.shape[1]
-
-    def circles(values: Floats) -> tuple[Floats, Floats, Floats]:
-        direction = tilted(frame, values[:2])
-        away = position - (start_point + values[2] * frame[0] + values[3] * frame[1])
-        height = away @ direction
-        across = away - height[..., None] * direction
-        radius = np.linalg.norm(across, axis=-1)
-        slopes = np.stack((np.broadcast_to(direction, across.shape), across / radius[..., None]), axis=-2)
-        return np.stack((height, radius), axis=-1), slopes, direction
-
-    def residuals(values: Floats) -> Floats:
-        seen, slopes, _ = circles(values)
-        model = values[4:].reshape(markers, 2)
-        return whitened(seen - model, slopes @ covariance @ np.swapaxes(slopes, -1, -2))
-
-    start = np.concatenate((np.zeros(4), circles(np.zeros(4))[0].mean(axis=0).ravel()))
-    values, spread_of_values, chi_squared = least_squares(residuals, start)
-    direction = tilted(frame, values[:2])
-    point = start_point + values[2] * frame[0] + values[3] * frame[1]
-    height, radius = values[4:].reshape(markers, 2).T
-    arc_rad = _arc(position - point, direction)
-    misfit = float(np.sqrt(chi_squared / (residuals(values).size - len(values))))
-    return Axis(
-        point_mm=point + height[0] * direction,
-        direction=direction,
-        direction_sigma_rad=_widest(spread_of_values) * max(misfit, 1.0),
-        radius_mm=radius,
-        height_mm=height - height[0],
-        misfit=misfit,
-        arc_rad=arc_rad,
+    seen = np.concatenate((left.seen, right.seen), axis=1)
+    whole = np.asarray(seen.all(axis=1))
+    _require_frames(int(whole.sum()))
+    stick = np.where(
+        np.asarray(left.seen.all(axis=1))[:, None], left.ray[:, 1] - left.ray[:, 0], right.ray[:, 1] - right.ray[:, 0]
     )
+    rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), whole)
+    sights = [left.rows(rows), right.rows(rows)]
+    points = meeting_point(sights[0].ray, sights[1].ray, rotation=right.rotation, shift=right.shift)
+    found = [Circles.begun(sights, start, points).fitted() for start in _directions_in_space(points)]
+    first = min(found, key=lambda item: item.chi_squared).without_far()
+    arc_rad = _arc(first)
+    best = first.weighed(usual=USUAL_PX / noise_px).fitted()
+    return _axis_of(best, first, arc_rad=arc_rad), best
 
 
 def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Intrinsics) -> Axis:
@@ -152,31 +132,38 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
     known = np.asarray(np.isfinite(position_px).all(axis=(1, 2)), dtype=np.bool_)
     rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), known)
     _require_frames(len(rows))
-    ray, slope = ray_from_pixel(position_px[rows], intrinsics)
-    spread = slope @ covariance_px2[rows] @ np.swapaxes(slope, -1, -2)
-    lines = np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
-    found = [Circles.begun(lines, spread, start).fitted() for start in _start_directions(lines)]
+    sight = Sight.of(position_px[rows], covariance_px2[rows], intrinsics)
+    _, lines = sight.lines()
+    found = [
+        Circles.begun([sight], start, on_unit_plane(lines, start, lines.mean(axis=(0, 1)))).fitted()
+        for start in _start_directions(lines)
+    ]
     found.sort(key=lambda item: item.chi_squared)
     first = found[0]
     distinct = [item for item in found[1:] if item.direction @ first.direction < np.cos(1e-3)]
-    arc_rad = float(np.ptp(np.unwrap(polar_of(lines, first.direction, first.point)[:, 1, 1])))
-    if arc_rad < _SMALLEST_ARC_RAD:
-        raise _too_small_arc(arc_rad)
+    arc_rad = _arc(first)
     white_px = float(np.sqrt(0.5 * np.median(np.trace(covariance_px2[rows], axis1=-2, axis2=-1))))
     best = first.weighed(usual=USUAL_PX / white_px).fitted()
-    r1, r2, between = best.values[4:7]
-    length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(between)))
+    r1, r2 = best.radii
+    length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(best.between_rad)))
+    gap = float(distinct[0].chi_squared - first.chi_squared) if distinct else np.inf
+    return _axis_of(best, first, arc_rad=arc_rad, unit=length, mirror_gap=gap)
+
+
+def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf) -> Axis:
+    """Return what a fit says of the axis; ``first`` is the one that took all errors as independent."""
     turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
+    tilt = best.covariance[:2, :2]
     return Axis(
-        point_mm=best.point / length,
+        point_mm=best.point / unit,
         direction=best.direction,
-        direction_sigma_rad=_widest(best.covariance),
-        direction_covariance=turned @ best.covariance[:2, :2] @ turned.T,
-        radius_mm=np.array([r1, r2]) / length,
-        height_mm=np.zeros(2),
-        misfit=float(np.sqrt(first.chi_squared / (3 * len(rows) - len(first.values)))),
+        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(tilt)[-1])),
+        direction_covariance=turned @ tilt @ turned.T,
+        radius_mm=best.radii / unit,
+        height_mm=np.array([0.0, best.rise / unit]),
+        misfit=float(np.sqrt(first.chi_squared / max(first.residuals - int(first.free.sum()), 1))),
         arc_rad=arc_rad,
-        mirror_gap=float(distinct[0].chi_squared - first.chi_squared) if distinct else np.inf,
+        mirror_gap=mirror_gap,
     )
 
 
@@ -187,7 +174,7 @@ def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0
     ----------
     axis : Axis
         From :func:`axis_in_picture` (then ``length_mm`` is the distance of the moving stick's markers in mm) or from
-        :func:`axis_in_space` (already in mm).
+        :func:`axis_from_pair` (already in mm).
     length_mm : float
         Millimetres per unit of the axis.
     base_z_mm : float
@@ -235,12 +222,13 @@ def stick_angle(
     return angle, np.sqrt(variance)
 
 
-def thinned(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return at most a few hundred of the rows that are known, evenly spread: an axis needs no more."""
-    rows = np.flatnonzero(known)
-    if len(rows) <= _MOST_FRAMES:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, _MOST_FRAMES).round().astype(np.intp)]
+def _directions_in_space(points: Floats) -> list[Floats]:
+    """Return directions towards the camera across which markers in space (n, 2, 3) go around, or the stick lies."""
+    middle = points.mean(axis=(0, 1))
+    stick = points[:, 1] - points[:, 0]
+    away = (points - points.mean(axis=0)).reshape(-1, 3)
+    found = [np.linalg.eigh(vectors.T @ vectors)[1][:, 0] for vectors in (away, stick)]
+    return [direction if direction @ middle < 0 else -direction for direction in found]
 
 
 def _start_directions(lines: Floats) -> list[Floats]:
@@ -266,21 +254,16 @@ def _roundness(lines: Floats, direction: Floats) -> float:
     return float(np.sum((radius - radius.mean(axis=0)) ** 2) / np.sum(radius**2))
 
 
-def _widest(covariance: Floats) -> float:
-    """Return the standard deviation of the tilt, the first two values, in the direction that is known worst."""
-    return float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-
-
-def _towards_camera(direction: Floats, point: Floats) -> Floats:
-    return direction if direction @ point < 0 else -direction
-
-
-def _arc(away: Floats, direction: Floats) -> float:
-    u, v = axis_basis(direction)
-    widest = int(np.argmax(np.linalg.norm(away, axis=-1).mean(axis=0)))
-    arc_rad = float(np.ptp(np.unwrap(np.arctan2(away[:, widest] @ v, away[:, widest] @ u))))
+def _arc(circles: Circles) -> float:
+    """Return how far the stick turns, and refuse too little."""
+    arc_rad = float(np.ptp(np.unwrap(circles.turns().angle_rad)))
     if arc_rad < _SMALLEST_ARC_RAD:
-        raise _too_small_arc(arc_rad)
+        raise NoResultError(
+            "the markers turn too little to find the rotation axis",
+            value=f"{np.degrees(arc_rad):.0f}°",
+            limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
+            do="film a larger motion, or measure the axis with a board on the disk",
+        )
     return arc_rad
 
 
@@ -292,12 +275,3 @@ def _require_frames(count: int) -> None:
             limit=f"at least {_FEWEST_FRAMES}",
             do="film a longer motion, or measure the axis with a board on the disk",
         )
-
-
-def _too_small_arc(arc_rad: float) -> NoResultError:
-    return NoResultError(
-        "the markers turn too little to find the rotation axis",
-        value=f"{np.degrees(arc_rad):.0f}°",
-        limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
-        do="film a larger motion, or measure the axis with a board on the disk",
-    )

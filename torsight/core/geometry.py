@@ -243,7 +243,7 @@ def triangulate(
         with np.errstate(all="ignore"):
             weights.append(_inverse_2x2(spread))
     rotation, shift = rotation_matrix(right.rvec), right.tvec_mm
-    point = _meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
+    point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
     for _ in range(_TRIANGULATION_STEPS):
         normal, gradient, _ = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
         point = point - _solve_3x3(normal, gradient)
@@ -256,8 +256,16 @@ def triangulate(
     )
 
 
-def _meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Floats) -> Floats:
-    """Return the middle of the shortest way between two lines of sight, in left coordinates."""
+def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Floats) -> Floats:
+    """Return the middle (..., 3) of the shortest way between two lines of sight, in left coordinates.
+
+    Parameters
+    ----------
+    left, right : (..., 2) float64
+        Rays of the same point in both cameras.
+    rotation, shift : (3, 3), (3,) float64
+        Right camera from left.
+    """
     along = np.concatenate((left, np.ones_like(left[..., :1])), axis=-1)
     other = np.concatenate((right, np.ones_like(right[..., :1])), axis=-1) @ rotation
     eye = -rotation.T @ shift

@@ -20,7 +20,8 @@ from torsight.core.units import DEG
 from tracker.account import account
 from tracker.doubts import doubts
 from tracker.hints import MarkerHints
-from tracker.orient import Orientation, orient
+from tracker.orient import orient
+from tracker.plane import Orientation
 from tracker.sample import Clip, Stamps, read_stamps
 from tracker.source import open_source
 from tracker.start import find_start, sticks_in

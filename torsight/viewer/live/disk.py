@@ -18,7 +18,7 @@ from torsight.core.units import DEG
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
-    from tracker.orient import Orientation
+    from tracker.plane import Orientation
 
 FLUSH_S: Final = 0.25
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
