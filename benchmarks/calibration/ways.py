@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.core.axis import axis_in_picture, axis_in_space, pose_from_axis, stick_angle
+from torsight.core.axis import axis_in_picture, pose_from_axis, stick_angle
 from torsight.core.camera import Camera, Intrinsics, Pose
-from torsight.core.geometry import on_plane, ray_from_pixel, triangulate
+from torsight.core.geometry import on_plane, ray_from_pixel
+from torsight.core.tracks import MarkerTracks
+from tracker.stereo import orient_pair
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -20,7 +22,7 @@ def angles_by_way(left: Points, right: Points | None, known: Camera) -> dict[str
 
     picture as it is: nothing is corrected. lens only: distortion is taken out. tilt only: the pose is used with a lens
     without distortion. lens and tilt: both. lens and circles: the pose is found from the markers' own paths. stereo:
-    markers in space, about the axis of their circles.
+    the markers' places on their circles, from both pictures.
     """
     left_px, left_covariance = left
     pinhole = Intrinsics(known.intrinsics.size_px, known.intrinsics.matrix, np.zeros(5))
@@ -45,16 +47,19 @@ def error_deg(angle_rad: np.ndarray, truth_rad: np.ndarray) -> np.ndarray:
 
 
 def _in_space(left: Points, right: Points, known: Camera) -> np.ndarray:
-    space = triangulate(
-        left[0],
-        right[0],
-        left=known.intrinsics,
-        right=known.right,
-        left_covariance_px2=left[1],
-        right_covariance_px2=right[1],
-    )
-    axis = axis_in_space(space.position_mm[:, 2:], space.covariance_mm2[:, 2:])
-    return _about(space.position_mm, axis.direction)
+    tracks = [
+        MarkerTracks(
+            frame=np.arange(len(position)),
+            # The films of a pair have the same frames; only their order counts.
+            time_s=np.arange(len(position)) / 30.0,
+            position_px=position,
+            covariance_px2=covariance,
+            valid=np.isfinite(position).all(axis=-1),
+            size_px=intrinsics.size_px,
+        )
+        for (position, covariance), intrinsics in ((left, known.intrinsics), (right, known.right.intrinsics))
+    ]
+    return orient_pair(*tracks, known).angles.angle_rad
 
 
 def _flat(position: np.ndarray) -> np.ndarray:
