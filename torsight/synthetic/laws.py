@@ -12,7 +12,7 @@ friction        angle, temperature of the driven spring (°C), angle   relative 
 reading         angle, time (s)                                       added to the angle that is read, rad
 temperature     temperature, temp_rate (K/s)                          wire less sensor, K
 winding         winding θ of the spring itself (rad)                  added torque, N·m, alike in both ways
-loading         winding                                               added to the loading curve, N·m
+loading         winding                                               added to the loading curve past θ_cr, N·m
 recoverable     half_cycle, cycle (of the spring itself)              relative change of θ_L
 ==============  ====================================================  ======================================
 """
