@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tracker.linear import STILL, View
 from tracker.template import DotTemplate
 
-_REACH_PX: Final = 8
+REACH_PX: Final = 8
 """How far a marker may lie from its predicted position to be found by the flow alone."""
 _SMEAR_PX: Final = 2.0
 """Changes of a template's look that matter to the flow, which only has to lead close."""
@@ -31,7 +31,7 @@ class TileFlow:
     def __init__(self, templates: Sequence[DotTemplate], lights: Sequence[float]) -> None:
         self._templates = tuple(templates)
         window = math.ceil(max(template.window_px for template in templates))
-        self._half = window + _REACH_PX + 1
+        self._half = window + REACH_PX + 1
         self._side = 2 * self._half + 1
         count = len(self._templates)
         self._wanted = np.zeros((self._side, self._side * count), np.uint8)
@@ -42,7 +42,7 @@ class TileFlow:
         self._origin = [(self._side * index + self._half, self._half) for index in range(count)]
         self._centres = np.array(self._origin, dtype=np.float32).reshape(-1, 1, 2)
         self._window = (2 * window + 1, 2 * window + 1)
-        self.reach_px = float(_REACH_PX)
+        self.reach_px = float(REACH_PX)
         for index, light in enumerate(lights):
             self._render(index, light, STILL)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.doubts import axis_px
+from tracker.flow import REACH_PX
 from tracker.sticks import crossing_point
 
 Luma = NDArray[np.uint8]
@@ -37,7 +38,7 @@ FAST: Final = 2.0
 """Turn from one frame to the next, over the largest one that was followed, from which the stick is too fast."""
 LEAST_FAST_DEG: Final = 3.0
 SMEARED: Final = 0.4
-"""Share of the turn by which the stick's edges are wider from which the shutter is open for too long."""
+"""Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
 _PAIRS: Final = 5
 """Frames without an angle that are looked at, each with the next one."""
 _KNOWN: Final = 5
@@ -58,27 +59,33 @@ class Seen:
         Steepness of its edges over that in frames with an angle.
     step_deg : float or None
         Turn of the stick to the next frame; None where no stick is recognised in both.
-    smear_deg : float
-        By how many degrees the stick's edges are wider than in frames with an angle.
+    step_px : float
+        How far that takes the outer marker; 0 where it is not known.
+    smear_px : float
+        By how much the stick's edges, at its outer marker, are wider than in frames with an angle.
     """
 
     combed: float
     sharpness: float
     step_deg: float | None
-    smear_deg: float
+    step_px: float
+    smear_px: float
 
-    def cause(self, usual_deg: float) -> str | None:
+    def cause(self, *, usual_deg: float, radius_px: float) -> str | None:
         """Return ``interlaced``, ``focus``, ``shutter`` or ``speed``; None where it shows none of these.
 
-        ``usual_deg`` is the largest turn between frames that were followed.
+        ``usual_deg`` is the largest turn between frames that were followed, ``radius_px`` that of the dots.
         """
         if self.combed > COMBED:
             return "interlaced"
         if self.sharpness < BLURRED:
             return "focus"
-        if self.step_deg is None or abs(self.step_deg) < max(FAST * usual_deg, LEAST_FAST_DEG):
+        if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
             return None
-        return "shutter" if self.smear_deg > SMEARED * abs(self.step_deg) else "speed"
+        # Beyond the search's reach a stick is followed only as long as its speed stays the same.
+        if abs(self.step_deg) < FAST * usual_deg and self.step_px < REACH_PX:
+            return None
+        return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 
 
 def look_at_gaps(
@@ -115,8 +122,9 @@ def look_at_gaps(
         if picture is None or after is None:
             continue
         step_deg = layout.step_deg(picture, after) if layout else None
-        smear_deg = layout.width_deg(picture) - width_deg if layout else 0.0
-        seen.append(Seen(combed(picture, after), _steepness(picture) / max(edges, 1e-9), step_deg, smear_deg))
+        step_px = 0.0 if layout is None or step_deg is None else abs(step_deg) * DEG * layout.outer_px
+        smear_px = (layout.width_deg(picture) - width_deg) * DEG * layout.outer_px if layout else 0.0
+        seen.append(Seen(combed(picture, after), _steepness(picture) / max(edges, 1e-9), step_deg, step_px, smear_px))
     return seen
 
 
@@ -132,7 +140,7 @@ def combed(picture: Luma, other: Luma) -> float:
 
 
 def _steepness(picture: Luma) -> float:
-    """Return the gradient at edges over the change of brightness across each: free of light and contrast."""
+    """Return the gradient at a picture's edges over the change of brightness across each of them, 1/px."""
     across, down = (cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1)))
     gradient = np.hypot(across, down)
     window = np.ones((9, 9), np.uint8)
@@ -148,6 +156,7 @@ class _Layout:
     x: NDArray[np.float32]
     y: NDArray[np.float32]
     ground: NDArray[np.float32]
+    outer_px: float
 
     @classmethod
     def of(cls, tracks: MarkerTracks, pictures: Mapping[int, Luma]) -> _Layout | None:
@@ -163,7 +172,7 @@ class _Layout:
         x = (centre[0] + radius * np.cos(turn)).astype(np.float32)
         y = (centre[1] + radius * np.sin(turn)).astype(np.float32)
         laid = [cv2.remap(picture, x, y, cv2.INTER_LINEAR) for picture in pictures.values()]
-        return cls(x, y, np.median(laid, axis=0).astype(np.float32))
+        return cls(x, y, np.median(laid, axis=0).astype(np.float32), outer)
 
     def profile(self, picture: Luma) -> NDArray[np.float64]:
         laid = cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR)

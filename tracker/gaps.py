@@ -12,15 +12,13 @@ import numpy as np
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.wording import counted
-from tracker.gap_pictures import Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
 from tracker.track import TrackResult
 
 _FELT: Final = 0.02
 """Share of the frames without an angle from which something is said."""
 _SECOND: Final = 0.25
 """Share of the frames without an angle from which a cause is named beside the commonest one."""
-_SMEARED: Final = 0.4
-"""Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
 _AROUND: Final = 15
 """Steps on each side of a gap that tell how fast the stick was."""
 _DO: Final = {
@@ -28,7 +26,7 @@ _DO: Final = {
     "file": "the film's file is damaged there; copy it from the camera again.",
     "light": "the light was off; use a steady lamp.",
     "late": (
-        "the markers are first seen in frame {first_frame}, {first_s:.1f} s into the film; start filming when the "
+        "the markers are found from frame {first_frame} on, {first_s:.1f} s into the film; start filming when the "
         "rig stands "
         "in the picture with its light on, or cut off the beginning."
     ),
@@ -134,34 +132,32 @@ def _of_unclear(
     """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
     if not unclear:
         return []
-    smear_px = smear_around_gaps_px(result, angles)
-    smeared = smear_px > _SMEARED * float(result.report["markers"]["radius_px"])
+    smear_px, radius_px = smear_around_gaps_px(result, angles), float(result.report["markers"]["radius_px"])
+    smeared = smear_px > SMEARED * radius_px
     figures["smear_px"] = smear_px
     if pictures is None or len(unclear) <= _FELT * len(angles):
         return ["shutter" if smeared else None] * len(unclear)
     usual_deg = usual_step_deg(angles)
     seen = look_at_gaps(np.array(unclear, np.int64), result.tracks, angles, pictures)
-    causes = [one.cause(usual_deg) for one in seen]
+    causes = [one.cause(usual_deg=usual_deg, radius_px=radius_px) for one in seen]
     if not causes:
         return ["shutter" if smeared else None] * len(unclear)
     figures["usual_deg"] = usual_deg
-    _note_speed(seen, result, figures)
+    sharp = float(np.median([one.smear_px for one in seen])) < SMEARED * radius_px
+    _note_speed(seen, figures)
     commonest, _ = Counter(causes).most_common(1)[0]
     if commonest is None and smeared:
-        commonest = "shutter"
+        # The shutter that was learned from blurred readings is contradicted where the pictures are sharp.
+        commonest = "speed" if sharp and "step_deg" in figures else "shutter"
     return [commonest] * len(unclear)
 
 
-def _note_speed(seen: Sequence[Seen], result: TrackResult, figures: dict[str, float]) -> None:
+def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
     """Note how far the stick turns and how wide it is smeared in the pictures that were looked at."""
     steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
-    if not steps:
-        return
-    figures["step_deg"] = float(np.median(steps))
-    length = float(result.report["markers"]["stick_length_px"])
-    smear_deg = float(np.median([one.smear_deg for one in seen]))
-    # The outer marker is at least a stick's length from the axis.
-    figures["smear_px"] = max(figures["smear_px"], np.deg2rad(max(smear_deg, 0.0)) * length)
+    if steps:
+        figures["step_deg"] = float(np.median(steps))
+        figures["smear_px"] = max(figures["smear_px"], float(np.median([one.smear_px for one in seen])))
 
 
 def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
