@@ -29,6 +29,7 @@ from tests.browser import ask
 from tests.docs.docs_world import fill_in, make_world, small_scene
 from tests.docs.documented import PAGES, ROOT, commands
 from torsight.actuator.effects import load_effects
+from torsight.actuator.laws import laws_of
 from torsight.cli.main import main
 from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
@@ -171,7 +172,7 @@ def _stand_in(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setattr("torsight.synthetic.scene.demo_scene", small_scene)
     few = {name: load_effects()[name] for name in ("sensor_lag", "home_torque")}
     patch.setattr("torsight.discovery.actuator_problem.load_effects", lambda: few)
-    patch.setattr("torsight.discovery.actuator_problem.load_nameless", dict)
+    patch.setattr("torsight.discovery.actuator_problem.laws_of", lambda drive, tau_c_mnm: laws_of(drive, tau_c_mnm)[:1])
 
 
 @pytest.fixture(scope="module")

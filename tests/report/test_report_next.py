@@ -58,7 +58,7 @@ def test_a_record_that_is_not_explained_is_the_first_thing_said_and_not_to_be_tr
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"verdict": "unknown", "effects": []}, "a learned closure stands in"),
+        ({"verdict": "unknown", "effects": []}, "a measured law stands in"),
         ({"verdict": "ambiguous", "alternatives": [["fatigue"]]}, "it is not known which explanation is right"),
         ({"after": AFTER | {"rmse_held_out_deg": None}}, "no half-cycle could be held out"),
     ],

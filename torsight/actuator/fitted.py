@@ -95,17 +95,17 @@ class FittedModel(Frozen, Shown):
     doubt: Doubt | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return the effects, the values, and whether a closure is part of the model."""
+        """Return the effects, the measured laws and the values."""
         units = {parameter.name: parameter.unit for parameter in self.model.all_parameters}
         values = {name: f"{number(value)} {units[name]}".strip() for name, value in self.values.items()}
-        closure = {} if self.closure is None else {"closure": "learned"}
-        return {"effects": ", ".join(self.model.effects) or "none", **closure, **values}
+        laws = {"laws": ", ".join(form.id for form in self.model.laws)} if self.model.laws else {}
+        return {"effects": ", ".join(self.model.effects) or "none", **laws, **values}
 
     def __repr__(self) -> str:
         effects = ", ".join(self.model.effects) or "no effects"
-        closure = "" if self.closure is None else ", with a learned closure"
+        laws = f", laws: {', '.join(form.id for form in self.model.laws)}" if self.model.laws else ""
         tau = f"friction torque {number(self.values['tau_c_mnm'])} mN·m"
-        return f"FittedModel({effects}{closure}, {tau}, {len(self.values)} values)"
+        return f"FittedModel({effects}{laws}, {tau}, {len(self.values)} values)"
 
     def _columns(self) -> dict[str, Any]:
         units = {parameter.name: parameter.unit for parameter in self.model.all_parameters}

@@ -103,14 +103,17 @@ def error_left(discovery: Mapping[str, Any]) -> float | None:
 
 
 def not_explained(discovery: Mapping[str, Any]) -> str:
-    """Return a sentence that says so where named effects leave more than twice the noise floor; else nothing."""
+    """Return a sentence that says so where the answer leaves more than twice the noise floor; else nothing.
+
+    The floor counts what noise of the temperatures does where an incomplete heating ends (``over_floor_after``).
+    """
     left, floor = error_left(discovery), discovery.get("noise_floor_deg")
-    if not discovery.get("effects") or left is None or not floor or left <= EXPLAINED * floor:
+    if left is None or not floor:
         return ""
-    return (
-        f"This record is not explained: {number(left, 2)}° rms are left, {number(left / floor, 2)} times the noise "
-        f"floor of {number(floor, 2)}°."
-    )
+    times = (discovery.get("evidence") or {}).get("over_floor_after", left / floor)
+    if times <= EXPLAINED:
+        return ""
+    return f"This record is not explained: {number(left, 2)}° rms are left, {number(times, 2)} times the noise floor."
 
 
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
@@ -129,13 +132,19 @@ def named(discovery: Mapping[str, Any]) -> str:
         return "Nothing is missing from the model that this record can show."
     if verdict == "identified" and names:
         count = "an effect" if len(names) == 1 else f"{len(names)} effects"
-        return f"The model lacks {count}: {listed(names)}."
+        return f"The model lacks {count}: {listed(names)}.{_laws(discovery)}"
     if verdict == "ambiguous":
         options = explanations(discovery)
         return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."
     drivers = [variable_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
     depends = f" It depends on {listed(drivers)}." if drivers else ""
-    return "Something real is missing that no known effect explains." + depends
+    return f"Something real is missing that no known effect explains.{_laws(discovery) or depends}"
+
+
+def _laws(discovery: Mapping[str, Any]) -> str:
+    """Return what the measured laws say, a sentence each, with a blank before; nothing where there are none."""
+    told = [str(law.get("sentence") or "") for law in discovery.get("laws") or []]
+    return "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in told if sentence)
 
 
 def listed(words: Sequence[str], *, last: str = "and") -> str:

@@ -158,12 +158,20 @@ class Search:
         fit = parent.fitter.extend(parent.fit, name)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
-    def _with_law(self, parent: Explanation, law: Law, start: Mapping[str, float] | None = None) -> Explanation:
+    def _with_law(self, parent: Explanation, law: Law) -> Explanation:
+        """Measure a law beside a set: from the set's optimum, and from the priors' means.
+
+        Where what is missing has pulled the base values off, the second start comes down into the valley where the
+        priors are content.
+        """
         problem = parent.fitter.problem
-        measured = measure_law(
-            problem, law, start or parent.fit.values, effects=parent.members, likelihood=self._likelihood
-        )
-        return self._explained(problem, parent.laws, measured, parent.members)
+        means = {p.name: p.value for p in problem.parameters}
+        starts = (parent.fit.values, {**parent.fit.values, **means})
+        found = [
+            measure_law(problem, law, start, effects=parent.members, likelihood=self._likelihood) for start in starts
+        ]
+        best = max(found, key=lambda measured: measured.log_evidence)
+        return self._explained(problem, parent.laws, best, parent.members)
 
     def _explained(
         self, problem: Problem, laws: tuple[Measured, ...], measured: Measured, members: EffectSet

@@ -174,7 +174,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     against = [
         *(["no half-cycle could be held out"] if not held_out else []),
         *(["the record is not explained"] if floor and left > EXPLAINED * floor else []),
-        *(["a learned closure stands in for what is not known"] if discovery.get("verdict") == "unknown" else []),
+        *(["a measured law stands in for a cause that is not known"] if discovery.get("verdict") == "unknown" else []),
         *(["it is not known which explanation is right"] if discovery.get("verdict") == "ambiguous" else []),
         *(["the predicted sigma is too small"] if sigma is not None and share < _HONEST else []),
     ]

@@ -62,10 +62,7 @@ def lead(results: RunResults) -> str:
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
     if after is None:
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
-    means = "The learned closure takes" if discovery.get("verdict") == "unknown" else "The extended model takes"
-    return (
-        f"{means} the error on half-cycles that the fit did not see from {error(before)} to {error(after)} rms.{ends}"
-    )
+    return f"The extended model takes the error on half-cycles that the fit did not see from {error(before)} to {error(after)} rms.{ends}"
 
 
 def error(value_deg: float) -> str:
@@ -131,7 +128,7 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
     if verdict == "unknown":
         drivers = [variable_name(str(one["variable"])) for one in (discovery.get("drivers") or [])[:2]]
         depends = f"; it depends on {listed(drivers)}" if drivers else ""
-        return Tile("Missing effect", "no known one", "", f"a learned closure stands in{depends}")
+        return Tile("Missing effect", "no known one", "", f"a measured law stands in{depends}")
     names = listed([effect_name(str(effect["id"])) for effect in effects])
     values = [_telling(effect, discovery) for effect in effects]
     label = "Missing effect" if len(effects) == 1 else "Missing effects"

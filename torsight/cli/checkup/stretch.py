@@ -17,7 +17,8 @@ from torsight.core.wording import counted
 from tracker.account import account
 from tracker.doubts import doubts
 from tracker.hints import MarkerHints
-from tracker.orient import Orientation, orient
+from tracker.orient import orient
+from tracker.plane import Orientation
 from tracker.sample import Clip
 from tracker.start import Start
 from tracker.tilt import KNOWN
