@@ -26,7 +26,7 @@ def discover(
     seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
     export_effect: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect of the library."),
+        typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect."),
     ] = None,
 ) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
