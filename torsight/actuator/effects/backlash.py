@@ -3,8 +3,8 @@ r"""Play between the disk and the stick.
 .. math:: ψ_i = \min(\max(ψ_{i-1}, \, φ_i − w/2), \, φ_i + w/2)
 
 φ angle of the disk, ψ of the stick, w the play (°): the stick follows the disk once half the play is used up on either
-side. Predicted residual: a step of w at every
-change of direction. Source: Tao and Kokotovic, Adaptive Control of Systems with Actuator Nonlinearities (1996).
+side. Predicted residual: a step of w at every change of direction. Source: Tao and Kokotovic, Adaptive Control of
+Systems with Actuator Nonlinearities (1996).
 """
 
 from __future__ import annotations
