@@ -107,8 +107,8 @@ def much_left(field: Field, contender: Contender, *, settings: Settings) -> bool
     problem = field.fitter.problem
     left = float(np.sqrt(mean_square(problem, problem.observed - contender.fit.solution.prediction)))
     floor = float(np.sqrt(mean_square(problem, field.floor)))
-    least = max(settings.least_unknown * problem.resolution, settings.over_floor_unknown * floor)
-    if bool(field.stretches.rest.any()) and left > least:
+    times_floor = settings.over_floor_unknown if field.stretches.rest.any() else getattr(problem, "over_floor", None)
+    if times_floor is not None and left > max(settings.least_unknown * problem.resolution, times_floor * floor):
         return True
     # Several characterised values at odds with the record at once are no accident: they imitate something.
     return relaxed(field, contender).prior - prior_count(problem) >= LEAST_PULLED

@@ -1,0 +1,107 @@
+"""From a problem to findings: checks, starts, the engine's search, and what a person should know of it."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from typing import Final
+
+from torsight.core.progress import Progress, silent
+from torsight.discovery import engine
+from torsight.discovery.fitting import Fit
+from torsight.discovery.interface import Problem
+from torsight.discovery.own.check import check_problem
+from torsight.discovery.own.findings import Findings
+from torsight.discovery.own.prepare import prepare
+from torsight.discovery.own.problem import ModelProblem
+from torsight.discovery.own.quiet import aloud, heard
+from torsight.discovery.settings import Settings
+
+_MUCH_WORSE: Final = 1.25
+"""Times the cost at which a fit from the declared start has missed what another start has found."""
+
+
+def find_missing(
+    problem: Problem, *, settings: Settings | None = None, seed: int = 0, progress: Progress = silent
+) -> Findings:
+    """Find what a model lacks.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model: of ``model_problem``, ``linear_problem``, or a class of one's own.
+    settings : Settings, optional
+        How to decide.
+    seed : int
+        Of the draws for the threshold; the same seed gives the same answer.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
+    """
+    with heard() as stream:
+        told = aloud(progress)
+        notes = list(check_problem(problem))
+        if not isinstance(problem, ModelProblem):
+            found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
+            return Findings(problem, found, _added(notes, stream.told()))
+        made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        printed = stream.told(elsewhere=problem.evaluator.printed)
+        return Findings(
+            made.problem, made.found, _added(list(made.warnings), printed), made.failures, made.failed, made.calls
+        )
+
+
+def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
+    return tuple(notes if one is None else [*notes, one])
+
+
+def _search(
+    problem: ModelProblem, *, settings: Settings | None, seed: int, progress: Progress, notes: list[str]
+) -> Findings:
+    evaluator = problem.evaluator
+    declared = problem
+    wanted = problem.processes
+    with evaluator.processes(wanted=wanted) if wanted is not False else nullcontext():
+        progress("starts", 0, None)
+        prepared = prepare(problem)
+        problem, notes = prepared.problem, [*notes, *prepared.warnings]
+        found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+        notes += _missed(declared, found)
+        # What the findings show of other sets is predicted while the processes are there.
+        findings = Findings(problem, found, calls=evaluator.calls)
+        _ = findings.best_fits
+    failures = evaluator.failures
+    if failures:
+        notes.append(
+            f"in {evaluator.failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away "
+            f"from there; first: {failures[0].told()}"
+        )
+    traces = tuple(f"{one.told()}\n{one.trace}" for one in failures)
+    return Findings(problem, found, tuple(notes), traces, evaluator.failed, evaluator.calls)
+
+
+def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
+    """Return a warning for every named effect whose fit from its declared start alone ends far above the answer."""
+    chosen, field = found.decision.chosen, found.field
+    told = []
+    for name in chosen.effects if chosen.named else ():
+        candidate = next(one for one in declared.candidates if one.id == name)
+        offered = field.fitter.candidates[name].starts
+        if len(offered) == len(candidate.starts):
+            continue
+        own = {p.name: p.value for p in candidate.parameters}
+        # Beside other effects all else is where it belongs: what is asked is whether this one finds its place.
+        around = chosen.fit.values if len(chosen.effects) > 1 else field.base.fit.values
+        alone: Fit = field.fitter.fit(chosen.effects, [{**around, **own}], keep=1)
+        if alone.cost > _MUCH_WORSE * chosen.fit.cost:
+            given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
+            ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
+            told.append(
+                f"the fit of '{name}' from its declared start ({given}) ends elsewhere ({ended}) and leaves "
+                f"{(alone.cost / chosen.fit.cost) ** 0.5:.3g} times more: another start was needed, so look whether "
+                "the fitted values make sense"
+            )
+    return told
