@@ -74,7 +74,7 @@ class Search:
         """Return the base model, every single candidate and the sets that grew out of the best ones."""
         self._fit_base()
         self._grow_all()
-        if self._shows() and self._poor() and self._settings.most_effects > 1:
+        if self._fitter.candidates and self._shows() and self._poor() and self._settings.most_effects > 1:
             self._grow_sharper()
         contenders = {effects: Contender(fit, self._fitter, self._progress) for effects, fit in self._fits.items()}
         return Field(self._fitter, self._stretches, self._scales, self._floor, contenders)

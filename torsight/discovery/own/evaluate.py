@@ -31,8 +31,9 @@ Predict = Callable[[Any, Any], Any]
 
 _KEPT_BYTES: Final = 256_000_000
 """Predictions that are kept; the oldest are forgotten beyond that."""
-WORTH_A_PROCESS_S: Final = 1.5e-3
-"""Seconds of one call from which processes are used: sending values and taking an array back takes 0.3 ms here."""
+WORTH_A_PROCESS_S: Final = 4e-3
+"""Seconds of one call from which processes are used: to begin two of them takes 1.3 s each, a search some 1,500 calls
+or more, and to send values and take an array back 0.5 ms."""
 _WORKERS: Final = 2
 """Processes; the engine asks for so many points at once (:data:`torsight.discovery.fitting.WORKERS`)."""
 _MOST_FAILURES: Final = 20
@@ -123,15 +124,15 @@ def call(model: Model, record: int, values: Mapping[str, float], curves: Mapping
     of = model.records[record]
     off = {name: Off() for name in model.laws if name not in curves}
     functions = {name: Curve(nodes, curves[name]) for name, nodes in model.laws.items() if name in curves}
-    begun = time.perf_counter()
+    begun = time.thread_time()
     try:
         given = model.predict(Values({**values, **functions, **off}), of)
         outputs = outputs_of(given, of, model.outputs)
         failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the model is somebody else's
-        outputs, failure = None, _failure(error, of, values)
+        outputs, failure = None, _failure(error, model, of, values)
     asked = {name: (one.low, one.high) for name, one in off.items()}
-    return Called(outputs if failure is None else None, failure, "", time.perf_counter() - begun, asked)
+    return Called(outputs if failure is None else None, failure, "", time.thread_time() - begun, asked)
 
 
 def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
@@ -175,9 +176,12 @@ def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[st
     return Failure("not a number", message, f"what {name} gives", "", dict(values), record.label_)
 
 
-def _failure(error: BaseException, record: Record, values: Mapping[str, float]) -> Failure:
+def _failure(error: BaseException, model: Model, record: Record, values: Mapping[str, float]) -> Failure:
     frames = traceback.extract_tb(error.__traceback__)[1:]
-    last = frames[-1] if frames else None
+    # Where its author looks: the last line of the model's own file, whatever that line called.
+    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
+    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
+    last = (own or frames)[-1] if frames else None
     place = "predict" if last is None else f"{last.filename}, line {last.lineno}, in {last.name}"
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
     return Failure(type(error).__name__, str(error), place, trace, dict(values), record.label_)

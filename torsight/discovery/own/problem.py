@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.parameter import Parameter
+from torsight.core.series import scatter
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own import layout as lay
 from torsight.discovery.own.declare import LawPort, check_declarations, name_in, node_name, parameters_of, per_record
@@ -29,8 +30,9 @@ Array = NDArray[np.float64]
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
 there."""
-_SAME: Final = 0.9999
-"""Correlation from which a driver is the measured signal itself."""
+_SAME: Final = 0.3
+"""Share of the noise that is left of the measured signal by another one that is the same: of one that only moves
+alike the whole noise is left."""
 _OVER_GIVEN: Final = 3.0
 """Times a noise that was given from which a residual means that something is missing, as at rests that were measured
 (:attr:`torsight.discovery.settings.Settings.over_floor_unknown`) ..."""
@@ -373,7 +375,15 @@ def _twin(own: Sequence[Array], records: Sequence[Record], outputs: Sequence[str
     for output in outputs:
         measured = np.concatenate([record[output] for record in records])
         good = np.isfinite(values) & np.isfinite(measured)
-        varies = good.sum() > 2 and min(np.ptp(values[good]), np.ptp(measured[good])) > 0.0
-        if varies and abs(float(np.corrcoef(values[good], measured[good])[0, 1])) > _SAME:
+        if good.sum() > 2 and _same(values[good], measured[good]):
             return output
     return None
+
+
+def _same(values: Array, measured: Array) -> bool:
+    """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
+    if min(np.ptp(values), np.ptp(measured)) <= 0.0:
+        return False
+    columns = np.column_stack([values - values.mean(), np.ones(len(values))])
+    left = measured - columns @ np.linalg.lstsq(columns, measured)[0]
+    return float(np.std(left)) < max(_SAME * scatter(measured), 1e-9 * float(np.std(measured)))
