@@ -36,8 +36,6 @@ WORTH_A_PROCESS_S: Final = 4e-3
 or more, and to send values and take an array back 0.5 ms."""
 _WORKERS: Final = 2
 """Processes; the engine asks for so many points at once (:data:`torsight.discovery.fitting.WORKERS`)."""
-_MOST_FAILURES: Final = 20
-"""Failures of which the values are kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,8 +277,7 @@ class Evaluator:
             self.printed = (self.printed + done.printed)[:2000]
             if done.failure is not None:
                 self.failed += 1
-                if len(self.failures) < _MOST_FAILURES:
-                    self.failures.append(done.failure)
+                self.failures.append(done.failure)
         future.set_result(done)
 
     @contextlib.contextmanager

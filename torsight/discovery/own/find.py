@@ -16,6 +16,8 @@ from torsight.discovery.own.problem import ModelProblem
 from torsight.discovery.own.quiet import aloud, heard
 from torsight.discovery.settings import Settings
 
+_MOST_TRACES: Final = 20
+"""Failures of which the traceback is kept."""
 _MUCH_WORSE: Final = 1.25
 """Times the cost at which a fit from the declared start has missed what another start has found."""
 
@@ -68,19 +70,21 @@ def _search(
         progress("starts", 0, None)
         prepared = prepare(problem)
         problem, notes = prepared.problem, [*notes, *prepared.warnings]
+        # Points that were only looked at may lie outside of what the model can do.
+        looked, before = len(evaluator.failures), evaluator.failed
         found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
         notes += _missed(declared, found)
         # What the findings show of other sets is predicted while the processes are there.
         findings = Findings(problem, found, calls=evaluator.calls)
         _ = findings.best_fits
-    failures = evaluator.failures
+    failures, failed = evaluator.failures[looked:], evaluator.failed - before
     if failures:
         notes.append(
-            f"in {evaluator.failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away "
-            f"from there; first: {failures[0].told()}"
+            f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
+            f"first: {failures[0].told()}"
         )
-    traces = tuple(f"{one.told()}\n{one.trace}" for one in failures)
-    return Findings(problem, found, tuple(notes), traces, evaluator.failed, evaluator.calls)
+    traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
+    return Findings(problem, found, tuple(notes), traces, failed, evaluator.calls)
 
 
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
