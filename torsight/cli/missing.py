@@ -42,7 +42,7 @@ def missing(
         u = record.pump_v
         return p.offset_m + p.gain * u - p.bend * u**2
 
-    Example: torsight missing model.py a.csv b.csv --out results
+    Example: torsight missing model.py a.csv b.csv --out found
     """  # noqa: D301 - \b keeps the lines of the example apart in the help
     from torsight.cli.console import progress_bar, say
     from torsight.report.own_report import write_own_report
@@ -74,6 +74,9 @@ def missing_to_folder(
     write_json(out / "discovery.json", found.to_json())
     write_model(out / "model.json", found.model(), model_file=model)
     write_table(out / "curves.csv", found.curves())
+    for law in found.laws:
+        if law.chosen:
+            write_table(out / law.csv_name, law.table())
     (out / FAILURES).unlink(missing_ok=True)
     if found.failures:
         write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from typing import Final
 
 from torsight.core.progress import Progress, silent
@@ -63,15 +62,14 @@ def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
 def _search(
     problem: ModelProblem, *, settings: Settings | None, seed: int, progress: Progress, notes: list[str]
 ) -> Findings:
-    evaluator = problem.evaluator
     declared = problem
-    wanted = problem.processes
-    with evaluator.processes(wanted=wanted) if wanted is not False else nullcontext():
-        progress("starts", 0, None)
-        prepared = prepare(problem)
-        problem, notes = prepared.problem, [*notes, *prepared.warnings]
-        # Points that were only looked at may lie outside of what the model can do.
-        looked, before = len(evaluator.failures), evaluator.failed
+    progress("starts", 0, None)
+    prepared = prepare(problem)
+    problem, notes = prepared.problem, [*notes, *prepared.warnings]
+    evaluator = problem.evaluator
+    # Points that were only looked at may lie outside of what the model can do.
+    looked, before = len(evaluator.failures), evaluator.failed
+    with evaluator.processes(wanted=problem.processes):
         found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
         notes += _missed(declared, found)
         # What the findings show of other sets is predicted while the processes are there.
@@ -92,6 +90,8 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
     chosen, field = found.decision.chosen, found.field
     told = []
     for name in chosen.effects if chosen.named else ():
+        if name in declared.model.laws:
+            continue
         candidate = next(one for one in declared.candidates if one.id == name)
         offered = field.fitter.candidates[name].starts
         if len(offered) == len(candidate.starts):

@@ -19,6 +19,7 @@ from torsight.discovery.decide import Decision
 from torsight.discovery.fitting import less
 from torsight.discovery.interface import Closure, Problem
 from torsight.discovery.intervals import covariance, joint_covariance
+from torsight.discovery.own.laws import MeasuredCurve, measured_curves
 from torsight.discovery.own.problem import ModelProblem
 from torsight.discovery.own.records import Table
 from torsight.discovery.report import estimates_of
@@ -160,6 +161,11 @@ class Findings:
     def plain_parameters(self) -> dict[str, Estimate]:
         """The same of the plain model."""
         return self._estimates(self.field.base)
+
+    @cached_property
+    def laws(self) -> tuple[MeasuredCurve, ...]:
+        """Laws that were measured: those of the answer, else the best of each port, with what each alone explains."""
+        return measured_curves(self.problem, self.field, self._chosen)
 
     def _estimates(self, one: Contender) -> dict[str, Estimate]:
         spread = np.sqrt(np.maximum(np.diag(covariance(self.field, one)), 0.0))

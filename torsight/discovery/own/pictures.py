@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.discovery.own.laws import MeasuredCurve
 from torsight.discovery.own.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -113,12 +114,28 @@ def pages(found: Findings) -> list[tuple[str, Figure]]:
         axes[0][0].legend(loc="best", fontsize="small", frameon=False)
         draw_residual(axes[1][0], one)
         made.append((f"Measured and modelled: {one.title}", figure))
+    for law in found.laws:
+        if law.chosen:
+            figure, axes = _figure(1, 1, height=3.4)
+            draw_law(axes[0][0], law)
+            made.append((f"The law '{law.id}' over {law.driver}", figure))
     if found.field.of_size(1):
         figure, axes = _figure(1, 2, height=3.2)
         draw_gains(axes[0][0], found)
         draw_by_driver(axes[0][1], found)
         made.append(("Candidates, and what is left", figure))
     return made
+
+
+def draw_law(axis: Any, law: MeasuredCurve) -> None:
+    """Draw a measured law with twice its standard deviation, grey where the record did not reach."""
+    known = law.covered
+    axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
+    axis.fill_between(
+        law.nodes[known], (law.values - 2 * law.sigma)[known], (law.values + 2 * law.sigma)[known], alpha=0.25
+    )
+    axis.plot(law.nodes[known], law.values[known], "-", color=COLOURS["after"])
+    axis.set(title=law.id, xlabel=f"{law.driver} {law.driver_unit}".strip(), ylabel=law.unit)
 
 
 def draw_motion(axis: Any, one: Series) -> None:

@@ -20,6 +20,7 @@ from torsight.core.parameter import Parameter
 from torsight.discovery.fitting import Fit, Fitter, space_of
 from torsight.discovery.interface import Candidate
 from torsight.discovery.noise import Stretches, first_scales, information
+from torsight.discovery.own.laws import with_laws
 from torsight.discovery.own.problem import ModelProblem
 from torsight.discovery.solver import linear_change
 from torsight.discovery.validate import block_labels
@@ -60,6 +61,9 @@ def prepare(problem: ModelProblem) -> Prepared:
     problem, told = _once(problem, fitter, base)
     started = _started(problem, base)
     candidates = tuple(_with_starts(one, fitter, base) for one in problem.candidates)
+    if problem.ports:
+        problem, laws = with_laws(problem, fitter, base)
+        candidates = (*candidates, *laws)
     return Prepared(replace(problem, parameters=started, candidates=candidates), (*warnings, *told))
 
 

@@ -118,6 +118,8 @@ class ModelProblem:
         """Return what ``predict`` gets for every record: parameters by name, those of effects that are off at null."""
         switched: dict[str, float] = {}
         for one in self.candidates:
+            if one.id in self.model.laws:
+                continue
             switched |= one.own(values) if one.id in effects else one.null_point()
         made = []
         for record in range(len(self.model.records)):
@@ -257,7 +259,7 @@ def model_problem(
     at_rest, warnings = _rest(rest, records, outputs, measured, noise)
     warnings += lay.check_blocks(block, valid)
     found, more = _drivers(drivers, records, outputs, times, time_name=time, block_name=blocks)
-    model = Model(predict, records, outputs, {one.name: _nodes(one) for one in ports})
+    model = Model(predict, records, outputs, {one.name: nodes_of(one) for one in ports})
     free = tuple(p for p in declared if not p.fixed)
     once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
     # One output without a given noise: the engine measures it from the residual, which holds less of the motion.
@@ -288,7 +290,7 @@ def model_problem(
     )
 
 
-def _nodes(port: LawPort, low: float = 0.0, high: float = 1.0) -> Array:
+def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Array:
     """Return the nodes of a law, over the range given with it or else this one."""
     return np.linspace(low if port.low is None else port.low, high if port.high is None else port.high, port.nodes)
 

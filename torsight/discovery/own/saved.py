@@ -17,7 +17,7 @@ from torsight.core.provenance import file_hash
 from torsight.core.storage import read_json, write_json
 from torsight.discovery.fitting import space_of
 from torsight.discovery.interface import Candidate
-from torsight.discovery.own.declare import name_in
+from torsight.discovery.own.declare import RESERVED, name_in, node_name
 from torsight.discovery.own.evaluate import Model, Predict, call
 from torsight.discovery.own.problem import ModelProblem
 from torsight.discovery.own.records import TIMES, Record, Table, read_records, time_of
@@ -65,10 +65,8 @@ class SavedModel:
         Of the values that are uncertain.
     noise : tuple of float
         Error of each output on blocks that the fit did not see.
-    laws : mapping of str to ((k,), (k,)) float64
-        Nodes and values of each law that is on.
     nodes : mapping of str to (k,) float64
-        Nodes of every law.
+        Nodes of every law; its values there are among ``values`` where it is on.
     """
 
     predict_function: Predict
@@ -82,7 +80,6 @@ class SavedModel:
     covariance: Array
     noise: tuple[float, ...]
     nodes: Mapping[str, Array]
-    laws: Mapping[str, Array]
     time_name: str | None = None
 
     @classmethod
@@ -100,13 +97,17 @@ class SavedModel:
         for p in problem.declared:
             own[p.name] = values.get(p.name, values.get(name_in(p.name, 0), p.value))
         for one in problem.candidates:
+            if one.id in problem.model.laws:
+                # The nodes of a law that is on are values like any other.
+                own |= one.own(values) if one.id in effects else {}
+                continue
             own |= one.own(values) if one.id in effects else one.null_point()
         fitted = list(values)
         kept = [i for i, name in enumerate(fitted) if name in own]
         return cls(
             problem.model.predict,
             problem.declared,
-            problem.candidates,
+            tuple(one for one in problem.candidates if one.id not in problem.model.laws),
             problem.model.outputs,
             effects,
             problem.initial,
@@ -115,7 +116,6 @@ class SavedModel:
             covariance[np.ix_(kept, kept)],
             noise,
             problem.model.laws,
-            problem.curves(values, effects),
             problem.time_name,
         )
 
@@ -153,7 +153,12 @@ class SavedModel:
         return Parameter(name, value, "") if found is None else found.at(value)
 
     def _called(self, model: Model, values: Mapping[str, float]) -> Array:
-        done = call(model, 0, values, self.laws)
+        curves = {
+            name: np.array([values[node_name(name, i)] for i in range(len(nodes))])
+            for name, nodes in self.nodes.items()
+            if name in self.effects
+        }
+        done = call(model, 0, {name: value for name, value in values.items() if RESERVED not in name}, curves)
         if done.failure is not None:
             raise done.failure.error("predict")
         if done.outputs is None:
@@ -198,10 +203,7 @@ class SavedModel:
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "noise": dict(zip(self.outputs, self.noise, strict=True)),
-            "laws": {
-                name: {"nodes": nodes.tolist(), "values": self.laws[name].tolist() if name in self.laws else None}
-                for name, nodes in self.nodes.items()
-            },
+            "laws": {name: {"nodes": nodes.tolist()} for name, nodes in self.nodes.items()},
         }
 
     @classmethod
@@ -221,7 +223,6 @@ class SavedModel:
             noise = tuple(float(content["noise"][name]) for name in outputs)
             laws = {str(name): one for name, one in content["laws"].items()}
             nodes = {name: np.array(one["nodes"], np.float64) for name, one in laws.items()}
-            on = {n: np.array(one["values"], np.float64) for n, one in laws.items() if one["values"] is not None}
             effects = tuple(str(name) for name in content["effects"])
             initial = tuple(str(name) for name in content["initial"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -229,7 +230,9 @@ class SavedModel:
                 f"is damaged ({type(error).__name__}: {error})", where=where, do="run 'torsight missing' again"
             ) from error
         everything = [*declared.parameters, *(p for one in declared.candidates for p in one.parameters)]
-        if {p.name for p in everything} != set(values) or outputs != declared.outputs:
+        if {p.name for p in everything} != {
+            name for name in values if RESERVED not in name
+        } or outputs != declared.outputs:
             raise InputError(
                 "belongs to another model: parameters or outputs differ",
                 where=where,
@@ -247,7 +250,6 @@ class SavedModel:
             covariance,
             noise,
             nodes,
-            on,
             declared.time,
         )
 

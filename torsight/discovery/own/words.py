@@ -45,6 +45,10 @@ def lines(found: Findings) -> list[tuple[str, str]]:
     made += [("", text) for text in _noise(found)]
     for name in found.effects:
         own = found.field.fitter.candidates[name].parameters if name in found.field.fitter.candidates else ()
+        curve = next((law for law in found.laws if law.id == name), None)
+        if curve is not None:
+            made.append((name, curve.told()))
+            continue
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
     if found.verdict == "unknown" or found.predicts_better:
         made.append(("Best fits", "error on all samples, on unseen blocks, gain"))
@@ -141,6 +145,7 @@ def to_json(found: Findings) -> dict[str, Any]:
             name: {"before": before.to_json(), "after": after.to_json()}
             for name, (before, after) in found.errors.items()
         },
+        "laws": [law.to_json() for law in found.laws if law.chosen],
         "noise_floor": _floor(found),
         "resolution": _resolution(problem, found),
         "blocks": len(np.unique(problem.block[problem.valid])),
