@@ -36,6 +36,18 @@ def test_linear_drive_lacks_friction_that_differs_by_direction(emps: ModuleType,
     assert emps.relative_error(later, single.fit.values) < 0.97 * emps.relative_error(later, base.fit.values)
 
 
+def test_friction_over_speed_is_measured_without_a_form(emps: ModuleType, shared_data: Path) -> None:
+    record = emps.read_drive(shared_data / "emps" / "DATA_EMPS.mat")
+    found = emps.measure_friction(record)
+    assert found.effects == ("friction_n",)
+    left = record.force_n - found.predict(emps.table_of(record))["force_n"]
+    # The law holds the published form (friction by direction, 3.1117 %) up to lines between its nodes.
+    assert np.linalg.norm(left) / np.linalg.norm(record.force_n) < 1.02 * 0.031117
+    (curve,) = found.laws
+    assert curve.chosen
+    assert curve.covered.all()
+
+
 def test_wire_under_constant_stress_moves_from_cycle_to_cycle(shared_data: Path) -> None:
     problem = _loops(shared_data / "sma_react" / "isobaric_7cycle.txt")
     findings = find_missing(problem)
