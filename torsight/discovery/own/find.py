@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Final
 
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
 from torsight.discovery import engine
 from torsight.discovery.fitting import Fit
 from torsight.discovery.interface import Problem
@@ -43,7 +44,7 @@ def find_missing(
     InputError
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
-    with heard() as stream:
+    with heard() as stream, one_thread():
         told = aloud(progress)
         notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):

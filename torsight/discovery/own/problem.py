@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,31 +18,26 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.series import scatter
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own import layout as lay
 from torsight.discovery.own.declare import LawPort, check_declarations, name_in, parameters_of, per_record
 from torsight.discovery.own.evaluate import Called, Evaluator, Failure, Model, Predict
 from torsight.discovery.own.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.layout import Layout, PerOutput
-from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
+from torsight.discovery.own.records import Record, Table, read_records, time_of
+from torsight.discovery.own.signals import drivers_of, rest_of
 
 Array = NDArray[np.float64]
 
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
 there."""
-_SAME: Final = 0.3
-"""Share of the noise that is left of the measured signal by another one that is the same: of one that only moves
-alike the whole noise is left."""
 _OVER_GIVEN: Final = 3.0
 """Times a noise that was given from which a residual that no law explains means that something is missing: three
 standard deviations ..."""
 _OVER_ESTIMATED: Final = 10.0
 """... and times one that was estimated from the scatter of neighbours: noise that is correlated over ten samples
 scatters about three times less than its size."""
-_MUCH_STILL: Final = 0.5
-"""Share of a record at rest that is worth a warning where no rest is marked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,9 +293,9 @@ def model_problem(
     valid = np.isfinite(stacked)
     labels = lay.blocks_of(blocks, records, times)
     block = np.asarray(layout.spread([own.astype(np.float64) for own in labels]), np.int64)
-    at_rest, warnings = _rest(rest, records, outputs, measured, noise)
+    at_rest, warnings = rest_of(rest, records, outputs, measured, noise)
     warnings += lay.check_blocks(block, valid)
-    found, more = _drivers(drivers, records, outputs, times, time_name=time, block_name=blocks)
+    found, more = drivers_of(drivers, records, outputs, times, time_name=time, block_name=blocks)
     model = Model(predict, records, outputs, {one.name: nodes_of(one) for one in ports})
     free = tuple(p for p in declared if not p.fixed)
     once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
@@ -357,72 +352,3 @@ def _engine_time(times: Sequence[Array], outputs: int) -> Array:
         step = float(np.median(np.diff(own)) or 1.0)
         pieces += [own, np.array([own[-1] + step])]
     return np.concatenate(pieces[:-1])
-
-
-def _rest(
-    given: str | None, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], noise: list[float]
-) -> tuple[list[NDArray[np.bool_]], list[str]]:
-    if given is not None and given != "still":
-        return [np.nan_to_num(column_of(record, given)) != 0.0 for record in records], []
-    found = [np.logical_and.reduce([lay.still(own[:, k], noise[k]) for k in range(len(outputs))]) for own in measured]
-    share = float(np.mean(np.concatenate(found)))
-    if given == "still":
-        return found, []
-    told = []
-    if share > _MUCH_STILL:
-        told.append(
-            f"{100 * share:.0f} % of the record stands still, and every sample of it counts: rest='still' makes each "
-            "such stretch count as one piece of information"
-        )
-    return [np.zeros(record.rows_, bool) for record in records], told
-
-
-def _drivers(
-    given: Sequence[str] | None,
-    records: Sequence[Record],
-    outputs: Sequence[str],
-    times: Sequence[Array],
-    *,
-    time_name: str | None,
-    block_name: Any,
-) -> tuple[dict[str, list[Array]], list[str]]:
-    """Return the drivers by name, one array per record, and what was left out of them."""
-    no_drivers = {*outputs, time_name, *([block_name] if isinstance(block_name, str) else []), *TIMES}
-    shared = [name for name in records[0] if all(name in record for record in records)]
-    names = [name for name in shared if name not in no_drivers] if given is None else list(given)
-    found: dict[str, list[Array]] = {}
-    told: list[str] = []
-    for name in names:
-        own = [column_of(record, name) for record in records]
-        twin = name if name in outputs else _twin(own, records, outputs)
-        if twin is not None:
-            told.append(
-                f"'{name}' is what is measured ({twin}), noise included: it was left out of the drivers, because it "
-                "would explain the residual by itself; give the variable from another sensor, or a law's driver"
-            )
-        elif all(np.isfinite(one).all() for one in own):
-            found[name] = own
-        elif given is not None:
-            raise InputError("is not known in every row", where=f"driver '{name}'", do="fill its gaps, or leave it out")
-    if given is None or "time_s" in given:
-        found["time_s"] = [own - own[0] for own in times]
-    return found, told
-
-
-def _twin(own: Sequence[Array], records: Sequence[Record], outputs: Sequence[str]) -> str | None:
-    values = np.concatenate(list(own))
-    for output in outputs:
-        measured = np.concatenate([record[output] for record in records])
-        good = np.isfinite(values) & np.isfinite(measured)
-        if good.sum() > 2 and _same(values[good], measured[good]):
-            return output
-    return None
-
-
-def _same(values: Array, measured: Array) -> bool:
-    """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
-    if min(np.ptp(values), np.ptp(measured)) <= 0.0:
-        return False
-    columns = np.column_stack([values - values.mean(), np.ones(len(values))])
-    left = measured - columns @ np.linalg.lstsq(columns, measured)[0]
-    return float(np.std(left)) < max(_SAME * scatter(measured), 1e-9 * float(np.std(measured)))

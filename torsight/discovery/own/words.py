@@ -31,6 +31,11 @@ def verdict_words(found: Findings) -> str:
         others = " or ".join(" and ".join(one) for one in found.alternatives)
         return f"{named} or {others}: this record cannot tell them apart"
     beside = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing, and " if found.effects else ""
+    declared = {port.name for port in getattr(found.problem, "ports", ())}
+    laws = [name for name in found.decision.unnamed if name in declared]
+    if laws and len(laws) == len(found.decision.unnamed):
+        what = f"{' and '.join(laws)} {'is' if len(laws) == 1 else 'are'} missing, in a form that no candidate has"
+        return f"{beside}{what}{_depends(found)}"
     return f"{beside}something is missing that none of the candidates explains{_depends(found)}"
 
 
