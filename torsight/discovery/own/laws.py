@@ -6,7 +6,7 @@ declared ones each output may lack a law over each driver: so something without 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,13 +17,15 @@ from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
 from torsight.core.wording import number
 from torsight.discovery.explanation import Explanation
-from torsight.discovery.fitting import AtPoint
+from torsight.discovery.fitting import AtPoint, Fit
+from torsight.discovery.interface import Candidate
 from torsight.discovery.intervals import covariance
 from torsight.discovery.linear_problem import law_over
 from torsight.discovery.measure import Measured
 from torsight.discovery.own.declare import LawPort
 from torsight.discovery.own.evaluate import Evaluator
 from torsight.discovery.own.layout import Layout
+from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
     from torsight.discovery.own.problem import ModelProblem
@@ -35,6 +37,10 @@ _SCALE: Final = 0.03
 output, :mod:`torsight.discovery.linear_problem`)."""
 _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction while its effect on it is worked out."""
+_FORM_SHARE: Final = Settings().form_share
+"""Share of a candidate's squares that a law must do, for the candidate to be a form of it."""
+_NOTHING: Final = 1e-6
+"""Share of a candidate's squares that the base model may leave of one that it can do itself."""
 _COVERED: Final = 0.02
 """Share of the median information about a node below which the record did not reach it."""
 
@@ -168,6 +174,45 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
     if first <= 0.0:
         raise InputError(f"the law '{name}' changes nothing", where="predict", do="add what it returns to the model")
     return _SCALE * spread / (response(_STEP * spread / first) or first)
+
+
+def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the candidates, each with the laws of which it is a usual form, where none are declared for it.
+
+    It is one where the law can do nearly all that the candidate does at its start and the base model cannot do itself.
+    """
+    valid = problem.valid
+    own = base.solution.jacobian[valid]
+    own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    columns = {law.id: np.column_stack([own, _columns(problem, law, base.values)[valid]]) for law in problem.laws}
+    made = []
+    for one in candidates:
+        at_start = problem.predict({**base.values, **{p.name: p.value for p in one.parameters}}, (one.id,))
+        change = (at_start - base.solution.prediction)[valid]
+        beyond = _left(own, change)
+        found = [
+            name
+            for name, both in columns.items()
+            if beyond > 0.0 and _left(both, change) <= (1.0 - _FORM_SHARE) * beyond
+        ]
+        small = beyond <= _NOTHING * float(change @ change)
+        made.append(one if one.laws or small or not found else replace(one, laws=tuple(found)))
+    return tuple(made)
+
+
+def _left(columns: Array, values: Array) -> float:
+    """Return the sum of squares of values (n,) that columns (n, k) leave."""
+    left = values - columns @ np.linalg.lstsq(columns, values)[0]
+    return float(left @ left)
+
+
+def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Array:
+    """Return what a law's values on its nodes do to the prediction (n, k), per size that matters."""
+    free = law.free()
+    at = AtPoint(problem.with_laws((free,)), (*values, *free.names), (law.id,))
+    middle = np.concatenate([list(values.values()), np.zeros(len(free.nodes))])
+    moved = at.many([middle + law.scale * (np.arange(len(middle)) == len(values) + i) for i in range(len(free.nodes))])
+    return np.column_stack(moved) - at(middle)[:, None]
 
 
 def measured_curves(

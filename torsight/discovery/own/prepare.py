@@ -20,7 +20,7 @@ from torsight.core.parameter import Parameter
 from torsight.discovery.fitting import Fit, Fitter, space_of
 from torsight.discovery.interface import Candidate
 from torsight.discovery.noise import Stretches, first_scales, information
-from torsight.discovery.own.laws import with_nodes
+from torsight.discovery.own.laws import usual_forms, with_nodes
 from torsight.discovery.own.problem import ModelProblem
 from torsight.discovery.solver import linear_change
 from torsight.discovery.validate import block_labels
@@ -63,6 +63,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     candidates = tuple(_with_starts(one, fitter, base) for one in problem.candidates)
     if problem.ports:
         problem = with_nodes(problem, base.values)
+    candidates = usual_forms(problem, base, candidates)
     return Prepared(replace(problem, parameters=started, candidates=candidates), (*warnings, *told))
 
 
