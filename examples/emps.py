@@ -2,7 +2,8 @@
 
 The EMPS benchmark (Janot, Gautier and Brunot, 2019) is a screw-driven carriage. Its reference model says
 force = M a + Fv v + Fc sign(v) + offset, which leaves a relative error of 4.08 %. This script asks what is missing, and
-then lets both models predict a second record that neither has seen.
+then lets both models predict a second record that neither has seen. Then it asks once more, with no form in mind: the
+friction over speed is measured as a curve.
 
 Run: python examples/emps.py ../shared/data/emps
 """
@@ -13,14 +14,23 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.signal import butter, decimate, filtfilt
 
-from torsight.discovery.engine import Findings, find_missing
-from torsight.discovery.linear_problem import LinearProblem, linear_problem
+from torsight.discovery import (
+    Findings,
+    LinearProblem,
+    find_missing,
+    law,
+    linear_problem,
+    model_problem,
+    parameter,
+)
+from torsight.discovery.explanation import Explanation
 
 Array = NDArray[np.float64]
 RATE_HZ = 1000.0
@@ -97,9 +107,10 @@ def problem_of(drive: Drive) -> LinearProblem:
     )
 
 
-def relative_error(drive: Drive, values: Mapping[str, float]) -> float:
+def relative_error(drive: Drive, explanation: Explanation) -> float:
     """Return the norm of the error over the norm of the force, as the benchmark does."""
-    predicted = sum(value * drive.columns[name] for name, value in values.items())
+    problem = problem_of(drive).with_laws([item.form for item in explanation.laws])
+    predicted = problem.predict(explanation.fit.values, explanation.members)
     return float(np.linalg.norm(drive.force_n - predicted) / np.linalg.norm(drive.force_n))
 
 
@@ -109,17 +120,60 @@ def discover_drive(folder: Path) -> tuple[Findings, Drive, Drive]:
     return find_missing(problem_of(record)), record, later
 
 
+def table_of(drive: Drive) -> dict[str, Array]:
+    """Return a record as a table for a model of one's own."""
+    columns = drive.columns
+    return {
+        "time_s": drive.time_s,
+        "force_n": drive.force_n,
+        "acceleration": columns["mass_kg"],
+        "speed": columns["viscous_n_s_per_m"],
+        "direction": columns["coulomb_n"],
+        "stroke": drive.stroke.astype(np.float64),
+    }
+
+
+def drive_force(p: Any, record: Any) -> Array:
+    """Return the reference model's force, and what friction has beside it as a law of speed."""
+    plain = p.mass_kg * record.acceleration + p.viscous_n_s_per_m * record.speed + p.coulomb_n * record.direction
+    return plain + p.offset_n + p.friction_n(record.speed)
+
+
+def measure_friction(drive: Drive) -> Findings:
+    """Return what is found where no form is offered, only the place and the variable."""
+    starts = {"mass_kg": 90.0, "viscous_n_s_per_m": 200.0, "coulomb_n": 20.0, "offset_n": 0.0}
+    problem = model_problem(
+        drive_force,
+        table_of(drive),
+        [parameter(name, start) for name, start in starts.items()],
+        output="force_n",
+        blocks="stroke",
+        drivers=[],
+        laws=[law("friction_n", driver="speed", unit="N", driver_unit="m/s")],
+    )
+    return find_missing(problem)
+
+
 def main(folder: Path) -> None:
     """Print what is missing and what it is worth."""
     findings, record, later = discover_drive(folder)
     field, chosen = findings.field, findings.decision.chosen
-    single = field.of_size(1)[0]
-    base = field.base.fit.values
-    print("Base model       ", ", ".join(f"{name} {value:.4g}" for name, value in base.items()))
-    print(f"Verdict           {findings.verdict}: {', '.join(chosen.effects) or 'nothing'}")
-    for title, fit in (("base", field.base.fit), (single.effects[0], single.fit), ("all that is named", chosen.fit)):
-        first, second = relative_error(record, fit.values), relative_error(later, fit.values)
-        print(f"Relative error    {100 * first:.2f} %, second record {100 * second:.2f} % ({title})")
+    single = next(one for one in findings.ranked(1) if one.effects)
+    print("Base model       ", ", ".join(f"{name} {value:.4g}" for name, value in field.base.fit.values.items()))
+    print(f"Verdict           {findings.verdict}: {', '.join(chosen.members) or 'nothing'}")
+    for title, one in (("base", field.base), (single.members[0], single), ("all that is told", chosen)):
+        errors = f"{100 * relative_error(record, one):.2f} %, second record {100 * relative_error(later, one):.2f} %"
+        print(f"Relative error    {errors} ({title})")
+    measured = measure_friction(record)
+    print(measured)
+    for title, one in (("first", record), ("second", later)):
+        left = one.force_n - measured.predict(table_of(one))["force_n"]
+        print(
+            f"With the law      {100 * np.linalg.norm(left) / np.linalg.norm(one.force_n):.2f} % on the {title} record"
+        )
+    for curve in measured.laws:
+        for speed, force, sigma in zip(curve.nodes, curve.values, curve.sigma, strict=True):
+            print(f"  {speed:7.3f} m/s  {force:6.2f} ± {sigma:.2f} N")
 
 
 if __name__ == "__main__":

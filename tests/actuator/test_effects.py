@@ -95,7 +95,7 @@ def made_with(effects: dict, *, seed: int):
 
 
 def spec_of(made) -> ActuatorSpec:
-    return ActuatorSpec(made.played.scene.values.public)
+    return ActuatorSpec({**made.played.scene.values.public, "zero_deg": 0.0})
 
 
 def fitted(name: str, effects: tuple[str, ...]):

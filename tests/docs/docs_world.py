@@ -66,6 +66,7 @@ def make_world(folder: Path) -> None:
     _scenes(folder)
     write_bench(folder, rng=np.random.default_rng(1), rows=150)
     _boards(folder)
+    _own_model(folder)
     # What a camera gives: the sticks turn by 40° within a second.
     write_film(Rig(lambda t: 60.0 - 40.0 * t, frames=30, texture=0.0), folder / "bench.mkv")
     base, moving = (Sprite(**tag("4X4_50", number, side_mm=36.0, along_mm=70.0)) for number in (0, 1))
@@ -76,6 +77,24 @@ def write_logger(folder: Path, temps: pd.DataFrame) -> None:
     """Write a log as a data logger would: a preamble, channels by number."""
     channels = temps[["time_s", "temp_a_c", "temp_b_c"]].set_axis(["Time", "Chan 101 (C)", "Chan 102 (C)"], axis=1)
     (folder / "logger.csv").write_text(f"Unit 7\n\n{channels.to_csv(index=False)}", encoding="utf-8")
+
+
+def _own_model(folder: Path) -> None:
+    """Put a model of one's own there, and two records of it."""
+    (folder / "model.py").write_text(
+        "from torsight.discovery import candidate, parameter\n"
+        "output = 'y'\n"
+        "parameters = [parameter('gain', 1.0), parameter('offset', 0.0)]\n"
+        "candidates = [candidate('bend', parameter('bend', 0.1, null=0.0))]\n"
+        "def predict(p, record):\n"
+        "    return p.offset + p.gain * record.u + p.bend * record.u**2\n",
+        encoding="utf-8",
+    )
+    rng = np.random.default_rng(7)
+    for name in ("a", "b"):
+        u = np.sin(np.linspace(0.0, 12.0, 200)) + rng.normal(0.0, 0.3, 200)
+        columns = np.column_stack([np.arange(200.0), u, 1.0 + 2.0 * u + 0.5 * u**2 + rng.normal(0.0, 0.05, 200)])
+        np.savetxt(folder / f"{name}.csv", columns, delimiter=",", header="time_s,u,y", comments="")
 
 
 def fill_in(folder: Path, world: Path) -> None:

@@ -52,7 +52,7 @@ def folder(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_example_is_run_here() -> None:
     """The other two run with the tests of what they show: the renderer, and discovery on measured data."""
-    here = {"track_a_film", "fit_friction", "find_what_is_missing", "own_model", "watch_a_campaign"}
+    here = {"track_a_film", "fit_friction", "find_what_is_missing", "own_model", "tanks", "watch_a_campaign"}
     assert {path.stem for path in (ROOT / "examples").glob("*.py")} == here | {"film_a_rig", "emps"}
 
 
@@ -96,6 +96,19 @@ def test_own_model(capsys: pytest.CaptureFixture[str]) -> None:
     for name, true in own["TRUE"].items():
         assert findings.decision.chosen.fit.values[name] == pytest.approx(true, rel=0.05, abs=0.5)
     assert "unseen strokes" in capsys.readouterr().out
+
+
+def test_tanks(capsys: pytest.CaptureFixture[str]) -> None:
+    own = example("tanks")
+    found = own["main"]()
+    assert found.verdict == "identified"
+    assert found.effects == ("overflow",)
+    low, high = found.parameters["rim_cm"].ci95
+    assert low < own["TRUE"]["rim_cm"] < high
+    told = re.search(r"A later record is predicted to (\d\.\d+) cm", capsys.readouterr().out)
+    assert told is not None
+    # 480 readings of 0.03 cm each; what the model errs is to be less than the noise.
+    assert float(told[1]) < 1.4 * own["NOISE_CM"]
 
 
 def test_watch_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

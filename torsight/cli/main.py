@@ -26,6 +26,7 @@ COMMANDS: Final = (
     "sync",
     "fit",
     "discover",
+    "missing",
     "simulate",
     "predict",
     "characterise",

@@ -12,18 +12,31 @@ from torsight.cli.columns import Columns, Units, said
 
 
 def predict(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit' or 'discover'.")],
-    temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")
+    ],
+    temperature: Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs.")],
     *,
-    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
+    start_angle: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees (actuator only).")
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
     """Predict the angle, and how sure it is, at every instant of a later temperature log, in the log's order and clock.
 
+    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle.
+
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
+    from torsight.core.errors import ConfigError
+    from torsight.discovery.own.saved import is_own_model
+
+    if is_own_model(model):
+        return _predict_own(model, temperature, out=out)
+    if start_angle is None:
+        raise ConfigError("the actuator's model needs it", where="--start-angle", do="give the angle at the first row")
     from torsight.actuator.fitted import read_model
     from torsight.actuator.logs import read_log
     from torsight.cli.console import progress_bar, say
@@ -47,3 +60,17 @@ def predict(
             "angle_sigma_deg is wide where they differ"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
+
+
+def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
+    """Predict another record with a model of one's own."""
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_table
+    from torsight.discovery.own.quiet import heard
+    from torsight.discovery.own.saved import read_model
+
+    require_apart([out], [model, record])
+    with heard():
+        found = read_model(model, record).predict(record)
+    write_table(out, found)
+    return Answer({"rows": len(next(iter(found.values()))), "columns": list(found)}, files=(out,))

@@ -99,8 +99,7 @@ class Fitter:
 
     def _model(self, effects: EffectSet) -> _Model:
         """Return the model's values as a function of the free parameters (m,)."""
-        names = [p.name for p in self.parameters(effects)]
-        return lambda x: self.problem.predict(dict(zip(names, x.tolist(), strict=True)), effects)
+        return AtPoint(self.problem, [p.name for p in self.parameters(effects)], effects)
 
     def fit(
         self,
@@ -220,10 +219,18 @@ class Fitter:
             return fit
         return min(fit, self.fit(fit.effects, [places[best]], max_iterations=20), key=lambda item: item.cost)
 
-    def refit(self, fit: Fit, *, weight: Array | None = None, max_iterations: int = 6, kept: Sequence[str] = ()) -> Fit:
+    def refit(
+        self,
+        fit: Fit,
+        *,
+        weight: Array | None = None,
+        max_iterations: int = 6,
+        kept: Sequence[str] = (),
+        rough: bool = False,
+    ) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out.
 
-        Parameters that are kept stay at their values.
+        Parameters that are kept stay at their values. A rough fit leaves its derivatives as they are at the end.
         """
         space = self.space(fit.effects)
         places = [i for i, p in enumerate(fit.parameters) if p.name in kept]
@@ -237,8 +244,34 @@ class Fitter:
             space=space,
             max_iterations=max_iterations,
             known=fit.solution,
+            rough=rough,
         )
         return Fit(fit.effects, fit.parameters, solution)
+
+
+class AtPoint:
+    """A problem's prediction as a function of its free parameters (m,)."""
+
+    def __init__(self, problem: Problem, names: Sequence[str], effects: EffectSet) -> None:
+        self._problem = problem
+        self._names = names
+        self._effects = effects
+
+    def _values(self, x: Array) -> dict[str, float]:
+        return dict(zip(self._names, x.tolist(), strict=True))
+
+    def __call__(self, x: Array) -> Array:
+        """Return the prediction at a point."""
+        return self._problem.predict(self._values(x), self._effects)
+
+    def many(self, points: Sequence[Array]) -> list[Array]:
+        """Return the predictions at several points, at once where the problem can do that."""
+        values = [self._values(x) for x in points]
+        at_once = getattr(self._problem, "predict_many", None)
+        if at_once is None:
+            return [self._problem.predict(one, self._effects) for one in values]
+        found: list[Array] = at_once(values, self._effects)
+        return found
 
 
 def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Array:

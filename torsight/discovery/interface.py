@@ -110,6 +110,9 @@ class Problem(Protocol):
     elsewhere : tuple of mapping
         May be left out. Other values of base parameters (parameter name to value) from which every fit is tried once
         more: for models whose answer has kinks, where a fit may sit in the wrong valley.
+    predict_many : callable
+        May be left out. ``predict`` at several points at once (a list of values, the effects): for models that can be
+        called in parallel.
     """
 
     @property

@@ -46,7 +46,7 @@ class LinearProblem:
     def laws(self) -> tuple[Law, ...]:
         """Laws that are added to the output, one over each driver."""
         size = float(np.std(self.observed[self.valid])) if self.valid.any() else 1.0
-        found = (_law(name, driver[self.valid], size) for name, driver in self.drivers.items())
+        found = (law_over(name, driver[self.valid], size) for name, driver in self.drivers.items())
         return tuple(law for law in found if law is not None)
 
     def with_laws(self, forms: Sequence[LawForm]) -> LinearProblem:
@@ -82,8 +82,8 @@ _SCALE: Final = 0.03
 _TIME_LIKE: Final = ("time_s", "cycle")
 
 
-def _law(name: str, driver: Array, size: float) -> Law | None:
-    """Return the law over a driver; None where the driver does not change."""
+def law_over(name: str, driver: Array, size: float) -> Law | None:
+    """Return the law over a driver that is added to an output of this size; None where the driver does not change."""
     places = np.unique(driver)
     if len(places) < 2:
         return None

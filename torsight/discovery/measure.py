@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from torsight.core.law import Kernel, Law, LawForm
-from torsight.discovery.fitting import EffectSet, Fit, Fitter, space_of
+from torsight.discovery.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.interface import Problem
 from torsight.discovery.likelihood import Likelihood
 from torsight.discovery.priors import outlier_precision, prior_cost_of
@@ -140,7 +140,6 @@ class _Measurement:
         self._parameters = (*problem.parameters, *own)
         self._names = [p.name for p in self._parameters]
         self._base = len(problem.parameters)
-        self._node_names = list(free.names)
         space = space_of(self._parameters, scales=scales)
         k = len(law.nodes)
         self._space = Space(
@@ -150,13 +149,9 @@ class _Measurement:
             prior_mean=np.concatenate([space.prior_mean, np.zeros(k)]),
             prior_sigma=np.concatenate([space.prior_sigma, np.full(k, np.inf)]),
         )
-        self._effects = (*effects, law.id)
+        self._model = AtPoint(self._problem, (*self._names, *free.names), (*effects, law.id))
         self._members = members(law)
         self._observed = np.where(likelihood.count > 0.0, problem.observed, 0.0)
-
-    def _model(self, u: Array) -> Array:
-        values = dict(zip((*self._names, *self._node_names), u.tolist(), strict=True))
-        return self._problem.predict(values, self._effects)
 
     def _residual(self, at_u: Array) -> Array:
         return np.where(self._likelihood.count > 0.0, self._observed - at_u, 0.0)
@@ -170,7 +165,7 @@ class _Measurement:
     def run(self, start: Mapping[str, float], iterations: int, law_values: Array | None) -> Measured:
         """Step from a start until nothing is gained."""
         m = len(self._names)
-        u = np.zeros(m + len(self._node_names))
+        u = np.zeros(m + len(self._law.nodes))
         u[:m] = [start[name] for name in self._names]
         if law_values is not None:
             u[m:] = law_values

@@ -62,12 +62,14 @@ class Search:
             parents = [parent for parent in parents if size == 1 or self.promise(parent) > self.needed]
             if not parents:
                 break
-            before = self._best().log_evidence
             self._extend(parents, size)
             self._look_again(size)
-            self._follow_best()
-            if self._best().log_evidence < before + self.needed:
+            # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
+            self._follow_best(longest=_FIRST_CORRELATION)
+            smaller = max(one.log_evidence for one in self._explanations.values() if len(one.members) < size)
+            if self._best().log_evidence < smaller + self.needed:
                 break
+        self._follow_best(longest=np.inf)
         return Field(self._likelihood, self._stretches, self._explanations)
 
     @property
@@ -211,11 +213,14 @@ class Search:
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1)
         return self._settled(one.fitter.problem, fit, one.laws)
 
-    def _follow_best(self) -> None:
-        """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood."""
+    def _follow_best(self, *, longest: float) -> None:
+        """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood.
+
+        ``longest`` is the correlation time, in samples, that is assumed at most.
+        """
         best = self._best()
         residual = best.residual
-        tau = correlation_samples(residual, self._stretches)
+        tau = min(correlation_samples(residual, self._stretches), longest)
         floor = self._floor(best.fit, best.fitter.problem)
         self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
         for members, one in list(self._explanations.items()):

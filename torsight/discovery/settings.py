@@ -39,7 +39,7 @@ class Settings:
 
     def price(self, choices: int) -> float:
         """Return what one more member of a set costs in log units, of so many that there are to choose from."""
-        return math.log(choices / self.missing)
+        return math.log(max(choices, 1) / self.missing)
 
     @property
     def surely(self) -> float:

@@ -9,7 +9,7 @@ that a one-sided derivative proposes may lead uphill; then it is held there and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -95,16 +95,24 @@ def jacobian(
 ) -> Array:
     """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``; columns of a guess are kept."""
     columns = np.full((len(at_x), len(x)), np.nan) if guess is None else guess.copy()
+    steps: dict[int, float] = {}
     for j, scale in enumerate(space.scale):
         if len(columns) and not np.isnan(columns[0, j]):
             continue
         step = STEP_SHARE * scale
         if x[j] + step > space.upper[j]:
             step = -min(step, max(x[j] - space.lower[j], 1e-12 * scale))
-        moved = x.copy()
-        moved[j] += step
-        columns[:, j] = (function(moved) - at_x) / step
+        steps[j] = step
+    points = [x + step * (np.arange(len(x)) == j) for j, step in steps.items()]
+    for (j, step), moved in zip(steps.items(), at_all(function, points), strict=True):
+        columns[:, j] = (moved - at_x) / step
     return columns
+
+
+def at_all(function: Callable[[Array], Array], points: Sequence[Array]) -> list[Array]:
+    """Return the function at several points: at once where it has a member ``many`` for that."""
+    many = getattr(function, "many", None)
+    return [function(point) for point in points] if many is None else many(points)
 
 
 def costs(residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[float, float]:

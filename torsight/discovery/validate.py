@@ -68,7 +68,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) 
 
     def without(label: int) -> Fit:
         weight = np.where(problem.block == label, 0.0, fitter.weight)
-        return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight))
+        return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight), rough=True)
 
     fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
     left = np.zeros(len(problem.observed))

@@ -1,0 +1,118 @@
+"""``torsight missing`` and ``torsight predict`` on a model file of one's own."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.command_line import leave
+from tests.discovery.own_models import spring_record
+
+MODEL = """
+import time
+import numpy as np
+from torsight.discovery import candidate, parameter
+
+output = "x_mm"
+initial = ["x0_mm"]
+sigma = 0.02
+parameters = [
+    parameter("gain", 1.0, lower=-10, upper=10),
+    parameter("tau_s", 4.0, lower=0.6, upper=60),
+    parameter("x0_mm", 0.0, lower=-10, upper=10),
+]
+candidates = [
+    candidate("hardening", parameter("cubic", 0.01, lower=-0.05, upper=0.2, null=0)),
+    candidate("bias", parameter("bias", 0.01, null=0)),
+]
+
+
+def predict(p, record):
+    x, out, h = p.x0_mm, [], 0.25
+    for u in record.u.tolist():
+        out.append(x)
+        for _ in range(2):
+            first = (p.gain * u - x) / p.tau_s - p.cubic * x**3 - p.bias
+            ahead = x + h * first
+            x += 0.5 * h * (first + (p.gain * u - ahead) / p.tau_s - p.cubic * ahead**3 - p.bias)
+    return np.array(out)
+"""
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "model.py").write_text(MODEL, encoding="utf-8")
+    for name, seed, start in (("a", 1, 2.0), ("b", 2, -1.0), ("later", 9, 1.5)):
+        pd.DataFrame(spring_record(seed, start)).to_csv(folder / f"{name}.csv", index=False)
+    words = ("missing", folder / "model.py", folder / "a.csv", folder / "b.csv", "--out", folder / "results")
+    assert leave(*words) == 0
+    return folder
+
+
+def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None:
+    results = world / "results"
+    content = json.loads((results / "discovery.json").read_text(encoding="utf-8"))
+    assert (content["schema"], content["verdict"]) == (1, "identified")
+    assert [effect["id"] for effect in content["effects"]] == ["hardening"]
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert "hardening is missing" in page
+    assert page.count("data:image/png;base64,") == 3
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert not (results / "model_errors.txt").exists()
+
+
+def test_its_model_predicts_another_record(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = world / "predicted.csv"
+    assert leave("predict", world / "results" / "model.json", world / "later.csv", "--out", out, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["result"]["rows"] == 200
+    made, later = pd.read_csv(out), pd.read_csv(world / "later.csv")
+    off = (made["x_mm"] - later["x_mm"]) / made["x_mm_sigma"]
+    assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
+
+
+def test_a_model_file_that_has_changed_is_not_used(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(world, tmp_path / "w")
+    (tmp_path / "w" / "model.py").write_text(MODEL + "\nMORE = 1\n", encoding="utf-8")
+    words = ("predict", tmp_path / "w" / "results" / "model.json", world / "later.csv", "--out", tmp_path / "p.csv")
+    assert leave(*words) == 3
+    assert "has changed since the values were fitted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = 1 / 0\n", "model.py, line 1: cannot be imported: ZeroDivisionError"),
+        ("def f(:\n", "model.py, line 1: cannot be imported: SyntaxError"),
+        ("import nowhere_to_be_found\n", "ModuleNotFoundError"),
+        ("raise SystemExit(0)\n", "cannot be imported: SystemExit"),
+        ("output = 'x_mm'\n", "does not define predict, parameters"),
+        ("def problem(records):\n    return None\n", "gives no problem"),
+        (MODEL.replace("out.append(x)", "out.append(x / 0)"), "ZeroDivisionError: float division by zero"),
+        (MODEL.replace('output = "x_mm"', 'output = "y"'), "has no column 'y'"),
+    ],
+)
+def test_a_model_file_that_fails_says_where(
+    text: str, words: str, world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "model.py").write_text(text, encoding="utf-8")
+    assert leave("missing", tmp_path / "model.py", world / "a.csv", "--out", tmp_path / "out") == 3
+    told = capsys.readouterr().err
+    assert words in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    leave("--debug", "missing", tmp_path / "model.py", world / "a.csv", "--out", tmp_path / "out")
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_the_actuator_still_needs_its_start_angle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "model.json").write_text('{"schema": 1}', encoding="utf-8")
+    assert leave("predict", tmp_path / "model.json", tmp_path / "t.csv", "--out", tmp_path / "p.csv") == 2
+    assert "--start-angle" in capsys.readouterr().err

@@ -1,0 +1,227 @@
+"""A model of one's own is checked before any fit: what would be accepted silently is an error that names it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.discovery.linear_cases import machine
+from tests.discovery.own_models import (
+    line,
+    read_sensor,
+    sensor_candidates,
+    sensor_parameters,
+    sensor_record,
+)
+from torsight.core.errors import InputError
+from torsight.discovery import candidate, find_missing, law, model_problem, parameter
+from torsight.discovery.own.check import check_problem
+from torsight.discovery.own.layout import still
+
+
+def problem(**changes: Any) -> Any:
+    given = {"predict": line, "observed": sensor_record(), "parameters": sensor_parameters(), "output": "y"}
+    given |= changes
+    return model_problem(
+        given.pop("predict"), given.pop("observed"), given.pop("parameters"), given.pop("candidates", ()), **given
+    )
+
+
+def refused(message: str, **changes: Any) -> None:
+    with pytest.raises(InputError, match=message):
+        check_problem(problem(**changes))
+
+
+CANDIDATE = candidate("bow", parameter("bow", 0.1, null=0.0))
+
+
+@pytest.mark.parametrize(
+    ("message", "changes"),
+    [
+        ("two parameters are called 'gain'", {"parameters": [*sensor_parameters(), parameter("gain", 2.0)]}),
+        ("two parameters are called 'gain'", {"candidates": [candidate("more", parameter("gain", 1.0, null=0.0))]}),
+        ("start lies outside its bounds", {"parameters": [parameter("gain", 3.0, upper=2.0)]}),
+        ("null value lies outside", {"candidates": [candidate("bow", parameter("bow", 2.0, lower=1.0, null=0.0))]}),
+        ("no parameter has a null value", {"candidates": [candidate("bow", parameter("bow", 0.1))]}),
+        ("starts at its null value", {"candidates": [candidate("bow", parameter("bow", 0.0, null=0.0))]}),
+        ("has no parameter", {"candidates": [candidate("bow")]}),
+        ("cannot be the name", {"candidates": [CANDIDATE, candidate("bow", parameter("arc", 0.1, null=0.0))]}),
+        ("cannot be the name", {"laws": [law("gain", driver="u")]}),
+        ("sigma is not positive", {"parameters": [parameter("gain", 1.0, sigma=0.0)]}),
+        ("bounds leave no room", {"parameters": [parameter("gain", 1.0, lower=1.0, upper=1.0)]}),
+        ("has no free parameter", {"parameters": []}),
+        ("is no parameter", {"parameters": [("gain", 1.0)]}),
+        ("has no column 'z'.*time_s, u, y", {"output": "z"}),
+        ("has no column 'stroke'", {"blocks": "stroke"}),
+        ("'start' is not declared", {"initial": ["start"]}),
+        ("sigma is not positive", {"sigma": -1.0}),
+        ("is no output that sigma", {"sigma": {"x": 1.0}}),
+        ("is no function", {"predict": "model"}),
+        ("columns are not of one length", {"observed": {"time_s": np.arange(9.0), "u": np.ones(9), "y": np.ones(8)}}),
+        ("holds too little", {"observed": {"u": np.ones(3), "y": np.ones(3)}}),
+        ("is measured nowhere", {"observed": {"u": np.ones(9), "y": np.full(9, np.nan)}}),
+        ("time runs backwards", {"observed": {**sensor_record(), "time_s": sensor_record()["time_s"][::-1]}}),
+        ("block 0 holds hardly any sample", {"blocks": 300}),
+    ],
+)
+def test_a_declaration_that_cannot_be_meant_is_refused(message: str, changes: dict[str, Any]) -> None:
+    refused(message, **changes)
+
+
+def nan_from_a_gap(p: Any, record: Any) -> np.ndarray:
+    return p.gain * record.gappy + p.offset
+
+
+def test_a_model_that_gives_no_numbers_or_a_wrong_shape_is_refused_before_the_search() -> None:
+    gappy = sensor_record()
+    gappy["gappy"] = np.where(np.arange(600) == 40, np.nan, gappy["u"])
+    refused(r"'y' is nan in row 41; there gappy is not known", predict=nan_from_a_gap, observed=gappy)
+    refused(r"wrong shape.*\(599,\).*\(600,\)", predict=lambda p, r: p.gain * r.u[1:] + p.offset)
+    refused("predict gives no 'y'", predict=lambda p, r: {"z": p.gain * r.u})
+    refused("has no column 'speed'; it has time_s, u, y", predict=lambda p, r: p.gain * r.speed)
+    refused("no parameter or law 'slope'; it has gain, offset", predict=lambda p, r: p.slope * r.u)
+
+
+def test_a_model_that_raises_says_where_and_for_which_values() -> None:
+    def fails(p: Any, record: Any) -> np.ndarray:
+        return record.u / (p.gain - 1.0 if p.gain != 1.0 else int("none"))
+
+    with pytest.raises(
+        InputError, match=r"ValueError.*test_own_declared.py, line \d+, in fails.*gain=1, offset=0"
+    ) as e:
+        check_problem(problem(predict=fails))
+    assert 'int("none")' in "".join(e.value.__notes__)
+
+
+def test_a_model_that_changes_what_it_is_given_is_refused() -> None:
+    def in_place(p: Any, record: Any) -> np.ndarray:
+        record["u"][:] = 0.0
+        return p.gain * record.u
+
+    def by_force(p: Any, record: Any) -> np.ndarray:
+        record.u.setflags(write=True)
+        record["u"][0] += 1.0
+        return p.gain * record.u + p.offset
+
+    def values(p: Any, record: Any) -> np.ndarray:
+        p.gain = 2.0
+        return p.gain * record.u
+
+    refused("read-only.*work on a copy", predict=in_place)
+    refused("changes its record: column 'u'|another answer", predict=by_force)
+    refused("cannot be changed.*work on a copy", predict=values)
+
+
+def test_a_model_that_is_not_deterministic_is_refused() -> None:
+    rng = np.random.default_rng(1)
+    refused("another answer to the same question", predict=lambda p, r: p.gain * r.u + p.offset + rng.normal())
+
+
+def test_null_values_that_are_none_are_refused() -> None:
+    bent = candidate("bent", parameter("size", 0.1, null=0.0), parameter("place", 1.0))
+    refused(
+        "does not vanish at its null values: with size=0 the model still depends on 'place'",
+        predict=lambda p, r: p.gain * r.u + p.offset + (p.size + 0.1) * p.place,
+        candidates=[bent],
+    )
+
+
+def test_what_changes_nothing_is_told() -> None:
+    useless = [*sensor_parameters(), parameter("mass", 1.0)]
+    told = check_problem(problem(parameters=useless, candidates=[candidate("bow", parameter("bow", 0.1, null=0.0))]))
+    assert any("'mass' changes nothing" in one for one in told)
+    assert any("'bow' changes nothing at its start" in one for one in told)
+
+
+@pytest.mark.parametrize("name", ["drivers", "valid", "predict", "input_noise"])
+def test_a_class_of_ones_own_without_a_member_is_refused(name: str) -> None:
+    whole = machine(0.0)
+    members = {key: getattr(whole, key) for key in dir(whole) if not key.startswith("_") and key != name}
+    with pytest.raises(InputError, match=f"lacks {name}"):
+        find_missing(SimpleNamespace(**members))  # type: ignore[arg-type]
+
+
+def test_a_class_of_ones_own_with_a_wrong_shape_is_refused() -> None:
+    whole = machine(0.0)
+    with pytest.raises(InputError, match=r"LinearProblem.sigma: has a wrong shape.*\(3,\).*\(1200,\)"):
+        find_missing(replace(whole, sigma=np.ones(3)))
+    with pytest.raises(InputError, match="not known where it counts"):
+        find_missing(replace(whole, observed=np.where(np.arange(1200) == 3, np.nan, whole.observed)))
+
+
+def test_tables_of_every_kind_are_taken(tmp_path: Path) -> None:
+    made = sensor_record()
+    pd.DataFrame(made).to_csv(tmp_path / "a.csv", index=False)
+    pd.DataFrame(made).to_parquet(tmp_path / "b.parquet")
+    several = [made, pd.DataFrame(made), tmp_path / "a.csv", str(tmp_path / "b.parquet")]
+    found = problem(observed=several)
+    assert [record.label_ for record in found.model.records] == ["record 1", "record 2", "a", "b"]
+    for record in found.model.records[:2]:
+        np.testing.assert_array_equal(record.y, made["y"])
+    for record in found.model.records[2:]:
+        np.testing.assert_allclose(record["y"], made["y"], rtol=1e-9)
+    # Held out by record, with a sample that does not count between any two.
+    assert sorted(set(found.block.tolist())) == [0, 1, 2, 3]
+    assert len(found.observed) == 4 * 600 + 3
+    assert int(found.valid.sum()) == 4 * 600
+    assert np.all(np.diff(found.time_s) > 0.0)
+
+
+def test_blocks_and_units_have_defaults() -> None:
+    alone = problem()
+    assert len(set(alone.block.tolist())) == 6
+    # A tenth of the noise, which is 0.05 here; estimated from third differences of 600 samples.
+    assert alone.resolution == pytest.approx(0.005, rel=0.15)
+    assert problem(sigma=0.2).resolution == pytest.approx(0.02)
+    assert problem(resolution=0.3).resolution == 0.3
+    assert set(alone.drivers) == {"u", "time_s"}
+
+
+def test_outputs_of_several_units_share_one_scale() -> None:
+    made = sensor_record()
+    made["y_mv"] = 1000.0 * made["y"]
+    two = problem(
+        observed=made, output=["y", "y_mv"], sigma={"y": 0.05, "y_mv": 50.0}, predict=lambda _, r: (r.y, r.y_mv)
+    )
+    one, other = (two.observed[place] for _, _, place in two.layout.places)
+    np.testing.assert_allclose(np.diff(one), np.diff(other), atol=1e-9)
+    assert np.nanmax(one) < np.nanmin(other)
+    np.testing.assert_allclose(two.sigma[two.valid], 10.0)
+    (native,) = two.layout.native(two.observed)
+    np.testing.assert_allclose(native, np.column_stack([made["y"], made["y_mv"]]))
+
+
+def test_the_measured_signal_is_no_driver_but_one_that_moves_alike_is() -> None:
+    made = sensor_record()
+    made["y_copy"] = 3.0 - 0.5 * made["y"]
+    found = problem(observed=made)
+    assert set(found.drivers) == {"u", "time_s"}
+    assert any("'y_copy' is what is measured (y)" in one for one in found.warnings)
+    assert any("'y' is what is measured" in one for one in problem(drivers=["u", "y"]).warnings)
+
+
+def test_a_record_that_stands_still_is_found_still_or_told() -> None:
+    rng = np.random.default_rng(2)
+    ramp = np.concatenate([np.zeros(400), np.linspace(0.0, 5.0, 100), np.full(300, 5.0)])
+    flag = still(ramp + rng.normal(0.0, 0.02, 800), 0.02)
+    # At the corners a window of 16 rows sees both.
+    assert flag[:392].mean() > 0.95
+    assert not flag[408:492].any()
+    assert flag[508:].mean() > 0.95
+    made = {"u": ramp, "y": 2.0 * ramp + rng.normal(0.0, 0.02, 800)}
+    assert any("rest='still'" in one for one in problem(observed=made).warnings)
+    resting = problem(observed=made, rest="still")
+    assert not resting.warnings
+    assert resting.rest.mean() > 0.8
+
+
+def test_read_sensor_is_the_plain_line_at_null() -> None:
+    full = model_problem(read_sensor, sensor_record(), sensor_parameters(), sensor_candidates(), output="y")
+    values = {"gain": 2.0, "offset": 1.0}
+    np.testing.assert_allclose(full.predict(values, ()), problem().predict(values, ()), rtol=1e-12)

@@ -1,0 +1,245 @@
+"""Discovery on models of one's own: the right answer set up well, and a warning where it is set up less well."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.discovery.own_models import (
+    LAG_S,
+    NOISE,
+    line,
+    move_spring,
+    read_sensor,
+    sensor_candidates,
+    sensor_parameters,
+    sensor_record,
+    spring_candidates,
+    spring_parameters,
+    spring_record,
+)
+from torsight.core.errors import InputError
+from torsight.discovery import Findings, candidate, find_missing, model_problem, parameter
+from torsight.discovery.own.evaluate import Evaluator, Model
+from torsight.discovery.own.prepare import prepare
+from torsight.discovery.own.records import Record
+
+
+def sensor(observed: Any, **changes: Any) -> Any:
+    given = {"candidates": sensor_candidates(), "output": "y", **changes}
+    return model_problem(read_sensor, observed, sensor_parameters(), given.pop("candidates"), **given)
+
+
+def springs(**changes: Any) -> Any:
+    records = [spring_record(1, 2.0), spring_record(2, -1.0), spring_record(3, 0.5)]
+    given = {"output": "x_mm", "initial": ["x0_mm"], "sigma": 0.02, "predict": move_spring, "observed": records}
+    given |= changes
+    return model_problem(given.pop("predict"), given.pop("observed"), spring_parameters(), spring_candidates(), **given)
+
+
+@pytest.fixture(scope="module")
+def three_springs() -> Findings:
+    return find_missing(springs())
+
+
+def warned(found: Findings, words: str) -> bool:
+    return any(words in one for one in found.warnings)
+
+
+def test_a_slow_sensor_is_found_though_its_fit_begins_far_off() -> None:
+    found = find_missing(sensor(sensor_record(lag_s=LAG_S)))
+    assert found.verdict == "identified"
+    assert found.effects == ("sensor_lag",)
+    low, high = found.parameters["lag_s"].ci95
+    assert low < LAG_S < high
+    # The noise of 600 readings is known to 1/√1200 of itself; a block that is not seen adds what two values cost.
+    assert found.errors["y"][1].rmse_held_out == pytest.approx(NOISE, rel=0.1)
+    assert found.errors["y"][0].rmse_held_out > 10.0 * NOISE
+
+
+def _missed(u: np.ndarray, place: float) -> np.ndarray:
+    return np.exp(-0.5 * ((u - place) / 0.25) ** 2)
+
+
+def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:
+    """A bump at 2.0 that is looked for at −2.0: from there no derivative leads to it."""
+    made = sensor_record()
+    made["y"] += 2.0 * _missed(made["u"], 2.0)
+
+    def bump(p: Any, record: Any) -> np.ndarray:
+        return line(p, record) + p.height * _missed(record.u, p.place)
+
+    own = candidate("bump", parameter("height", 0.5, null=0.0), parameter("place", -2.0, lower=-4.0, upper=4.0))
+    found = find_missing(model_problem(bump, made, sensor_parameters(), [own], output="y", sigma=NOISE))
+    assert found.effects == ("bump",)
+    assert found.values["place"] == pytest.approx(2.0, abs=0.1)
+    assert warned(found, "the fit of 'bump' from its declared start")
+
+
+def test_a_base_fit_in_the_wrong_valley_is_left_and_told() -> None:
+    made = sensor_record()
+    made["y"] = np.sin(1.7 * made["u"] + 0.3) + np.random.default_rng(4).normal(0.0, NOISE, 600)
+
+    def wave(p: Any, record: Any) -> np.ndarray:
+        return np.sin(p.rate * record.u + p.phase)
+
+    free = [parameter("rate", 6.0, lower=0.2, upper=8.0), parameter("phase", 0.0, lower=-3.0, upper=3.0)]
+    prepared = prepare(model_problem(wave, made, free, output="y", sigma=NOISE))
+    assert any("leaves" in one and "rate" in one for one in prepared.warnings)
+    started = {p.name: p.value for p in prepared.problem.parameters}
+    assert started["rate"] == pytest.approx(1.7, abs=0.02)
+
+
+@pytest.mark.parametrize("sigma", [NOISE, None])
+def test_what_no_candidate_explains_is_unknown_and_never_none(sigma: float | None) -> None:
+    made = sensor_record(curve=0.3)
+
+    def drifting(p: Any, record: Any) -> np.ndarray:
+        return line(p, record) + p.drift * record.time_s / record.time_s[-1]
+
+    own = [candidate("drift", parameter("drift", 0.1, null=0.0))]
+    found = find_missing(model_problem(drifting, made, sensor_parameters(), own, output="y", sigma=sigma))
+    assert found.verdict == "unknown"
+    assert found.drivers[0][0] == "u"
+    text = str(found)
+    assert "none of the candidates explains; it depends on u" in text
+    assert "Best fits" in text
+    assert "drift: 1.13" in text
+    # Without any candidate, too.
+    bare = find_missing(model_problem(line, made, sensor_parameters(), output="y", sigma=sigma))
+    assert (bare.verdict, bare.drivers[0][0]) == ("unknown", "u")
+
+
+def test_nothing_is_missing_from_a_model_that_is_right() -> None:
+    for offered in (sensor_candidates(), ()):
+        predict = read_sensor if offered else line
+        found = find_missing(model_problem(predict, sensor_record(), sensor_parameters(), offered, output="y"))
+        assert found.verdict == "none"
+        assert found.effects == ()
+        assert not found.warnings
+
+
+def test_several_records_each_begin_on_their_own(three_springs: Findings) -> None:
+    found = three_springs
+    assert found.verdict == "identified"
+    assert found.effects == ("hardening",)
+    truth = {"gain": 2.0, "tau_s": 8.0, "cubic": 0.02, "x0_mm@1": 2.0, "x0_mm@2": -1.0, "x0_mm@3": 0.5}
+    assert set(found.parameters) == set(truth)
+    for name, value in truth.items():
+        one = found.parameters[name]
+        assert abs(one.value - value) < 3.5 * one.sigma, name
+    assert [label for label, _ in found.before.folds] == [0, 1, 2]
+
+
+def test_an_initial_state_that_is_not_declared_is_found_out() -> None:
+    found = find_missing(springs(observed=spring_record(1, 2.0, rows=400), initial=()))
+    assert warned(found, "only block 0 tells 'x0_mm'")
+    assert found.effects == ("hardening",)
+
+
+def test_two_outputs_each_have_their_own_noise() -> None:
+    def both(p: Any, record: Any) -> dict[str, np.ndarray]:
+        x = move_spring(p, record)
+        return {"x_mm": x, "reading_v": -50.0 * x}
+
+    found = find_missing(springs(predict=both, output=["x_mm", "reading_v"], sigma={"x_mm": 0.02, "reading_v": 1.0}))
+    assert found.effects == ("hardening",)
+    assert found.errors["x_mm"][1].rmse_held_out == pytest.approx(0.02, rel=0.15)
+    assert found.errors["reading_v"][1].rmse_held_out == pytest.approx(1.0, rel=0.15)
+
+
+def test_a_model_that_fails_in_the_middle_of_a_fit_loses_nothing(
+    three_springs: Findings, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fragile(p: Any, record: Any) -> np.ndarray:
+        print("stepping", p.cubic)  # noqa: T201 - what a model may do
+        if p.cubic > 0.021:
+            raise ValueError("the spring is torn")
+        return move_spring(p, record)
+
+    found = find_missing(springs(predict=fragile))
+    assert found.effects == ("hardening",)
+    assert found.values["gain"] == pytest.approx(three_springs.values["gain"], abs=0.05)
+    assert found.failed > 0
+    assert warned(found, "ValueError: the spring is torn (")
+    assert warned(found, "test_own_find.py, line ")
+    assert warned(found, "cubic=")
+    assert 'raise ValueError("the spring is torn")' in found.failures[0]
+    # What it prints is told once.
+    assert warned(found, "the model prints ('stepping")
+    assert capsys.readouterr().out == ""
+
+
+def test_the_same_question_has_the_same_answer(three_springs: Findings) -> None:
+    assert find_missing(springs()).to_json() == three_springs.to_json()
+
+
+def test_findings_show_themselves(three_springs: Findings) -> None:
+    text = str(three_springs)
+    assert "hardening is missing" in text
+    assert "rms on blocks that the fit did not see" in text
+    html = three_springs._repr_html_()
+    assert "<table>" in html
+    assert "data:image/png;base64," in html
+    assert repr(three_springs) == "<Findings identified: hardening>"
+    assert len(three_springs.plot().axes) == 8
+    content = three_springs.to_json()
+    assert content["effects"][0]["id"] == "hardening"
+    assert set(content["effects"][0]["parameters"]["cubic"]) == {"value", "sigma", "ci95", "unit", "fixed"}
+    assert content["outputs"]["x_mm"]["after"]["rmse_held_out"] < content["outputs"]["x_mm"]["before"]["rmse_held_out"]
+    curves = three_springs.curves()
+    assert list(curves) == ["record", "time_s", "x_mm", "x_mm_plain", "x_mm_extended"]
+    assert {len(column) for column in curves.values()} == {600}
+
+
+def test_another_record_is_predicted_with_its_doubt(three_springs: Findings) -> None:
+    later = spring_record(9, 1.5)
+    clean = spring_record(9, 1.5)["x_mm"]
+    free = three_springs.predict(later)
+    told = three_springs.predict(later, initial={"x0_mm": 1.5})
+    for made in (free, told):
+        assert list(made) == ["time_s", "x_mm", "x_mm_sigma"]
+        off = (made["x_mm"] - clean) / made["x_mm_sigma"]
+        # Errors are of one sigma: three quarters to five quarters of it over 200 readings with their noise.
+        assert 0.75 < float(np.sqrt(np.mean(off**2))) < 1.25
+    with pytest.raises(InputError, match="'gain' is no initial state"):
+        three_springs.predict(later, initial={"gain": 1.0})
+
+
+def test_every_point_is_asked_once_and_a_record_only_for_what_it_sees() -> None:
+    problem = springs()
+    values = {p.name: p.value for p in problem.parameters}
+    first = problem.predict(values, ())
+    assert problem.evaluator.calls == 3
+    problem.predict({**values, "cubic": 0.0}, ("hardening",))
+    assert problem.evaluator.calls == 3
+    moved = problem.predict({**values, "x0_mm@2": 0.3}, ())
+    assert problem.evaluator.calls == 4
+    assert np.array_equal(first[:200], moved[:200])
+    assert not np.array_equal(first[201:401], moved[201:401])
+
+
+def test_processes_answer_as_one_does() -> None:
+    table = spring_record(1, 2.0)
+    record = Record(table, "one")
+
+    def asked(p: Any, of: Record) -> np.ndarray:
+        if p.gain > 5.0:
+            print("far")  # noqa: T201 - what a model may do
+            raise ValueError(f"gain {p.gain}")
+        return p.gain * of.u
+
+    points = [([{"gain": float(gain)}], {}) for gain in range(8)]
+    here, there = (Evaluator(Model(asked, (record,), ("x_mm",))) for _ in range(2))
+    with there.processes(wanted=True) as used:
+        assert used
+        sent = there.many(points)
+    assert there.printed == "far\nfar\n"
+    for (one,), (other,) in zip(here.many(points), sent, strict=True):
+        if one.outputs is None:
+            assert (one.failure.message, one.failure.place) == (other.failure.message, other.failure.place)
+        else:
+            np.testing.assert_array_equal(one.outputs, other.outputs)
+    assert here.calls == there.calls == 8

@@ -1,0 +1,83 @@
+"""``torsight missing``: find what a model of one's own lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from torsight.cli.answer import Answer
+from torsight.core.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.findings import Findings
+
+FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
+"""What the command writes."""
+FAILURES: Final = "model_errors.txt"
+"""Where the tracebacks of a model go that failed in the middle of a fit."""
+
+
+def missing(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.py", help="Model file: predict, parameters, output, …")],
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD…", help="Tables, CSV or Parquet, of one rig.")],
+    *,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
+) -> Answer:
+    """Find what a model of your own lacks: the missing effect, the error before and after, a better model.
+
+    MODEL.py defines predict(p, record), which gives the output for every row of a record; parameters, the ones that
+    the fit may change; output, the column that was measured; and, if wanted, candidates (effects that may be missing),
+    laws, initial, blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records).
+
+    \b
+    import numpy as np
+    from torsight.discovery import candidate, parameter
+    output = "level_m"
+    parameters = [parameter("gain", 0.5, lower=0), parameter("offset_m", 0.0)]
+    candidates = [candidate("saturation", parameter("bend", 0.1, null=0))]
+    def predict(p, record):
+        u = record.pump_v
+        return p.offset_m + p.gain * u - p.bend * u**2
+
+    Example: torsight missing model.py a.csv b.csv --out found
+    """  # noqa: D301 - \b keeps the lines of the example apart in the help
+    from torsight.cli.console import progress_bar, say
+    from torsight.report.own_report import write_own_report
+
+    with progress_bar() as progress:
+        found = missing_to_folder(model, records, out=out, seed=seed, progress=progress)
+        write_own_report(found, out, model=model, records=records)
+    say(found.summary())
+    if found.failures:
+        say(f"Tracebacks        {out / FAILURES}")
+    say(f"Report            {out / 'report.html'}")
+    say(f"Results           {out}")
+    written = [out / name for name in (*FILES, *([FAILURES] if found.failures else []))]
+    return Answer(found.to_json(), files=tuple(written))
+
+
+def missing_to_folder(
+    model: Path, records: list[Path], *, out: Path, seed: int = 0, progress: Progress = silent
+) -> Findings:
+    """Find what is missing and write everything but the report; return what was found."""
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_json, write_table, write_text
+    from torsight.discovery.own.find import find_missing
+    from torsight.discovery.own.model_file import problem_of
+    from torsight.discovery.own.saved import write_model
+
+    require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
+    found = find_missing(problem_of(model, records), seed=seed, progress=progress)
+    write_json(out / "discovery.json", found.to_json())
+    write_model(out / "model.json", found.model(), model_file=model)
+    write_table(out / "curves.csv", found.curves())
+    for law in found.laws:
+        if law.chosen:
+            write_table(out / law.csv_name, law.table())
+    (out / FAILURES).unlink(missing_ok=True)
+    if found.failures:
+        write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")
+    return found

@@ -1,0 +1,5 @@
+"""Discovery on a model of one's own: a function, a table and a list of parameters in; findings out.
+
+``model_problem`` puts a model before the engine, ``find_missing`` asks what it lacks, ``ode`` makes a model from
+differential equations.
+"""

@@ -1,0 +1,241 @@
+"""How a model of one's own is declared: parameters, candidates, and laws at ports of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from torsight.core.errors import InputError
+from torsight.core.parameter import Parameter
+from torsight.discovery.interface import Candidate
+
+RESERVED: Final = "@"
+"""Stands between a name and the number of a record or of a node."""
+
+
+def parameter(
+    name: str,
+    start: float,
+    *,
+    unit: str = "",
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    sigma: float | None = None,
+    null: float | None = None,
+) -> Parameter:
+    """Declare a parameter.
+
+    Parameters
+    ----------
+    name : str
+        By which ``predict`` finds it (``p.name`` or ``p["name"]``); ends in its unit by custom.
+    start : float
+        Where the fit begins; with ``sigma`` the value that was measured beforehand.
+    unit : str
+        For the report.
+    lower, upper : float
+        Bounds.
+    sigma : float, optional
+        Standard deviation of the value that was measured beforehand; without it nothing is known.
+    null : float, optional
+        For a parameter of a candidate: the value at which the effect vanishes.
+    """
+    return Parameter(name, float(start), unit, float(lower), float(upper), sigma, null)
+
+
+def candidate(
+    name: str,
+    *parameters: Parameter,
+    family: str = "",
+    starts: Sequence[Mapping[str, float]] = (),
+    laws: Sequence[str] = (),
+) -> Candidate:
+    """Declare an effect that the model may lack.
+
+    ``predict`` holds it already: with its parameters at their null values it does nothing. At least one parameter has
+    a ``null``.
+
+    Parameters
+    ----------
+    name : str
+        By which it is reported.
+    *parameters : Parameter
+        Its own parameters.
+    family : str
+        Where it acts, for the report.
+    starts : sequence of mapping
+        Further points from which its fit is to begin (parameter name to value); others are looked for
+        within the bounds.
+    laws : sequence of str
+        Laws of which it is a usual form: where one of them explains no more, it is told by the candidate's name. A
+        law's name, or ``output(driver)`` for what is missing from an output over a driver.
+    """
+    return Candidate(name, family, parameters, tuple(starts), laws=tuple(laws))
+
+
+@dataclass(frozen=True, slots=True)
+class LawPort:
+    """Where a function of one variable enters a model; see :func:`law`."""
+
+    name: str
+    driver: str
+    unit: str
+    driver_unit: str
+    low: float | None
+    high: float | None
+    nodes: int
+
+
+def law(
+    name: str,
+    *,
+    driver: str,
+    unit: str = "",
+    driver_unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    nodes: int = 10,
+) -> LawPort:
+    """Declare a port: ``predict`` gets a function under this name, and what the record needs there is measured.
+
+    ``p.friction(velocity)`` is 0 where the law is off, else the measured function; any number or array may be given.
+
+    Parameters
+    ----------
+    name : str
+        Of the law; ``predict`` calls ``p.name(values)``.
+    driver : str
+        The variable it depends on, for the report.
+    unit, driver_unit : str
+        Of what the law returns, and of its variable.
+    low, high : float, optional
+        Range of the variable; without it the range in which the plain model asks for the law.
+    nodes : int
+        Places with a value of their own; lines between them.
+    """
+    if nodes < 2:
+        raise InputError("needs two nodes at least", where=f"law '{name}'", value=nodes, limit="2 or more")
+    return LawPort(name, driver, unit, driver_unit, low, high, nodes)
+
+
+def parameters_of(given: Iterable[Parameter] | Mapping[str, float]) -> tuple[Parameter, ...]:
+    """Return parameters, of a mapping from name to start too."""
+    if isinstance(given, Mapping):
+        return tuple(parameter(name, value) for name, value in given.items())
+    return tuple(given)
+
+
+def check_declarations(
+    parameters: Sequence[Parameter],
+    candidates: Sequence[Candidate],
+    laws: Sequence[LawPort],
+    *,
+    where: str,
+    numbered: bool = False,
+) -> None:
+    """Refuse what cannot be meant: a name twice, a start out of its bounds, an effect that cannot be switched off.
+
+    ``numbered`` allows the names that are made here for the initial states of records.
+
+    Raises
+    ------
+    InputError
+        Naming the first one.
+    """
+    if not parameters:
+        raise InputError("has no free parameter", where=where, do="give the parameters that the fit may change")
+    owners: dict[str, str] = {}
+    sources: list[tuple[str, Sequence[Parameter]]] = [("the model", parameters)]
+    sources += [(f"candidate '{one.id}'", one.parameters) for one in candidates]
+    for owner, own in sources:
+        for one in own:
+            if not isinstance(one, Parameter):
+                raise InputError(
+                    "is no parameter",
+                    where=f"{where}, {owner}",
+                    value=repr(one),
+                    do="declare it with parameter(name, start, …)",
+                )
+            if one.name in owners:
+                raise InputError(
+                    f"two parameters are called '{one.name}'",
+                    where=f"{where}, {owners[one.name]} and {owner}",
+                    do="give one of them another name",
+                )
+            owners[one.name] = owner
+            _check_parameter(one, where=f"{where}, {owner}, {one.name}", numbered=numbered)
+    known = [one.id for one in candidates] + [one.name for one in laws]
+    for name in known:
+        law_of_a_parameter = name in owners and any(name == one.name for one in laws)
+        if known.count(name) > 1 or law_of_a_parameter or RESERVED in name:
+            raise InputError(
+                f"'{name}' cannot be the name of a candidate or law",
+                where=where,
+                limit=f"a name of its own, without '{RESERVED}'",
+                do="give it another name",
+            )
+    for one_candidate in candidates:
+        _check_candidate(one_candidate, where=where)
+
+
+def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
+    if not one.name or (RESERVED in one.name and not numbered):
+        raise InputError("is no name for a parameter", where=where, value=repr(one.name), limit=f"no '{RESERVED}'")
+    if not one.lower < one.upper and not one.fixed:
+        raise InputError("bounds leave no room", where=where, value=f"{one.lower:g} to {one.upper:g}")
+    for told, value in (("start", one.value), ("null value", one.null)):
+        if value is not None and not (one.lower <= value <= one.upper and math.isfinite(value)):
+            raise InputError(
+                f"its {told} lies outside its bounds",
+                where=where,
+                value=f"{value:g}",
+                limit=f"{one.lower:g} to {one.upper:g}",
+                do=f"change the {told} or the bounds",
+            )
+    if one.sigma is not None and not (one.sigma > 0.0 and math.isfinite(one.sigma)):
+        raise InputError(
+            "its sigma is not positive", where=where, value=one.sigma, do="leave sigma out where nothing is known"
+        )
+
+
+def _check_candidate(one: Candidate, *, where: str) -> None:
+    here = f"{where}, candidate '{one.id}'"
+    if not one.parameters:
+        raise InputError("has no parameter", where=here, do="give what its size is")
+    if all(p.null is None for p in one.parameters):
+        raise InputError(
+            "no parameter has a null value: the effect cannot be switched off",
+            where=here,
+            do="give null=… (often 0) to the parameter with which the effect vanishes",
+        )
+    if all(p.null is None or p.null == p.value for p in one.parameters) and not one.starts:
+        raise InputError(
+            "starts at its null value, where nothing shows what it does",
+            where=here,
+            value=", ".join(f"{p.name} {p.value:g}" for p in one.parameters),
+            do="let one parameter start where the effect would be seen",
+        )
+    known = {p.name: p for p in one.parameters}
+    for point in one.starts:
+        for name, value in point.items():
+            if name not in known or not known[name].lower <= value <= known[name].upper:
+                limit = f"{known[name].lower:g} to {known[name].upper:g}" if name in known else ", ".join(known)
+                raise InputError("a start cannot be used", where=here, value=f"{name} {value}", limit=limit)
+
+
+def per_record(parameters: Iterable[Parameter], initial: Sequence[str], count: int) -> tuple[Parameter, ...]:
+    """Return the parameters with one of each initial state for every record."""
+    made: list[Parameter] = []
+    for one in parameters:
+        if one.name in initial and count > 1:
+            made += [replace(one, name=name_in(one.name, k)) for k in range(count)]
+        else:
+            made.append(one)
+    return tuple(made)
+
+
+def name_in(name: str, record: int) -> str:
+    """Return the name of a record's own initial state, counted from 1."""
+    return f"{name}{RESERVED}{record + 1}"

@@ -1,0 +1,108 @@
+"""From a problem to findings: checks, starts, the engine's search, and what a person should know of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
+from torsight.discovery import engine
+from torsight.discovery.fitting import Fit
+from torsight.discovery.interface import Problem
+from torsight.discovery.own.check import check_problem
+from torsight.discovery.own.findings import Findings
+from torsight.discovery.own.prepare import prepare
+from torsight.discovery.own.problem import ModelProblem
+from torsight.discovery.own.quiet import aloud, heard
+from torsight.discovery.settings import Settings
+
+_MOST_TRACES: Final = 20
+"""Failures of which the traceback is kept."""
+_MUCH_WORSE: Final = 1.25
+"""Times the cost at which a fit from the declared start has missed what another start has found."""
+
+
+def find_missing(
+    problem: Problem, *, settings: Settings | None = None, seed: int = 0, progress: Progress = silent
+) -> Findings:
+    """Find what a model lacks.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model: of ``model_problem``, ``linear_problem``, or a class of one's own.
+    settings : Settings, optional
+        How to decide.
+    seed : int
+        Kept with the answer; nothing here is drawn.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
+    """
+    with heard() as stream, one_thread():
+        told = aloud(progress)
+        notes = list(check_problem(problem))
+        if not isinstance(problem, ModelProblem):
+            found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
+            return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
+        made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        printed = stream.told(elsewhere=problem.evaluator.printed)
+        return replace(made, warnings=_added(list(made.warnings), printed))
+
+
+def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
+    return tuple(notes if one is None else [*notes, one])
+
+
+def _search(
+    problem: ModelProblem, *, settings: Settings | None, seed: int, progress: Progress, notes: list[str]
+) -> Findings:
+    declared = problem
+    progress("starts", 0, None)
+    prepared = prepare(problem)
+    problem, notes = prepared.problem, [*notes, *prepared.warnings]
+    evaluator = problem.evaluator
+    # Points that were only looked at may lie outside of what the model can do.
+    looked, before = len(evaluator.failures), evaluator.failed
+    with evaluator.processes(wanted=problem.processes):
+        found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+        notes += _missed(declared, found)
+        # What the findings show of other sets is predicted while the processes are there.
+        findings = Findings(problem, found, settings=settings or Settings())
+        _ = findings.best_fits, findings.parameters
+    failures, failed = evaluator.failures[looked:], evaluator.failed - before
+    if failures:
+        notes.append(
+            f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
+            f"first: {failures[0].told()}"
+        )
+    traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
+    return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
+
+
+def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
+    """Return a warning for every named effect whose fit from its declared start alone ends far above the answer."""
+    chosen, base = found.decision.chosen, found.field.base
+    told = []
+    for name in chosen.effects:
+        candidate = next(one for one in declared.candidates if one.id == name)
+        if len(chosen.fitter.candidates[name].starts) == len(candidate.starts):
+            continue
+        own = {p.name: p.value for p in candidate.parameters}
+        # Beside other effects all else is where it belongs: what is asked is whether this one finds its place.
+        around = chosen.fit.values if len(chosen.members) > 1 else base.fit.values
+        alone: Fit = chosen.fitter.fit(chosen.fit.effects, [{**around, **own}], keep=1)
+        if alone.cost > _MUCH_WORSE * chosen.cost:
+            given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
+            ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
+            told.append(
+                f"the fit of '{name}' from its declared start ({given}) ends elsewhere ({ended}) and leaves "
+                f"{(alone.cost / chosen.cost) ** 0.5:.3g} times more: another start was needed, so look whether "
+                "the fitted values make sense"
+            )
+    return told

@@ -1,0 +1,224 @@
+"""Several records and several outputs as the one row of samples that the engine sees.
+
+One output after the other, one record after the other, a sample that does not count between any two, so that noise is
+never taken as correlated across them. Outputs of different units are brought to one scale: each in units of its own
+resolution, the ranges one above the other. One output alone stays in its own unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.series import runs, scatter
+from torsight.discovery.own.records import Record, column_of
+
+Array = NDArray[np.float64]
+PerOutput = float | str | Mapping[str, float | str] | None
+
+BLOCKS: Final = 6
+"""Blocks of one continuous record where none are given: with fewer, what is held out is too much of the record; with
+more, blocks are shorter than what a model remembers."""
+_LEAST_IN_BLOCK: Final = 8
+"""Samples below which a block says nothing about a residual's correlation."""
+_OF_NOISE: Final = 0.1
+"""Default resolution as a share of the noise: with as many samples as are usual an effect of this size just shows."""
+_STILL_ROWS: Final = 16
+"""Rows over which a reading must stand still to count as at rest: the fewest from which its noise can be measured."""
+_STILL_SIGMAS: Final = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """How outputs (rows, outputs) per record become the engine's row (n,), and back.
+
+    Attributes
+    ----------
+    outputs : tuple of str
+        Names of the outputs.
+    rows : tuple of int
+        Rows of each record.
+    scale, shift : (outputs,) float64
+        Engine value = output / scale + shift.
+    """
+
+    outputs: tuple[str, ...]
+    rows: tuple[int, ...]
+    scale: Array
+    shift: Array
+
+    def stack(self, values: Sequence[Array], *, between: float = np.nan, scaled: bool = True) -> Array:
+        """Return (n,) from one array (rows, outputs) per record; ``between`` stands between two of them."""
+        pieces: list[Array] = []
+        for own in values:
+            for k in range(len(self.outputs)):
+                piece = own[:, k] / self.scale[k] + self.shift[k] if scaled else own[:, k]
+                pieces += [piece, np.array([between])]
+        return np.concatenate(pieces[:-1])
+
+    def spread(self, values: Sequence[Array]) -> Array:
+        """Return (n,) from one array (rows,) per record, the same for every output; the last value stands between."""
+        pieces = [np.append(own, own[-1]) for own in values for _ in self.outputs]
+        return np.concatenate(pieces)[:-1]
+
+    @cached_property
+    def places(self) -> tuple[tuple[int, int, slice], ...]:
+        """Record, output and the rows of the engine that hold them."""
+        found, begin = [], 0
+        for record, rows in enumerate(self.rows):
+            for output in range(len(self.outputs)):
+                found.append((record, output, slice(begin, begin + rows)))
+                begin += rows + 1
+        return tuple(found)
+
+    def native(self, values: Array, *, difference: bool = False) -> list[Array]:
+        """Return engine values (n,), or differences of them, as (rows, outputs) per record in the outputs' units."""
+        made = [np.empty((rows, len(self.outputs))) for rows in self.rows]
+        for record, output, place in self.places:
+            shift = 0.0 if difference else self.shift[output]
+            made[record][:, output] = (values[place] - shift) * self.scale[output]
+        return made
+
+
+def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Array]:
+    """Return the measured outputs (rows, outputs) of every record; NaN where not measured."""
+    made = [np.column_stack([column_of(record, name) for name in outputs]) for record in records]
+    for k, name in enumerate(outputs):
+        if not any(np.isfinite(own[:, k]).any() for own in made):
+            raise InputError(f"'{name}' is measured nowhere", where=", ".join(r.label_ for r in records), value="NaN")
+    return made
+
+
+def running_time(times: Sequence[Array], count: int) -> list[Array]:
+    """Return the records' times (rows,) one after the other, ``count`` times each, without a step back."""
+    made, end = [], 0.0
+    for own in times:
+        for _ in range(count):
+            shifted = own - own[0] + end
+            made.append(shifted)
+            end = float(shifted[-1]) + 2.0 * float(np.median(np.diff(own)) or 1.0)
+    return made
+
+
+def per_output(given: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Array]:
+    """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
+
+    NaN where it is not given.
+
+    Raises
+    ------
+    InputError
+        When a value is not positive, or an output is not known.
+    """
+    if isinstance(given, Mapping):
+        unknown = sorted(set(given) - set(outputs))
+        if unknown:
+            raise InputError(f"is no output that {what} could belong to", where=unknown[0], limit=", ".join(outputs))
+    made = [np.full((record.rows_, len(outputs)), np.nan) for record in records]
+    for k, name in enumerate(outputs):
+        one = given.get(name) if isinstance(given, Mapping) else given
+        for record, own in zip(records, made, strict=True):
+            if one is not None:
+                own[:, k] = column_of(record, one) if isinstance(one, str) else float(one)
+            if np.any(own[:, k] <= 0.0) or (isinstance(one, float) and not np.isfinite(one)):
+                value = float(np.nanmin(own[:, k]))
+                raise InputError(f"{what} is not positive", where=f"{record.label_}, {name}", value=value)
+    return made
+
+
+def noise_of(observed: Sequence[Array], output: int) -> float:
+    """Return the noise of one reading of an output by its scatter: fast motion counts as noise, too."""
+    pieces = [own[np.isfinite(own[:, output]), output] for own in observed]
+    return scatter(*[piece for piece in pieces if len(piece) >= _LEAST_IN_BLOCK])
+
+
+def resolutions(given: Sequence[Array], sigma: Sequence[Array], observed: Sequence[Array], outputs: int) -> Array:
+    """Return the resolution per output: the one given, else a tenth of the noise."""
+    found = np.empty(outputs)
+    for k in range(outputs):
+        own = given[0][0, k]
+        noise = float(np.nanmedian(np.concatenate([s[:, k] for s in sigma])))
+        span = float(np.nanstd(np.concatenate([y[:, k] for y in observed])))
+        # A record without any noise is known to the digits that it was written with.
+        found[k] = own if np.isfinite(own) else max(_OF_NOISE * noise, 1e-5 * span, 1e-12)
+    return found
+
+
+def blocks_of(
+    given: int | str | Sequence[Array] | None, records: Sequence[Record], times: Sequence[Array]
+) -> list[NDArray[np.int64]]:
+    """Return the block of every row, labels from 0 on that no two records share.
+
+    Raises
+    ------
+    InputError
+        When a column is missing or not known everywhere, or a number cannot be meant.
+    """
+    if given is None:
+        given = 1 if len(records) > 1 else BLOCKS
+    made: list[NDArray[np.int64]] = []
+    first = 0
+    for k, (record, time) in enumerate(zip(records, times, strict=True)):
+        if isinstance(given, int):
+            if given < 1:
+                raise InputError("is no number of blocks", where="blocks", value=given, limit="1 or more")
+            edges = np.linspace(time[0], time[-1], given + 1)[1:-1]
+            labels = np.searchsorted(edges, time, side="right")
+        else:
+            column = column_of(record, given) if isinstance(given, str) else np.asarray(given[k], np.float64)
+            if len(column) != record.rows_ or not np.isfinite(column).all():
+                raise InputError("blocks are not known in every row", where=f"{record.label_}, {given}")
+            labels = np.unique(column, return_inverse=True)[1]
+        made.append(np.asarray(labels + first, np.int64))
+        first += int(labels.max()) + 1
+    return made
+
+
+def check_blocks(block: NDArray[np.int64], valid: NDArray[np.bool_]) -> list[str]:
+    """Return what a person should know about the blocks.
+
+    Raises
+    ------
+    InputError
+        When a block holds hardly any sample.
+    """
+    labels, counts = np.unique(block[valid], return_counts=True)
+    if counts.min() < _LEAST_IN_BLOCK:
+        raise InputError(
+            f"block {labels[counts.argmin()]} holds hardly any sample",
+            where="blocks",
+            value=int(counts.min()),
+            limit=f"{_LEAST_IN_BLOCK} or more",
+            do="take fewer and longer blocks",
+        )
+    if len(labels) == 1:
+        return ["there is one block only: nothing is held out, and the answer rests on the gain alone; give blocks=…"]
+    return []
+
+
+def still(observed: Array, noise: float) -> NDArray[np.bool_]:
+    """Return where an output (rows,) stands still over 16 rows or more, to within its noise."""
+    half = _STILL_ROWS // 2
+    known = np.isfinite(observed)
+    if known.sum() < 2 * _STILL_ROWS:
+        return np.zeros(len(observed), bool)
+    filled = np.interp(np.arange(len(observed)), np.flatnonzero(known), observed[known])
+    total = np.concatenate([[0.0], np.cumsum(filled)])
+    index = np.arange(len(observed))
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, len(observed) - 1)
+    before = (total[index + 1] - total[low]) / (index + 1 - low)
+    after = (total[high + 1] - total[index]) / (high + 1 - index)
+    flag = np.abs(after - before) <= _STILL_SIGMAS * noise * np.sqrt(2.0 / half)
+    kept = np.zeros(len(observed), bool)
+    for begin, end in runs(flag):
+        piece = filled[begin:end]
+        # A slow creep passes between neighbours unseen; over the whole stretch it does not.
+        calm = np.ptp(np.convolve(piece, np.ones(half) / half, mode="valid")) if len(piece) >= _STILL_ROWS else np.inf
+        kept[begin:end] = calm <= _STILL_SIGMAS * noise
+    return kept

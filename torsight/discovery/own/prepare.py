@@ -1,0 +1,190 @@
+"""Before the search: where its fits begin, and which values only one block can tell.
+
+A fit that begins far from its goal may end in another valley. The base model is fitted from several points over its
+bounds; for every candidate points are laid out over its bounds, and those go into the search from which, with the base
+relaxed linearly, less would be left than from the declared start. That costs a call per point where a fit costs tens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from torsight.core.parameter import Parameter
+from torsight.discovery.fitting import Fit, Fitter, space_of
+from torsight.discovery.interface import Candidate
+from torsight.discovery.noise import Stretches, first_scales, information
+from torsight.discovery.own.laws import usual_forms, with_nodes
+from torsight.discovery.own.problem import ModelProblem
+from torsight.discovery.solver import linear_change
+from torsight.discovery.validate import block_labels
+
+Array = NDArray[np.float64]
+
+_BASE_POINTS: Final = 12
+"""Points over the bounds at which the base model is looked at ..."""
+_BASE_FITS: Final = 2
+"""... and from the best of which it is fitted, beside its own start."""
+_POINTS: Final = 12
+"""Points over a candidate's bounds ..."""
+_STARTS: Final = 2
+"""... of which so many, the best ones, are starts of its fits."""
+_BETTER: Final = 0.95
+"""Share of the cost from the declared start below which another point is worth a fit."""
+_MUCH_BETTER: Final = 0.8
+"""Share of the cost below which a fit from another start has found another valley, which a person should know."""
+_ONE_BLOCK: Final = 0.99
+"""Share of a record's information about a value that lies in one block where no other block can tell it."""
+_LEAST_SCALE: Final = 0.2
+"""Share of a parameter's scale that must be left by a value that becomes its start: a start near 0 has no scale."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """The problem with better starts, and what a person should know."""
+
+    problem: ModelProblem
+    warnings: tuple[str, ...]
+
+
+def prepare(problem: ModelProblem) -> Prepared:
+    """Return a problem whose fits begin where they should, and whose initial states are known as such."""
+    stretches = Stretches.of(problem)
+    fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
+    base, warnings = _base(problem, fitter)
+    problem, told = _once(problem, fitter, base)
+    started = _started(problem, base)
+    candidates = tuple(_with_starts(one, fitter, base) for one in problem.candidates)
+    if problem.ports:
+        problem = with_nodes(problem, base.values)
+    candidates = usual_forms(problem, base, candidates)
+    return Prepared(replace(problem, parameters=started, candidates=candidates), (*warnings, *told))
+
+
+def _floor(problem: ModelProblem) -> Array:
+    """Return a noise for the first fits: what was given, else the resolution stands for it."""
+    return problem.sigma if problem.sigma[problem.valid].any() else np.full(len(problem.observed), problem.resolution)
+
+
+def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
+    """Fit the base model from its start and from the best of several points."""
+    own = fitter.base()
+    free = [p for p in problem.parameters if p.sigma is None and (math.isfinite(p.upper - p.lower) or p.value != 0.0)]
+    if not free:
+        return own, []
+    start = {p.name: p.value for p in problem.parameters}
+    points = [{**start, **point} for point in _spread(free, _BASE_POINTS)]
+    looked = sorted(points, key=lambda point: _cost(fitter, point, ()))[:_BASE_FITS]
+    others = [fitter.fit((), [point], keep=1) for point in looked]
+    best = min([own, *others], key=lambda fit: fit.cost)
+    if best.cost >= _MUCH_BETTER * own.cost:
+        return min([own, best], key=lambda fit: fit.cost), []
+    away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
+    listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)
+    root = math.sqrt(own.cost / best.cost)
+    told = (
+        f"the fit of the model from its start leaves {root:.3g} times more than one from elsewhere ({listed}): the "
+        "better one is gone on with; starts nearer to it make the answer surer"
+    )
+    return best, [told]
+
+
+def _cost(fitter: Fitter, values: Mapping[str, float], effects: tuple[str, ...]) -> float:
+    left = np.where(fitter.weight > 0.0, fitter.problem.observed - fitter.problem.predict(values, effects), 0.0)
+    return float(fitter.weight @ left**2)
+
+
+def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
+    """Return points that fill the parameters' ranges evenly (Halton's sequence, without its first point, a corner)."""
+    unit = qmc.Halton(len(parameters), scramble=False).random(count + 1)[1:]
+    return [{p.name: _place(p, float(u)) for p, u in zip(parameters, row, strict=True)} for row in unit]
+
+
+def _place(p: Parameter, u: float) -> float:
+    """Return the value at a share of a parameter's range.
+
+    From a null value outwards distances are even in their logarithm, from a tenth of the start's distance on; so are
+    values without a null whose start is positive. Where there is no bound, to ten times the start's distance.
+    """
+    if p.null is not None:
+        distance = abs(p.value - p.null) or _scale(p)
+        below, above = p.null - p.lower, p.upper - p.null
+        both = min(below, above) > 0.0
+        down = (u < 0.5) if both else below > 0.0
+        share = (2.0 * u) % 1.0 if both else u
+        bound = below if down else above
+        far = min(bound, 10.0 * distance) if not math.isfinite(bound) else bound
+        near = min(0.1 * distance, 0.1 * far)
+        size = near * (far / near) ** share
+        return float(p.null - size if down else p.null + size)
+    if math.isfinite(p.upper - p.lower):
+        return p.lower + u * (p.upper - p.lower)
+    ratio = 10.0 ** (2.0 * u - 1.0)
+    return float(np.clip(p.value * ratio if p.value else _scale(p) * (2.0 * u - 1.0), p.lower, p.upper))
+
+
+def _scale(p: Parameter) -> float:
+    return float(space_of([p]).scale[0])
+
+
+def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProblem, list[str]]:
+    """Find the values that only one block tells; they stay as the whole record gave them while it is held out."""
+    labels = block_labels(problem)
+    if len(labels) < 3:
+        return problem, []
+    squares = base.solution.jacobian**2 * fitter.weight[:, None]
+    shares = np.array([squares[problem.block == label].sum(axis=0) for label in labels])
+    total = shares.sum(axis=0)
+    told, found = [], list(problem.once)
+    for j, p in enumerate(base.parameters):
+        if p.name in found or p.sigma is not None or total[j] <= 0.0:
+            continue
+        if shares[:, j].max() > _ONE_BLOCK * total[j]:
+            found.append(p.name)
+            told.append(
+                f"only block {labels[shares[:, j].argmax()]} tells '{p.name}': it is taken as an initial state, whose "
+                "value the other blocks need not foretell; say so with initial=… (one for each record), or fix it"
+            )
+    return replace(problem, once=tuple(found)), told
+
+
+def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
+    """Return the base parameters with the fitted values as starts, where nothing was measured beforehand."""
+    made = []
+    for p in problem.parameters:
+        moved = p.at(base.values[p.name])
+        usable = p.sigma is None and _scale(moved) >= _LEAST_SCALE * _scale(p)
+        made.append(moved if usable else p)
+    return tuple(made)
+
+
+def _with_starts(one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
+    """Return a candidate with the further starts that promise more than its own."""
+    if one.propose is not None:
+        return one
+    own = _relaxed_cost(fitter, base, one, {p.name: p.value for p in one.parameters})
+    points = [
+        (_relaxed_cost(fitter, base, one, point), i, point)
+        for i, point in enumerate(_spread(list(one.parameters), _POINTS))
+    ]
+    better = sorted(item for item in points if item[0] < _BETTER * own)[:_STARTS]
+    return replace(one, starts=(*one.starts, *(point for _, _, point in better)))
+
+
+def _relaxed_cost(fitter: Fitter, base: Fit, one: Candidate, point: Mapping[str, float]) -> float:
+    """Return the cost of a candidate at a point, the base parameters having given way linearly."""
+    problem, weight, space = fitter.problem, fitter.weight, space_of(base.parameters)
+    at = problem.predict({**base.values, **point}, (one.id,))
+    left = np.where(weight > 0.0, problem.observed - at, 0.0)
+    columns = base.solution.jacobian
+    back = np.where(np.isfinite(space.prior_sigma), space.prior_mean - base.solution.x, 0.0)
+    moved = linear_change(
+        columns, left, weight=weight, information=space.prior_information + 1e-9 / space.scale**2, centre=back
+    )
+    return float(weight @ (left - columns @ moved) ** 2)

@@ -1,0 +1,57 @@
+"""What a model prints: told once, and kept from the terminal that often hears of thousands of calls."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from collections.abc import Iterator
+from typing import Final
+
+from torsight.core.progress import Progress
+
+_KEPT: Final = 500
+"""Characters of it that are told."""
+
+
+class Heard(io.TextIOBase):
+    """A text stream that counts lines and keeps the first of them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines = 0
+        self.beginning = ""
+
+    def write(self, text: str) -> int:
+        """Take a text."""
+        self.lines += text.count("\n")
+        if len(self.beginning) < _KEPT:
+            self.beginning += text[: _KEPT - len(self.beginning)]
+        return len(text)
+
+    def told(self, *, elsewhere: str = "") -> str | None:
+        """Return what a person should know, None where nothing was printed."""
+        text = self.beginning.strip() or elsewhere.strip()
+        if not text:
+            return None
+        first = text.splitlines()[0]
+        return f"the model prints ('{first}', …): that was kept from the terminal, and it takes time in every call"
+
+
+@contextlib.contextmanager
+def heard() -> Iterator[Heard]:
+    """Keep what is printed within the block."""
+    stream = Heard()
+    with contextlib.redirect_stdout(stream):
+        yield stream
+
+
+def aloud(progress: Progress) -> Progress:
+    """Return a progress callable that prints where printing went before."""
+    before = sys.stdout
+
+    def told(step: str, done: float, total: float | None) -> None:
+        with contextlib.redirect_stdout(before):
+            progress(step, done, total)
+
+    return told

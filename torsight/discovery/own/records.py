@@ -1,0 +1,190 @@
+"""The records of one's own rig: tables with a time, read from files or handed over as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.storage import read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    Table: TypeAlias = "pd.DataFrame | Mapping[str, Any] | str | Path | Record"
+else:
+    Table = Any
+
+Array = NDArray[np.float64]
+
+TIMES: Final = ("time_s", "time", "t_s", "t")
+"""Names under which a column is taken for the time where none is named."""
+_LEAST_ROWS: Final = 8
+"""Rows below which neither noise nor correlation of a residual can be measured."""
+
+
+class Record(Mapping[str, Array]):
+    """One record: its columns by name (``record["force_n"]`` or ``record.force_n``), each (n,) float64, read-only.
+
+    Parameters
+    ----------
+    columns : mapping of str to (n,) array
+        Columns of one length; NaN where a value is not known.
+    label : str
+        By what the record is called in messages and reports.
+    """
+
+    def __init__(self, columns: Mapping[str, Array], label: str) -> None:
+        made: dict[str, Array] = {}
+        for name, values in columns.items():
+            own = np.array(values, np.float64)
+            own.setflags(write=False)
+            made[name] = own
+        self.__dict__.update({name: values for name, values in made.items() if not name.startswith("_")})
+        self.__dict__["_columns"] = made
+        self.__dict__["_label"] = label
+
+    def __getitem__(self, name: str) -> Array:
+        try:
+            return self.columns_[name]
+        except KeyError:
+            raise KeyError(self._missing(name)) from None
+
+    def __getattr__(self, name: str) -> Array:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise AttributeError(self._missing(name))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a record cannot be changed; make a new array in place of '{name}'")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns_)
+
+    def __len__(self) -> int:
+        return len(self.columns_)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Record, (self.columns_, self.label_))
+
+    @property
+    def columns_(self) -> dict[str, Array]:
+        """Columns by name."""
+        found: dict[str, Array] = self.__dict__["_columns"]
+        return found
+
+    @property
+    def label_(self) -> str:
+        """By what the record is called."""
+        return str(self.__dict__["_label"])
+
+    @property
+    def rows_(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.columns_.values())))
+
+    def _missing(self, name: str) -> str:
+        return f"the record '{self.label_}' has no column '{name}'; it has {', '.join(self.columns_)}"
+
+
+def read_records(observed: Table | Sequence[Table]) -> tuple[Record, ...]:
+    """Return records from a table, a mapping of arrays, a path, or several of them.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be read, columns have different lengths, or a record has hardly any rows.
+    """
+    tables: list[Any] = list(observed) if isinstance(observed, (list, tuple)) else [observed]
+    if not tables:
+        raise InputError("no record is given", where="observed", do="give a table, a mapping of arrays or a path")
+    records = tuple(_read(table, number) for number, table in enumerate(tables, start=1))
+    labels = [record.label_ for record in records]
+    return tuple(
+        record if labels.count(record.label_) == 1 else Record(record.columns_, f"{record.label_} ({number})")
+        for number, record in enumerate(records, start=1)
+    )
+
+
+def _read(table: Table, number: int) -> Record:
+    if isinstance(table, Record):
+        return table
+    if isinstance(table, (str, Path)):
+        found = read_table(Path(table))
+        return _checked({str(name): found[name].to_numpy() for name in found.columns}, Path(table).stem, str(table))
+    label = f"record {number}"
+    if isinstance(table, Mapping):
+        return _checked({str(name): np.asarray(values) for name, values in table.items()}, label, label)
+    if hasattr(table, "columns") and hasattr(table, "to_numpy"):
+        names = [str(name) for name in table.columns]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError("has a column twice", where=label, value=", ".join(twice), do="remove one of the two")
+        return _checked({str(name): table[name].to_numpy() for name in table.columns}, label, label)
+    raise InputError(
+        "is no table", where=label, value=type(table).__name__, limit="a DataFrame, a mapping of arrays, or a path"
+    )
+
+
+def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Record:
+    """Return the numeric columns as a record; text (names, remarks) is left out."""
+    lengths = {name: np.shape(values) for name, values in columns.items()}
+    wrong = [f"{name} {shape}" for name, shape in lengths.items() if len(shape) != 1]
+    if wrong or len(set(lengths.values())) > 1:
+        listed = ", ".join(wrong or [f"{name} {shape[0]}" for name, shape in lengths.items()])
+        raise InputError("columns are not of one length", where=where, value=listed, limit="(n,) each")
+    numbers = {name: values for name, values in columns.items() if np.asarray(values).dtype.kind in "fiub"}
+    rows = max((shape[0] for shape in lengths.values()), default=0)
+    if not numbers or rows < _LEAST_ROWS:
+        raise InputError(
+            "holds too little",
+            where=where,
+            value=f"{rows} rows, {len(numbers)} columns of numbers",
+            limit=f"{_LEAST_ROWS} rows or more",
+            do="record it again",
+        )
+    return Record({name: np.asarray(values, np.float64) for name, values in numbers.items()}, label)
+
+
+def time_of(record: Record, name: str | None) -> Array:
+    """Return a record's time: the column named, a usual one (:data:`TIMES`), or the number of the row.
+
+    Raises
+    ------
+    InputError
+        When the column is missing, not known everywhere, or runs backwards.
+    """
+    chosen = name or next((one for one in TIMES if one in record), None)
+    if chosen is None:
+        return np.arange(float(record.rows_))
+    time = column_of(record, chosen)
+    if not np.isfinite(time).all():
+        row = int(np.flatnonzero(~np.isfinite(time))[0])
+        raise InputError("time is not known", where=f"{record.label_}, row {row + 1}, column {chosen}", do="mend it")
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if len(back) or time[-1] <= time[0]:
+        row = int(back[0]) + 1 if len(back) else 0
+        raise InputError(
+            "time runs backwards" if len(back) else "time stands still",
+            where=f"{record.label_}, row {row + 1}, column {chosen}",
+            value=f"{time[row]:g} s",
+            do="sort the rows, or give each run as a record of its own",
+        )
+    return time
+
+
+def column_of(record: Record, name: str) -> Array:
+    """Return a column, or say which there are.
+
+    Raises
+    ------
+    InputError
+        When the record has no such column.
+    """
+    if name not in record:
+        raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record))
+    return record[name]

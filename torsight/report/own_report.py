@@ -1,0 +1,96 @@
+"""``report.html`` of a model of one's own: the verdict, pictures, parameters, and what was compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from torsight.core.storage import write_text
+from torsight.core.wording import estimate, number
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.findings import Findings
+
+_DPI: Final = 110
+
+
+def write_own_report(found: Findings, folder: Path, *, model: Path, records: Sequence[Path]) -> Path:
+    """Write ``report.html``: one page that needs no other file and no network.
+
+    Raises
+    ------
+    OutputError
+        When it cannot be written.
+    """
+    import jinja2
+
+    from torsight.report.write import TEMPLATES, page_style
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    text = environment.get_template("own_report.html").render(
+        style=page_style(),
+        name=model.stem,
+        records=[path.name for path in records],
+        **contents(found),
+    )
+    path = folder / "report.html"
+    write_text(path, text + "\n")
+    return path
+
+
+def contents(found: Findings) -> dict[str, Any]:
+    """Return everything that the page shows, by the names that its template uses."""
+    from torsight.discovery.own import pictures, words
+
+    return {
+        "verdict": found.verdict,
+        "headline": words.verdict_words(found),
+        "errors": [
+            (name, *(number(value) for value in _row(before, after))) for name, (before, after) in found.errors.items()
+        ],
+        "effects": [
+            (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in _own(found, name)])
+            for name in found.effects
+        ],
+        "pictures": [(title, pictures.as_image(figure, dpi=_DPI)) for title, figure in pictures.pages(found)],
+        "parameters": [
+            (
+                name,
+                estimate(one.to_json()),
+                estimate(found.plain_parameters[name].to_json()) if name in found.plain_parameters else "–",
+            )
+            for name, one in found.parameters.items()
+        ],
+        "fits": [
+            (
+                " + ".join(one.effects) or "the model as it is",
+                number(one.rmse_train),
+                number(one.rmse_held_out),
+                number(one.gain),
+            )
+            for one in found.best_fits
+        ],
+        "larger": [words.larger_words(one) for one in found.predicts_better[:1]],
+        "notes": found.warnings,
+        "failures": found.failures,
+        "next": words.what_next(found),
+    }
+
+
+def _row(before: Any, after: Any) -> tuple[float, ...]:
+    return (
+        before.rmse_train,
+        after.rmse_train,
+        before.rmse_held_out,
+        after.rmse_held_out,
+        before.r2_held_out,
+        after.r2_held_out,
+    )
+
+
+def _own(found: Findings, name: str) -> Sequence[Any]:
+    candidate = found.field.base.fitter.candidates.get(name)
+    return () if candidate is None else candidate.parameters
