@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def machine(
     s = signals()
     observed = 2.0 * s["speed"] + 1.0 + extra + noise(seed, size=0.05, tau=tau)
     offered = candidates if candidates is not None else usual_candidates()
-    return linear_problem(
+    made = linear_problem(
         observed,
         {"gain": s["speed"], "offset": s["one"]},
         offered,
@@ -71,6 +72,17 @@ def machine(
         sigma=sigma,
         resolution=resolution,
     )
+    return replace(made, candidates=tuple(replace(c, laws=FORMS.get(c.id, ())) for c in made.candidates))
+
+
+FORMS = {
+    "coulomb": ("direction",),
+    "spring": ("position",),
+    "bump": ("position",),
+    "warmth": ("warm",),
+    "drift": ("time_s",),
+}
+"""The laws of which the effects are usual forms."""
 
 
 def usual_candidates() -> dict[str, dict[str, np.ndarray]]:
