@@ -133,16 +133,16 @@ ODD: dict[str, Bad] = {
     "log that is a device": Bad(SIMULATE.replace("{temps.csv}", "/dev/zero"), fine, 3, "is no ordinary file"),
     "log in hexadecimal": Bad(SIMULATE, column("temps.csv", 1, "0x17"), 3, "'0x17'"),
     "log in UTF-16": Bad(
-        SIMULATE, written("temps.csv", "time_s,temp_a_c,temp_b_c\n0,1,2\n".encode("utf-16")), 3, "UTF-8"
+        SIMULATE, written("temps.csv", "time_s,temp_a_c,temp_b_c\n0,1,2\n".encode("utf-16")), 3, "has one row only"
     ),
-    "log with mixed separators": Bad(SIMULATE, mixed("temps.csv"), 3, "row 2, column time_s"),
+    "log with mixed separators": Bad(SIMULATE, mixed("temps.csv"), 3, "temps.csv, column time_s, line 2"),
     "sync: log that is a pipe": Bad(SYNC, pipe("temps.csv"), 3, "is no ordinary file"),
     "sync: log that points to itself": Bad(SYNC, points_to_itself("temps.csv"), 3, "link that leads nowhere"),
     "sync: log that is compressed": Bad(
         SYNC, written("temps.csv", b"\x1f\x8b\x08" + bytes(200)), 3, "a compressed file"
     ),
     "sync: log that is a spreadsheet": Bad(SYNC, written("temps.csv", b"PK\x03\x04" + bytes(200)), 3, "is not text"),
-    "sync: log with mixed separators": Bad(SYNC, mixed("temps.csv"), 3, "line 2, column time_s"),
+    "sync: log with mixed separators": Bad(SYNC, mixed("temps.csv"), 3, "temps.csv, column time_s, line 2"),
     "sync: log of numbers beyond all measure": Bad(SYNC, column("temps.csv", 1, "1e308"), 3, "found 1e+308"),
     "sync: log in hexadecimal": Bad(SYNC, column("temps.csv", 1, "0x17"), 3, "no number"),
     "sync: log of a web page": Bad(SYNC, written("temps.csv", "<html>404</html>\n"), 3, "time_s"),

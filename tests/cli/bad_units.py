@@ -27,13 +27,13 @@ MORE: dict[str, Bad] = {
     "log stamped in milliseconds of the calendar": Bad(SIMULATE, scaled("temps.csv", 0, 1e3, 1e12), 3, "1e+11"),
     "log in picoseconds": Bad(SIMULATE, scaled("temps.csv", 0, 1e-12), 3, "too close together"),
     "log in Fahrenheit": Bad(SIMULATE, scaled("temps.csv", 1, 1.8, 32.0), 3, "not in °F or kelvin"),
-    "log with a column twice": Bad(SIMULATE, doubled("temps.csv", 1), 3, "has this column twice"),
+    "log with a column twice": Bad(SIMULATE, doubled("temps.csv", 1), 3, "two columns have one name"),
     "log that runs backwards": Bad(SIMULATE, turned("temps.csv"), 3, "row 3, column time_s: time does not increase"),
     "log that is a folder": Bad(SIMULATE, is_a_folder("temps.csv"), 3, "is a folder"),
-    "log with infinite times": Bad(SIMULATE, column("temps.csv", 0, "inf"), 3, "found inf"),
+    "log with infinite times": Bad(SIMULATE, column("temps.csv", 0, "inf"), 3, "row 2, column time_s"),
     "log with semicolons": Bad(SIMULATE, replaced("temps.csv", "time_s,temp_a_c", "time_s;temp_a_c"), 3, "time_s"),
     "log with one row": Bad(SIMULATE, kept_rows("temps.csv", 1), 3, "one row"),
-    "log with a row that is too long": Bad(SIMULATE, column("temps.csv", 2, "23,23,23", row=5), 3, "plain CSV"),
+    "log with a row that is too long": Bad(SIMULATE, column("temps.csv", 2, "23,23,23", row=5), 3, "too many fields"),
     "log with a quotation mark that stays open": Bad(SIMULATE, column("temps.csv", 1, '"23', row=5), 3, "temps.csv"),
     "log that is no Parquet": Bad(
         SIMULATE.replace("temps.csv", "temps.parquet"), written("temps.parquet", JUNK), 3, "write it again"

@@ -17,7 +17,7 @@ import numpy as np
 from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.discovery.explanation import Explanation, Field
-from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel
+from torsight.discovery.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.interface import Problem
 from torsight.discovery.likelihood import Likelihood
 from torsight.discovery.measure import Measured, log_evidence, measure_law
@@ -64,6 +64,7 @@ class Search:
                 break
             self._extend(parents, size)
             self._look_again(size)
+            self._fit_parts(self._best())
             # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
             self._follow_best(longest=_FIRST_CORRELATION)
             smaller = max(one.log_evidence for one in self._explanations.values() if len(one.members) < size)
@@ -195,6 +196,24 @@ class Search:
         work = [(one, base) for one in (*best, *self._ranked(size - 1)[:1]) for base in led]
         found: list[Explanation] = in_parallel(work, self._from_elsewhere, step="other starts", progress=self._progress)
         self._keep(found)
+
+    def _fit_parts(self, best: Explanation) -> None:
+        """Fit the parts of a set that were passed over: alone, one of two may explain less than what is like both."""
+        parts = [less(best.members, name) for name in best.members]
+        missing = [part for part in parts if part not in self._explanations]
+        found: list[Explanation] = in_parallel([(best, part) for part in missing], self._part)
+        self._keep(found)
+
+    def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
+        """Return a part of a set, fitted from where the set is; its laws keep their forms."""
+        best, members = item
+        laws = tuple(one for one in best.laws if one.law.id in members)
+        problem = best.fitter.problem.with_laws([one.form for one in laws])
+        fitter = Fitter(problem, best.fitter.weight)
+        effects = fitter.ordered(members)
+        start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
+        one = self._settled(problem, fitter.fit(effects, [start], keep=1), laws)
+        return replace(one, log_evidence=one.log_evidence + (laws[-1].bank if laws else 0.0))
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
