@@ -32,6 +32,10 @@ CORRELATION_S: Final = 10.0
 """What a good record leaves, and for how long it hangs together: a sample is worth its interval over this."""
 
 
+_SPREAD: Final = 2.0 * 1.645
+"""A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
+
+
 @dataclass(frozen=True, slots=True)
 class Separable:
     """What the record will tell.
@@ -88,7 +92,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
     left = dict(zip(names, np.maximum(gains[1:, 0], 0.0).tolist(), strict=True))
     settings = Settings()
     least = 2.0 * settings.price(len(names)) + settings.surely
-    visible = tuple(name for name in names if left[name] >= least)
+    visible = tuple(name for name in names if left[name] - _SPREAD * math.sqrt(left[name]) >= least)
     between = {
         (one, other): min(gains[i, j], gains[j, i])
         for (i, one), (j, other) in combinations(enumerate(names, start=1), 2)
