@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ ZEROS_DEG = (4.0, -7.0)
 RAMPS_S = (150.0, 300.0)
 
 
-def record(number: int) -> SyncedTable:
+def record(number: int, effects: Mapping[str, Any] | None = None) -> SyncedTable:
     """Return a record of the one rig: fast or slow, with the sticks put on anew."""
     ramp_s = RAMPS_S[number]
     half_cycles = [
@@ -46,7 +46,7 @@ def record(number: int) -> SyncedTable:
         "rig": {"as_declared": True, "true": {"tau_c_mnm": 0.9}},
         "protocol": {"half_cycle": half_cycles},
         "sticks": {"offset_deg": ZEROS_DEG[number]},
-        "effects": {"viscous_friction": {VISCOUS: TRUE}},
+        "effects": effects or {"viscous_friction": {VISCOUS: TRUE}},
     }
     return make_record(scene, seed=5 + number, rate_hz=2.0).table
 
@@ -68,10 +68,9 @@ def problem(tables: list[SyncedTable], spec: ActuatorSpec) -> SeveralRecords:
 
 
 @contextmanager
-def few_effects() -> Iterator[None]:
-    """Let discovery try two effects, not all, beside those that are always fitted."""
-    kept = ("viscous_friction", "marker_slip", "home_torque", "phase_shape")
-    effects = {name: load_effects()[name] for name in kept}
+def few_effects(*names: str) -> Iterator[None]:
+    """Let discovery try these effects, not all, beside those that are always fitted."""
+    effects = {name: load_effects()[name] for name in (*names, "home_torque", "phase_shape")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("torsight.discovery.actuator_problem.load_effects", lambda: effects)
         patch.setattr("torsight.discovery.actuator_problem.laws_of", lambda _drive, _tau_c_mnm: ())
@@ -85,7 +84,7 @@ def out(tables: list[SyncedTable], tmp_path_factory: pytest.TempPathFactory) -> 
     files = write_records(folder, tables)
     (folder / "out").mkdir()
     (folder / "out" / "curves_3.csv").touch()
-    with few_effects():
+    with few_effects("viscous_friction", "marker_slip"):
         assert leave("discover", *files, "--actuator", str(folder / "actuator.toml"), "--out", str(folder / "out")) == 0
     return folder / "out"
 
@@ -119,9 +118,19 @@ def test_both_records_name_the_effect_and_know_it_better_than_either_alone(
     low, high = answer["effects"][0]["parameters"][VISCOUS]["ci95"]
     assert low < TRUE < high
     for table in tables:
-        with few_effects():
+        with few_effects("viscous_friction", "marker_slip"):
             alone = discover(table, spec).effects[0].parameters[VISCOUS].ci95
         assert high - low < alone[1] - alone[0]
+
+
+def test_what_each_record_takes_for_other_values_is_named_by_both(spec: ActuatorSpec) -> None:
+    # At one heating rate a late sensor is a shift of all transformation temperatures, or a late clock.
+    tables = [record(k, {"sensor_lag": {"lag_s": 2.0}}) for k in (0, 1)]
+    with few_effects("sensor_lag", "clock_offset"):
+        assert [effect.id for effect in discover_together(tables, spec).effects] == ["sensor_lag"]
+        for table in tables:
+            alone = discover(table, spec)
+            assert alone.verdict in ("none", "ambiguous")
 
 
 def test_every_record_has_a_zero_of_its_own(answer: dict[str, Any]) -> None:
