@@ -229,31 +229,34 @@ def fitted_model(
     *,
     account: Mapping[str, Any] | None = None,
     doubt: Doubt | None = None,
+    history: History | None = None,
 ) -> FittedModel:
     """Return the model that was fitted to a record, with what the record leaves behind.
 
     How the springs were wound when the record began (family ``start``) stays part of the model: a later record that
     starts from the same home (within 2°) starts in the same state. One that starts where the record ended (within 2°,
-    and nearer to that) goes on from how the model leaves the springs there.
+    and nearer to that) goes on from how the model leaves the springs there. ``history`` is what records before this one
+    left behind.
     """
     names = {parameter.name for parameter in model.all_parameters}
     springs = drive.cycles.springs
+    before = (history or History()).cycles
     return FittedModel(
         model=model,
         values={name: float(value) for name, value in values.items() if name in names},
-        cycles=(springs.count(0), springs.count(1)),
+        cycles=(before[0] + springs.count(0), before[1] + springs.count(1)),
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
         duration_s=float(drive.time_s[-1] - drive.time_s[0]),
-        end=_end(model, values, drive),
+        end=_end(model, values, drive, history),
         doubt=doubt,
     )
 
 
-def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive) -> End | None:
+def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive, history: History | None = None) -> End | None:
     """Return how a record leaves the springs; None where they have not cooled, or the angle is not known then."""
-    simulation = model.simulate(drive, values)
+    simulation = model.simulate(drive, values, history=history)
     cold = min(simulation.xi_a[-1], simulation.xi_b[-1]) > _COLD
     if not (cold and np.isfinite(drive.angle_rad[-1])):
         return None

@@ -1,9 +1,10 @@
-"""``torsight discover``: find what the model lacks on one record."""
+"""``torsight discover``: find what the model lacks, on one record or on several of one rig together."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -15,11 +16,18 @@ if TYPE_CHECKING:
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """What the command writes."""
+_MADE: Final = (*FILES, "next_experiment.csv")
 _LEAST_CLOCK_SIGMA_S: Final = 0.05
 
 
 def discover(
-    merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
+    merged: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="MERGED.csv…",
+            help="Angle and temperatures on one clock; several records of one rig in their order.",
+        ),
+    ],
     *,
     actuator: Annotated[Path, typer.Option(help="Characterised values, ACTUATOR.toml.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
@@ -31,6 +39,9 @@ def discover(
 ) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
 
+    Several records of one rig are explained together, by one answer: the springs' values, effects and laws are shared,
+    the start, the sticks' zero and the clocks of each record its own.
+
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
     from torsight.cli.console import progress_bar, say
@@ -39,7 +50,7 @@ def discover(
     from torsight.report import write_report
 
     with progress_bar() as progress:
-        report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+        report = discover_all_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
         write_report(out, progress=progress)
     if export_effect is not None:
         from torsight.discovery.export_effect import export_effect as export
@@ -48,6 +59,8 @@ def discover(
     content = read_json(out / "discovery.json")
     say(f"Missing           {verdict_sentence(content)}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
+    for record in content.get("records", ()):
+        say(f"  {record['file']}: {_unseen(record)}")
     if report.next_experiment is not None:
         say(f"Next experiment   {report.next_experiment.text}")
     for note in report.notes:
@@ -57,7 +70,8 @@ def discover(
         say(f"Effect            {export_effect}")
     say(f"Results           {out}")
     laws = [out / law.csv_name for law in report.laws]
-    return Answer(content, files=(*(out / name for name in FILES), *laws))
+    more = [out / curves_name(k) for k in range(1, len(merged))]
+    return Answer(content, files=(*(out / name for name in FILES), *more, *laws))
 
 
 def _clock_sigma_s(merged: Path) -> float | None:
@@ -98,6 +112,52 @@ def _errors(report: DiscoveryReport) -> str:
     )
 
 
+def _unseen(record: Mapping[str, Any]) -> str:
+    """Return the error on a record that was predicted from the others."""
+    before, after = (float(record[name]["rmse_other_records_deg"]) for name in ("before", "after"))
+    return f"{before:.2f}° rms before, {after:.2f}° after, with the rig's values from the other records"
+
+
+def curves_name(record: int) -> str:
+    """Return the name of the curves of a record, from 0."""
+    return "curves.csv" if record == 0 else f"curves_{record + 1}.csv"
+
+
+def discover_all_to_folder(
+    merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
+) -> DiscoveryReport:
+    """Discover on one record or on several of one rig, and write the results; see :func:`discover_to_folder`.
+
+    For several records ``curves.csv`` holds the first one's curves, ``curves_2.csv`` … those of the others, and
+    ``model.json`` goes on from the last.
+    """
+    from torsight.actuator import read_actuator
+    from torsight.cli.alike import require_one_rig
+    from torsight.core.paths import require_apart
+    from torsight.core.storage import write_table
+    from torsight.core.tables import read_merged
+    from torsight.discovery.together import discover_together
+
+    if len(merged) == 1:
+        return discover_to_folder(merged[0], actuator, out=out, seed=seed, progress=progress)
+    made = (*_MADE, *(curves_name(k) for k in range(1, len(merged))))
+    require_apart([out / name for name in made], [*merged, actuator])
+    require_one_rig(merged)
+    spec = read_actuator(actuator)
+    report = discover_together(
+        [read_merged(path) for path in merged],
+        spec,
+        names=[str(path) for path in merged],
+        clock_sigmas_s=[_clock_sigma_s(path) for path in merged],
+        seed=seed,
+        progress=progress,
+    )
+    _write(report, out)
+    for k, record in enumerate(report.records[1:], start=1):
+        write_table(out / curves_name(k), record.curves)
+    return report
+
+
 def discover_to_folder(
     merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> DiscoveryReport:
@@ -107,18 +167,26 @@ def discover_to_folder(
     ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
     """
     from torsight.actuator import read_actuator
-    from torsight.actuator.fitted import write_model
     from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json, write_table
     from torsight.core.tables import read_merged
     from torsight.discovery.discover import discover as find
-    from torsight.report.laws import write_laws
 
-    made = ("curves.csv", "next_experiment.csv", "model.json", "discovery.json", "report.html")
-    require_apart([out / name for name in made], [merged, actuator])
+    require_apart([out / name for name in _MADE], [merged, actuator])
     spec = read_actuator(actuator)
     known_s = _clock_sigma_s(merged)
     report = find(read_merged(merged), spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=str(merged))
+    _write(report, out)
+    return report
+
+
+def _write(report: DiscoveryReport, out: Path) -> None:
+    """Write what was found; curves of further records that an earlier discovery has left go."""
+    from torsight.actuator.fitted import write_model
+    from torsight.core.storage import write_json, write_table
+    from torsight.report.laws import write_laws
+
+    for stale in out.glob("curves_[0-9]*.csv"):
+        stale.unlink()
     write_table(out / "curves.csv", report.curves)
     (out / "next_experiment.csv").unlink(missing_ok=True)
     if report.next_experiment is not None:
@@ -126,4 +194,3 @@ def discover_to_folder(
     write_laws(out, report.laws)
     write_model(out / "model.json", report.model)
     write_json(out / "discovery.json", report.to_json())
-    return report

@@ -12,6 +12,7 @@ from torsight.discovery.own.problem import ModelProblem, model_problem
 from torsight.discovery.prediction import PredictedAngle, predict_angle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport
 from torsight.discovery.settings import Settings
+from torsight.discovery.together import JointReport, discover_together
 
 __all__ = [
     "ActuatorProblem",
@@ -19,6 +20,7 @@ __all__ = [
     "DiscoveryReport",
     "Event",
     "Findings",
+    "JointReport",
     "LinearProblem",
     "ModelProblem",
     "PredictedAngle",
@@ -26,6 +28,7 @@ __all__ = [
     "Settings",
     "candidate",
     "discover",
+    "discover_together",
     "find_missing",
     "law",
     "linear_problem",

@@ -20,6 +20,7 @@ from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.fit import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
+from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.law import Law, LawForm
@@ -64,6 +65,8 @@ class ActuatorProblem:
         How well the clocks were put together by something else than motion and temperature; None: not at all.
     forms : tuple of LawForm
         Measured laws that are candidates, too.
+    history : History
+        What earlier records of the same springs left behind.
     """
 
     drive: Drive
@@ -72,6 +75,7 @@ class ActuatorProblem:
     resolution: float = RESOLUTION_DEG
     clock_sigma_s: float | None = None
     forms: tuple[LawForm, ...] = ()
+    history: History = field(default_factory=History)
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
@@ -174,7 +178,7 @@ class ActuatorProblem:
 
     def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:
         """Simulate the whole record."""
-        return self.model(effects).simulate(self.drive, values)
+        return self.model(effects).simulate(self.drive, values, history=self.history)
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return the angle in degrees as a camera would read it, at the kept rows."""
@@ -204,7 +208,7 @@ class ActuatorProblem:
         return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        ports = self.model(effects).ports(drive, values)
+        ports = self.model(effects).ports(drive, values, history=self.history)
         return run_ports(ports.at(self.rows), start_angle_rad=drive.start_angle_rad).angle_rad / DEG
 
     @cached_property

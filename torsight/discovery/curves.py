@@ -22,7 +22,7 @@ def curve_columns(
     """Return the columns, one row per row of the drive; angles in degrees as read, NaN where not measured."""
     drive = problem.drive
     before = problem.simulate(plain.values, plain.effects)
-    after = extended.model.simulate(drive, extended.values)
+    after = extended.model.simulate(drive, extended.values, history=problem.history)
     observed = drive.angle_rad / DEG
     ahead_deg = 360.0 * drive.turns
     is_a = drive.cycles.active == 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import isnan
 from typing import Any, Final, cast
@@ -16,7 +16,7 @@ from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
@@ -26,11 +26,12 @@ from torsight.discovery.curves import curve_columns
 from torsight.discovery.engine import Findings, find_missing, law_shares
 from torsight.discovery.explanation import Explanation
 from torsight.discovery.fitting import less
+from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.intervals import covariance, joint_covariance
 from torsight.discovery.law_tables import measured_laws
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.noise import reading_noise
+from torsight.discovery.noise import Stretches, reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
 from torsight.discovery.validate import HeldOut
@@ -90,28 +91,30 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     spread = covariance(chosen)
     parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
     plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(covariance(base))))
-    fixed = _fixed(problem)
-    before, after = _errors(problem, base, findings.before), _errors(problem, chosen, findings.after)
+    fixed = fixed_values(problem)
+    before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
-    model = replace(_model(problem, chosen), account=account, doubt=_doubt(problem, findings, after))
-    pulls, plain_pulls = _pulls(problem, chosen), _pulls(problem, base)
+    rivals = [model_of(problem, rival) for rival in decision.rivals]
+    doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), after, rivals)
+    model = replace(model_of(problem, chosen), account=account, doubt=doubt)
+    pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     return DiscoveryReport(
         verdict=findings.verdict,
-        effects=_effects(findings, seed=seed),
+        effects=found_effects(findings, seed=seed),
         alternatives=tuple(rival.members for rival in decision.rivals),
         drivers=findings.drivers,
         before=before,
         after=after,
         held_out=blocks,
-        noise_floor_deg=min(_floor(problem, findings), before.rmse_train_deg, after.rmse_train_deg),
+        noise_floor_deg=min(noise_floor(problem, chosen, field.stretches), before.rmse_train_deg, after.rmse_train_deg),
         parameters=parameters | fixed,
         plain_parameters=plain | fixed,
         pulls=pulls,
         plain_pulls=plain_pulls,
         next_experiment=_next(problem, findings, progress=progress),
-        notes=_notes(findings, *(_characterised(problem, listed) for listed in (pulls, plain_pulls))),
-        evidence=_evidence(findings),
+        notes=notes_of(findings, *(characterised(problem.spec, listed) for listed in (pulls, plain_pulls))),
+        evidence=evidence_of(findings),
         curves=curve_columns(problem, base.fit, model, blocks),
         model=model,
         covariance=spread,
@@ -140,24 +143,36 @@ def _problem(explanation: Explanation) -> ActuatorProblem:
     return cast("ActuatorProblem", explanation.fitter.problem)
 
 
-def _model(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
+def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
     """Return the extended model with what the record leaves behind."""
-    return fitted_model(_problem(chosen).model(chosen.fit.effects), chosen.fit.values, problem.drive)
+    own = _problem(chosen)
+    return fitted_model(own.model(chosen.fit.effects), chosen.fit.values, problem.drive, history=own.history)
 
 
-def _doubt(problem: ActuatorProblem, findings: Findings, after: Errors) -> Doubt:
-    """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be."""
-    chosen, rivals = findings.decision.chosen, findings.decision.rivals
-    others = (_model(problem, rival) for rival in rivals)
+def doubt_of(parameters: Sequence[Parameter], spread: Array, after: Errors, rivals: Sequence[FittedModel]) -> Doubt:
+    """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        The free parameters.
+    spread : (m, m) float64
+        Their covariance.
+    after : Errors
+        What the model leaves.
+    rivals : sequence of FittedModel
+        The other explanations.
+    """
     return Doubt(
-        names=tuple(p.name for p in chosen.fit.parameters),
-        covariance=joint_covariance(chosen),
+        names=tuple(p.name for p in parameters),
+        covariance=spread,
         residual_deg=after.rmse_train_deg if isnan(after.rmse_held_out_deg) else after.rmse_held_out_deg,
-        alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in others),
+        alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in rivals),
     )
 
 
-def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
+def fixed_values(problem: ActuatorProblem) -> dict[str, Estimate]:
+    """Return the values that are taken as exact."""
     return {
         p.name: Estimate(value=p.value, sigma=0.0, ci95=(p.value, p.value), unit=p.unit, fixed=True)
         for p in problem.model().all_parameters
@@ -165,24 +180,24 @@ def _fixed(problem: ActuatorProblem) -> dict[str, Estimate]:
     }
 
 
-def _floor(problem: ActuatorProblem, findings: Findings) -> float:
+def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
     """Return the root mean square that the inputs account for: reading noise, and noise left in the temperatures.
 
     A film's uncertainties are meant to be large enough; what a fit leaves may be less.
     """
-    drive, fit = problem.drive, findings.decision.chosen.fit
+    drive, fit = problem.drive, chosen.fit
     measured = np.isfinite(drive.angle_rad)
     given = drive.angle_sigma_rad[measured] / DEG
     reading = float(np.sqrt(np.mean(given[np.isfinite(given)] ** 2))) if np.isfinite(given).any() else 0.0
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
-        reading = reading_noise(problem, findings.field.stretches, residual)
-    noise = _problem(findings.decision.chosen).smooth_noise(fit.values, fit.effects)
+        reading = reading_noise(problem, stretches, residual)
+    noise = _problem(chosen).smooth_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
     return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
 
 
-def _errors(problem: ActuatorProblem, contender: Explanation, held_out: HeldOut | None) -> Errors:
+def errors_of(problem: ActuatorProblem, contender: Explanation, held_out: HeldOut | None) -> Errors:
     """Return the errors over every row of the record, blocks predicted from the others for the held-out ones."""
     drive, effects = problem.drive, contender.fit.effects
     own = _problem(contender)
@@ -208,29 +223,31 @@ def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int])
     return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
 
 
-def _pulls(problem: ActuatorProblem, contender: Explanation) -> tuple[Pull, ...]:
+def pulls_of(problem: Problem, contender: Explanation) -> tuple[Pull, ...]:
+    """Return how far a fit has moved the values that are known beforehand."""
     values = contender.fit.values
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
 
 
-def _characterised(problem: ActuatorProblem, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
+def characterised(spec: ActuatorSpec, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Return the pulls of values that stand in the actuator file."""
-    return tuple(pull for pull in pulls if pull.name in problem.spec.values)
+    return tuple(pull for pull in pulls if pull.name in spec.values)
 
 
-def _effects(findings: Findings, *, seed: int) -> tuple[FoundEffect, ...]:
+def found_effects(findings: Findings, *, seed: int, effect_of: Callable[[str], str] = str) -> tuple[FoundEffect, ...]:
+    """Return the named members of the chosen set; ``effect_of`` gives a candidate's effect where it has another id."""
     decision, field = findings.decision, findings.field
     chosen = decision.chosen
     found = []
     for member, (name, where) in decision.named.items():
-        effect = load_effects()[name]
+        effect = load_effects()[effect_of(name)]
         part = field.explanations.get(less(chosen.members, member))
         found.append(
             FoundEffect(
-                id=name,
+                id=effect.id,
                 family=effect.family,
                 title=effect.title,
-                parameters=_own_parameters(effect, where, seed=seed),
+                parameters=_own_parameters(effect, where.fitter.candidates[name], where, seed=seed),
                 probability=_probability(decision, {member, name}),
                 gain=float("nan") if part is None else chosen.log_evidence - part.log_evidence,
             )
@@ -243,14 +260,14 @@ def _probability(decision: Decision, members: set[str]) -> float:
     return min(1.0, sum(weight for held, weight in decision.probability.items() if members & set(held)))
 
 
-def _own_parameters(effect: Effect, where: Explanation, *, seed: int) -> dict[str, Estimate]:
+def _own_parameters(effect: Effect, candidate: Candidate, where: Explanation, *, seed: int) -> dict[str, Estimate]:
     """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
     spread, x = covariance(where), where.fit.solution.x
     estimates = estimates_of(where.fit.parameters, x, np.sqrt(np.diag(spread)))
     names = [p.name for p in where.fit.parameters]
     draws = _drawn(x, spread, np.random.default_rng(seed))
-    own = {p.name: estimates[p.name] for p in effect.parameters}
-    columns = {p.name: draws[:, names.index(p.name)] for p in effect.parameters}
+    own = {p.name: estimates[p.name] for p in candidate.parameters}
+    columns = {p.name: draws[:, names.index(p.name)] for p in candidate.parameters}
     for item in effect.derived:
         value = item.value(where.fit.values)
         drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])
@@ -273,7 +290,8 @@ def _derived(value: float, drawn: Array, unit: str, period: float | None) -> Est
     return Estimate(value, float(np.std(off)), (value + float(min(low, 0.0)), value + float(max(high, 0.0))), unit)
 
 
-def _evidence(findings: Findings) -> dict[str, Any]:
+def evidence_of(findings: Findings) -> dict[str, Any]:
+    """Return what the answer rests on: probabilities, what is left, and the gain of everything alone."""
     field, decision = findings.field, findings.decision
     single = {one.members[0]: one for one in field.explanations.values() if len(one.members) == 1}
     ranked = sorted(decision.probability.items(), key=lambda item: (-item[1], item[0]))
@@ -287,7 +305,8 @@ def _evidence(findings: Findings) -> dict[str, Any]:
     }
 
 
-def _notes(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]) -> tuple[str, ...]:
+def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]) -> tuple[str, ...]:
+    """Return what a person should know, from the answer and the pulls of characterised values."""
     notes = []
     if findings.before is None:
         notes.append(

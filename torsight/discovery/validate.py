@@ -61,19 +61,25 @@ def block_labels(problem: Problem) -> NDArray[np.int64]:
     return np.unique(problem.block[problem.valid])
 
 
-def held_out_by_refit(fitter: Fitter, fit: Fit, *, progress: Progress = silent) -> HeldOut:
-    """Predict every block from the others, with a full refit per block; ``progress`` is told after each."""
+def held_out_by_refit(
+    fitter: Fitter, fit: Fit, *, block: NDArray[np.int64] | None = None, progress: Progress = silent
+) -> HeldOut:
+    """Predict every block from the others, with a full refit per block; ``progress`` is told after each.
+
+    ``block`` (n,) takes the place of the problem's own blocks, for larger ones such as whole records.
+    """
     problem = fitter.problem
-    labels = block_labels(problem)
+    block = problem.block if block is None else block
+    labels = np.unique(block[problem.valid])
 
     def without(label: int) -> Fit:
-        weight = np.where(problem.block == label, 0.0, fitter.weight)
+        weight = np.where(block == label, 0.0, fitter.weight)
         return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight), rough=True)
 
     fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
     left = np.zeros(len(problem.observed))
     for label, fold in zip(labels, fits, strict=True):
-        rows = (problem.block == label) & problem.valid
+        rows = (block == label) & problem.valid
         left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
     folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
     prior = float(np.mean([prior_cost(problem, fold) for fold in fits]))

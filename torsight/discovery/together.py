@@ -1,0 +1,340 @@
+"""The discovery on several records of one rig: one answer, and what it says on each of the records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isnan
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.fit import require_motion
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.errors import ConfigError
+from torsight.core.parameter import Estimate
+from torsight.core.progress import Progress, silent
+from torsight.core.records import SyncedTable
+from torsight.core.threads import one_thread
+from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.curves import curve_columns
+from torsight.discovery.discover import (
+    characterised,
+    doubt_of,
+    errors_of,
+    evidence_of,
+    fixed_values,
+    found_effects,
+    model_of,
+    noise_floor,
+    notes_of,
+    pulls_of,
+)
+from torsight.discovery.engine import Findings, find_missing, law_shares
+from torsight.discovery.explanation import Explanation, Field
+from torsight.discovery.fitting import Fit, Fitter
+from torsight.discovery.intervals import covariance, joint_covariance
+from torsight.discovery.law_tables import measured_laws
+from torsight.discovery.likelihood import Likelihood
+from torsight.discovery.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
+from torsight.discovery.noise import Stretches
+from torsight.discovery.report import DiscoveryReport, Errors, estimates_of
+from torsight.discovery.several import SeveralRecords
+from torsight.discovery.validate import HeldOut, held_out_by_refit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordAnswer:
+    """What the joint answer says on one record.
+
+    Attributes
+    ----------
+    file : str
+        Name of the record.
+    before, after : Errors
+        Of the plain and of the extended model on this record, in degrees; held out by half-cycle.
+    unseen_before_deg, unseen_after_deg : float
+        Root mean square error on this record where rig and effects were fitted to the others alone. What only the
+        record itself can tell (start, zero, clocks, its events) stays as all records gave it.
+    noise_floor_deg : float
+        Residual that no model can remove from this record.
+    parameters : mapping of str to Estimate
+        The record's own values, under the names that a single record has for them.
+    curves : mapping of str to (n,) array
+        Columns of ``curves.csv``.
+    """
+
+    file: str
+    before: Errors
+    after: Errors
+    unseen_before_deg: float
+    unseen_after_deg: float
+    noise_floor_deg: float
+    parameters: Mapping[str, Estimate]
+    curves: Mapping[str, NDArray[np.generic]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what stands in ``discovery.json``."""
+        return {
+            "file": self.file,
+            "before": {**self.before.to_json(), "rmse_other_records_deg": self.unseen_before_deg},
+            "after": {**self.after.to_json(), "rmse_other_records_deg": self.unseen_after_deg},
+            "noise_floor_deg": self.noise_floor_deg,
+            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointReport(DiscoveryReport):
+    """The answer for several records together.
+
+    Attributes
+    ----------
+    records : tuple of RecordAnswer
+        The same on each of them, in their order. ``curves`` are those of the first; ``model`` goes on from the last.
+    """
+
+    records: tuple[RecordAnswer, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of ``discovery.json``."""
+        return {**DiscoveryReport.to_json(self), "records": [record.to_json() for record in self.records]}
+
+
+@one_thread()
+def discover_together(
+    tables: Sequence[SyncedTable],
+    spec: ActuatorSpec,
+    *,
+    names: Sequence[str] | None = None,
+    clock_sigmas_s: Sequence[float | None] | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> JointReport:
+    """Find what the quasi-static model lacks on several records of one rig at once.
+
+    Parameters
+    ----------
+    tables : sequence of SyncedTable
+        Two records or more, in the order in which they were made: the springs' cycles are counted on.
+    spec : ActuatorSpec
+        Characterised values of the one actuator, with their uncertainties.
+    names : sequence of str, optional
+        Names of the records in messages and in the answer.
+    clock_sigmas_s : sequence of float or None, optional
+        For each record the standard deviation of its clocks' offset where an event that both saw has told it.
+    seed : int
+        Of every random draw.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    ConfigError
+        When there are fewer than two records, or two are the same table.
+    InputError, NoResultError
+        When a record cannot drive the model.
+    """
+    told = tuple(names or (f"record {k + 1}" for k in range(len(tables))))
+    _require_different(tables, told)
+    model, drives = ActuatorModel(spec), []
+    for table, name in zip(tables, told, strict=True):
+        drive = model.prepare(table, where=name)
+        require_motion(drive, where=name)
+        drives.append(drive)
+    sigmas_s = clock_sigmas_s or [None] * len(drives)
+    problem = SeveralRecords.of(drives, spec, clock_sigmas_s=sigmas_s, seed=seed)
+    findings = find_missing(problem, seed=seed, progress=progress)
+    return _report(problem, findings, told, seed=seed, progress=progress)
+
+
+def _require_different(tables: Sequence[SyncedTable], names: Sequence[str]) -> None:
+    """Refuse what would count one record twice: it is no second witness."""
+    if len(tables) < 2:
+        raise ConfigError("needs two records or more", where="discovery of several records", value=len(tables))
+    for k, table in enumerate(tables):
+        for other, name in zip(tables[:k], names[:k], strict=True):
+            if len(table) == len(other) and np.array_equal(table.angle_rad, other.angle_rad, equal_nan=True):
+                raise ConfigError(
+                    "holds the same angles as another record",
+                    where=names[k],
+                    value=name,
+                    do="give every record once: twice the same one would count as two witnesses",
+                )
+
+
+def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanation:
+    """Return a joint explanation as one record's own model sees it: its rows, its effects, its values.
+
+    What it says on unseen half-cycles is what the joint one says of them.
+    """
+    several = cast("SeveralRecords", joint.fitter.problem)
+    part, rows = several.parts[record], several.rows_of(record)
+    effects = several.effects_of(record, joint.fit.effects)
+    fitter = Fitter(part, joint.fitter.weight[rows])
+    parameters = fitter.parameters(effects)
+    places = _places(several, joint.fit, record, [p.name for p in parameters])
+    solution = joint.fit.solution
+    own = replace(
+        solution,
+        x=solution.x[places],
+        prediction=solution.prediction[rows],
+        jacobian=solution.jacobian[rows][:, places],
+    )
+    found = Explanation(fitter, Fit(effects, parameters, own), joint.laws, joint.log_evidence)
+    found.__dict__["held_out"] = _own_held_out(problem, joint.held_out, record)
+    return found
+
+
+def _places(problem: SeveralRecords, fit: Fit, record: int, names: Sequence[str]) -> list[int]:
+    """Return where a record's parameters stand among those of a joint fit."""
+    joint = [p.name for p in fit.parameters]
+    return [joint.index(problem.joint_name(record, name)) for name in names]
+
+
+def _own_held_out(problem: SeveralRecords, joint: HeldOut, record: int) -> HeldOut:
+    """Return what a joint prediction of unseen half-cycles says of a record's, numbered as in the record."""
+    first = problem.first_halves[record]
+    halves = range(first, first + len(problem.parts[record].drive.cycles.springs))
+    residual = joint.residual[problem.rows_of(record)]
+    folds = tuple(
+        (label - first, problem.values_of(record, values)) for label, values in joint.folds if label in halves
+    )
+    return replace(joint, residual=residual, rms=float(np.sqrt(np.nanmean(residual**2))), folds=folds)
+
+
+def _report(
+    problem: SeveralRecords, findings: Findings, names: Sequence[str], *, seed: int, progress: Progress
+) -> JointReport:
+    field, decision = findings.field, findings.decision
+    base, chosen = field.base, decision.chosen
+    spread, base_spread = covariance(chosen), covariance(base)
+    parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
+    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(base_spread)))
+    fixed = fixed_values(problem.parts[0])
+    records = _records(problem, findings, parameters, names, progress=progress)
+    before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
+    floor = _mean_square(problem, [one.noise_floor_deg for one in records])
+    pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
+    lasting = {law: problem.effect_of(name) for law, (name, _) in decision.named.items()}
+    shares = law_shares(field, chosen)
+    last = len(problem.parts) - 1
+    account = {"found_by": "discovery", "records": list(names), **after.to_json()}
+    views = [single(problem, one, last) for one in (chosen, *decision.rivals)]
+    model, *rivals = (model_of(problem.parts[last], view) for view in views)
+    places = _places(problem, chosen.fit, last, [p.name for p in views[0].fit.parameters])
+    doubt = doubt_of(views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], after, rivals)
+    return JointReport(
+        verdict=findings.verdict,
+        effects=found_effects(findings, seed=seed, effect_of=problem.effect_of),
+        alternatives=tuple(tuple(problem.effect_of(name) for name in rival.members) for rival in decision.rivals),
+        drivers=findings.drivers,
+        before=before,
+        after=after,
+        held_out=tuple(label for label, _ in base.held_out.folds),
+        noise_floor_deg=min(floor, before.rmse_train_deg, after.rmse_train_deg),
+        parameters=parameters | fixed,
+        plain_parameters=plain | fixed,
+        pulls=pulls,
+        plain_pulls=plain_pulls,
+        next_experiment=_next(problem, findings, progress=progress),
+        notes=notes_of(findings, *(characterised(problem.spec, listed) for listed in (pulls, plain_pulls))),
+        evidence=evidence_of(findings),
+        curves=records[0].curves,
+        model=replace(model, account=account, doubt=doubt),
+        covariance=spread,
+        laws=measured_laws(problem.parts[0], chosen, shares, lasting),
+        records=records,
+    )
+
+
+def _records(
+    problem: SeveralRecords,
+    findings: Findings,
+    parameters: Mapping[str, Estimate],
+    names: Sequence[str],
+    *,
+    progress: Progress,
+) -> tuple[RecordAnswer, ...]:
+    """Return the joint answer on every record."""
+    base, chosen = findings.field.base, findings.decision.chosen
+    unseen = [_without(problem, one, progress=progress) for one in (base, chosen)]
+    found = []
+    for k, (part, name) in enumerate(zip(problem.parts, names, strict=True)):
+        plain, best = single(problem, base, k), single(problem, chosen, k)
+        before, after = errors_of(part, plain, plain.held_out), errors_of(part, best, best.held_out)
+        own = {p.name: parameters[problem.joint_name(k, p.name)] for p in best.fit.parameters if p.name in problem.own}
+        floor = noise_floor(part, best, Stretches.of(part))
+        curves = curve_columns(part, plain.fit, model_of(part, best), [label for label, _ in plain.held_out.folds])
+        found.append(
+            RecordAnswer(
+                file=name,
+                before=before,
+                after=after,
+                unseen_before_deg=_unseen(problem, plain, k, unseen[0]),
+                unseen_after_deg=_unseen(problem, best, k, unseen[1]),
+                noise_floor_deg=min(floor, before.rmse_train_deg, after.rmse_train_deg),
+                parameters=own,
+                curves=curves,
+            )
+        )
+    return tuple(found)
+
+
+def _without(problem: SeveralRecords, one: Explanation, *, progress: Progress) -> dict[int, Mapping[str, float]]:
+    """Return the values that are fitted without each record."""
+    return dict(held_out_by_refit(one.fitter, one.fit, block=problem.record, progress=progress).folds)
+
+
+def _unseen(problem: SeveralRecords, view: Explanation, record: int, folds: Mapping[int, Mapping[str, float]]) -> float:
+    """Return the error on a record, over all of its rows, with values that were fitted without it."""
+    part = cast("ActuatorProblem", view.fitter.problem)
+    predicted = part.simulate(problem.values_of(record, folds[record]), view.fit.effects).angle_rad
+    good = np.isfinite(part.drive.angle_rad) & part.drive.known
+    return float(np.sqrt(np.mean(((part.drive.angle_rad - predicted)[good] / DEG) ** 2)))
+
+
+def _rows(problem: SeveralRecords) -> Array:
+    """Return how many measured rows each record has."""
+    return np.array([float(np.sum(np.isfinite(p.drive.angle_rad) & p.drive.known)) for p in problem.parts])
+
+
+def _mean_square(problem: SeveralRecords, each: Sequence[float]) -> float:
+    """Return the root mean square over all rows from those of the records."""
+    return float(np.sqrt(np.average(np.square(each), weights=_rows(problem))))
+
+
+def _pooled(problem: SeveralRecords, each: Sequence[Errors]) -> Errors:
+    """Return the errors over all rows from those of the records; variances are about each record's own mean."""
+    rows = _rows(problem)
+    held_out = _mean_square(problem, [one.rmse_held_out_deg for one in each])
+    # 1 − R² of each is its sum of squares over its total: totals follow from both.
+    square = rows * np.array([one.rmse_held_out_deg for one in each]) ** 2
+    left = np.array([1.0 - one.r2_held_out for one in each])
+    total = np.divide(square, left, out=np.zeros_like(square), where=left > 0.0)
+    r2 = 1.0 - float(square.sum()) / float(total.sum()) if total.sum() > 0.0 and not isnan(held_out) else float("nan")
+    halves = tuple(error for one in each for error in one.by_half_cycle_deg)
+    return Errors(_mean_square(problem, [one.rmse_train_deg for one in each]), held_out, r2, halves)
+
+
+def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) -> NextExperiment | None:
+    """Return the experiment that would tell rivals apart, planned for the rig as the last record found it."""
+    decision, last = findings.decision, len(problem.parts) - 1
+    if findings.verdict != "ambiguous":
+        return None
+    whole, rows = findings.field.likelihood, problem.rows_of(last)
+    likelihood = Likelihood(
+        whole.count[rows], whole.floor[rows], whole.rest[rows], whole.correlation_samples, whole.least
+    )
+    part = problem.parts[last]
+    views = [single(problem, one, last) for one in (decision.chosen, *decision.rivals)]
+    field = Field(likelihood, Stretches.of(part), {(): single(problem, findings.field.base, last)})
+    return next_experiment(part, field, views, needed_gain=NEEDED_GAIN, progress=progress)
+
+
+__all__ = ["JointReport", "RecordAnswer", "discover_together", "single"]
