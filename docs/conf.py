@@ -45,7 +45,9 @@ def library() -> str:
 
 def _effect(name: str, effect: Effect) -> str:
     text = inspect.cleandoc(import_module(f"torsight.actuator.effects.{name}").__doc__ or "")
-    lines = [f"## {name}", "", f"*{effect.title}*; acts on {effect.acts_on}, family {effect.family}.", ""]
+    laws = " or ".join(f"`{law}`" for law in effect.laws)
+    form = f"; a usual form of {laws}" if laws else ""
+    lines = [f"## {name}", "", f"*{effect.title}*; acts on {effect.acts_on}, family {effect.family}{form}.", ""]
     lines += ["```{eval-rst}", text, "```", "", "| parameter | unit | start | bounds | vanishes at | prior |"]
     lines.append("| --- | --- | --- | --- | --- | --- |")
     for one in effect.parameters:

@@ -344,5 +344,5 @@ def _record(run: _Run, values: RigValues, details: Mapping[str, dict[str, object
         time_s=run.time[tail] - run.time[tail[0]], temp_a_c=run.temps[0][moved], temp_b_c=run.temps[1][moved]
     )
     spec = actuator_from(declared_from({}, where="suite").to_toml(), where="suite")
-    truth = dict(values.public)
+    truth = {"zero_deg": 0.0, **values.public}
     return Record(table, spec, later, run.angle[tail], truth, _size_deg(table, spec, truth), details)

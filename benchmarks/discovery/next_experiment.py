@@ -117,10 +117,10 @@ def as_hidden(effect: str, values: Mapping[str, float]) -> dict[str, float]:
 
 def propose(findings: Findings, problem: ActuatorProblem, pair: Pair) -> NextExperiment:
     """Return the programme for the record's own rivals, or for the pair where it has none."""
-    decision, needed = findings.decision, Settings().rival_gain
+    decision, needed = findings.decision, Settings().apart
     if decision.rivals:
         return next_experiment(problem, findings.field, (decision.chosen, *decision.rivals), needed_gain=needed)
-    both = [findings.field.contenders[(name,)] for name in (pair.true, pair.rival)]
+    both = [findings.field.explanations[(name,)] for name in (pair.true, pair.rival)]
     return next_experiment(problem, findings.field, both, needed_gain=needed)
 
 
@@ -134,9 +134,10 @@ def run(pair: Pair, spec: ActuatorSpec, figures: Path | None) -> dict[str, Any]:
     seconds = time.process_time() - started
     truths = {
         pair.true: dict(pair.effect),
-        pair.rival: as_hidden(pair.rival, findings.field.contenders[(pair.rival,)].fit.values),
+        pair.rival: as_hidden(pair.rival, findings.field.explanations[(pair.rival,)].fit.values),
     }
-    gains = {name: findings.field.base.cost - findings.field.contenders[(name,)].cost for name in truths}
+    base = findings.field.base.log_evidence
+    gains = {name: findings.field.explanations[(name,)].log_evidence - base for name in truths}
     answers, tables = {}, {}
     for name, keys in truths.items():
         tables[name] = record(pair, {name: keys}, proposed.half_cycles(found.segments))

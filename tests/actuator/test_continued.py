@@ -55,8 +55,6 @@ def whole_and_continued(effects: tuple[str, ...], values: dict[str, float], *, w
         (("fatigue",), {"fatigue_per_cycle": 0.02}, False),
         (("heat_crosstalk",), {"passive_share": 1.0, "heat_leak": 0.1}, True),
         (("stiffening",), {}, False),
-        (("reading_drift",), {"reading_drift_deg_h": 20.0}, False),
-        (("room_drift",), {"room_drift_c_h": 4.0}, False),
     ],
 )
 def test_a_log_from_the_records_end_goes_on_as_one_long_record(effects, values, warm, tmp_path):

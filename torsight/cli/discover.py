@@ -24,6 +24,10 @@ def discover(
     actuator: Annotated[Path, typer.Option(help="Characterised values, ACTUATOR.toml.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
+    export_effect: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect."),
+    ] = None,
 ) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
 
@@ -37,6 +41,10 @@ def discover(
     with progress_bar() as progress:
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
         write_report(out, progress=progress)
+    if export_effect is not None:
+        from torsight.discovery.export_effect import export_effect as export
+
+        export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
     say(f"Missing           {verdict_sentence(content)}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
@@ -45,6 +53,8 @@ def discover(
     for note in report.notes:
         say(f"Note              {note}")
     say(f"Report            {out / 'report.html'}")
+    if export_effect is not None:
+        say(f"Effect            {export_effect}")
     say(f"Results           {out}")
     laws = [out / law.csv_name for law in report.laws]
     return Answer(content, files=(*(out / name for name in FILES), *laws))

@@ -125,7 +125,7 @@ class DiscoveryReport(Frozen, Shown):
     notes : tuple of str
         What a person should know.
     evidence : mapping
-        Threshold, share explained and every single candidate's gain.
+        Probabilities of the sets, what is left in noise floors, and the gain of every single effect and law.
     curves : mapping of str to (n,) array
         Columns of ``curves.csv``.
     model : FittedModel

@@ -65,9 +65,7 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
     if discovery.get("verdict") == "ambiguous":
         found.append(f"This record cannot tell apart: {'; '.join(explanations(discovery))}.")
     if discovery.get("verdict") == "unknown":
-        found.append(
-            "A measured law is known where this record covered its variable; beyond that it is a guess."
-        )
+        found.append("A measured law is known where this record covered its variable; beyond that it is a guess.")
     if not discovery.get("held_out"):
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:

@@ -62,7 +62,8 @@ def lead(results: RunResults) -> str:
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
     if after is None:
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
-    return f"The extended model takes the error on half-cycles that the fit did not see from {error(before)} to {error(after)} rms.{ends}"
+    seen = "the error on half-cycles that the fit did not see"
+    return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
 
 
 def error(value_deg: float) -> str:

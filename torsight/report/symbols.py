@@ -31,14 +31,13 @@ def with_symbols(words: str) -> Markup:
 @cache
 def equation(effect: str) -> tuple[str, ...]:
     """Return the equations of an effect as its file states them (LaTeX); none where the effect is not here."""
-    for package in ("torsight.actuator.effects", "torsight.actuator.nameless"):
-        found = find_spec(f"{package}.{effect}") if effect.isidentifier() else None
-        if found is not None and found.origin is not None:
-            text = ast.get_docstring(ast.parse(Path(found.origin).read_text(encoding="utf-8"))) or ""
-            block = re.search(r"^\.\. math::[ \t]*(.*(?:\n(?:[ \t]+.*)?)*)", text, flags=re.MULTILINE)
-            parts = re.split(r",?\s*\\q?quad\b", " ".join(block.group(1).split())) if block else []
-            return tuple(part.strip() for part in parts if part.strip())
-    return ()
+    found = find_spec(f"torsight.actuator.effects.{effect}") if effect.isidentifier() else None
+    if found is None or found.origin is None:
+        return ()
+    text = ast.get_docstring(ast.parse(Path(found.origin).read_text(encoding="utf-8"))) or ""
+    block = re.search(r"^\.\. math::[ \t]*(.*(?:\n(?:[ \t]+.*)?)*)", text, flags=re.MULTILINE)
+    parts = re.split(r",?\s*\\q?quad\b", " ".join(block.group(1).split())) if block else []
+    return tuple(part.strip() for part in parts if part.strip())
 
 
 @cache

@@ -37,7 +37,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 
 
 def save_pictures(
-    recording: Path | str, out: Path | str, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+    recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
 ) -> list[Path]:
     """Save a recording's panes as PNG pictures without a screen; see :func:`torsight.viewer.pictures.save_pictures`."""
     from torsight.viewer.pictures import save_pictures as save

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from torsight.core.errors import InputError, OutputError
+from torsight.core.paths import AnyPath
 from torsight.core.storage import atomic_path
 from torsight.viewer.layout import TIME
 from torsight.viewer.program import LOOPBACK, Viewer, free_port
@@ -64,7 +65,7 @@ def take_pictures(
 
 
 def save_pictures(
-    recording: Path | str, out: Path | str, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+    recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
 ) -> list[Path]:
     """Save every pane of a recording, and all of them together, as PNG pictures; no screen is needed.
 

@@ -1,7 +1,10 @@
 r"""Play between the disk and the stick.
 
-The stick follows the disk once half the play w is used up on either side. Predicted residual: a step of w at every
-change of direction. Source: Tao and Kokotovic, Adaptive Control of Systems with Actuator Nonlinearities (1996).
+.. math:: ψ_i = \min(\max(ψ_{i-1}, \, φ_i − w/2), \, φ_i + w/2)
+
+φ angle of the disk, ψ of the stick, w the play (°): the stick follows the disk once half the play is used up on either
+side. Predicted residual: a step of w at every change of direction. Source: Tao and Kokotovic, Adaptive Control of
+Systems with Actuator Nonlinearities (1996).
 """
 
 from __future__ import annotations

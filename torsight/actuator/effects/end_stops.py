@@ -2,7 +2,7 @@ r"""Stops at both ends of the stroke, as stiff as each other.
 
 .. math:: τ_b − τ_a − τ_f − k \, ((φ − φ_+)_+ − (φ_- − φ)_+) = 0
 
-φ_+ and φ_- where the stops stand (°), k their stiffness (mN·m/rad). Predicted residual and source:
+:math:`φ_+` and :math:`φ_-` where the stops stand (°), k their stiffness (mN·m/rad). Predicted residual and source:
 :mod:`torsight.actuator.effects.end_stop`, for the strokes to both sides.
 """
 

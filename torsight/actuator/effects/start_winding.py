@@ -1,0 +1,50 @@
+r"""What either spring can recover when it is heated first is not quite what its winding before the record tells.
+
+.. math:: θ_{L,1}^{A} = θ_L(θ_{max}^{A}) − δ_A, \qquad θ_{L,1}^{B} = θ_L(θ_{max}^{B}) − δ_B
+
+θ_{L,1} recoverable angle of a spring in its first half-cycle, δ by how much it is less than what the home rule gives
+(°); from its second half-cycle on every spring has been wound within the record. No effect of the rig: what came before
+the record is not in the record, and what bends in time would take up an error here. So the discovery always fits δ
+beside the characterised values and never names it. Source: the paper, section 4.2 (home position).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG
+
+_SIGMA_DEG: Final = 3.0
+"""An error of the start shows as up to 3° in the first half-cycle of an unknown history."""
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Take the angle off the first half-cycle of each spring."""
+    loss = np.broadcast_to(ports.theta_l_loss_rad, ports.half_cycle.shape).copy()
+    if ports.history.unwound_rad is not None:
+        return ports
+    driven = ports.active[np.searchsorted(ports.half, np.arange(len(loss)))]
+    for spring, name in ((0, "start_loss_a_deg"), (1, "start_loss_b_deg")):
+        own = np.flatnonzero(driven == spring)
+        if len(own):
+            loss[own[0]] += values[name] * DEG
+    return replace(ports, theta_l_loss_rad=loss)
+
+
+EFFECT: Final = Effect(
+    id="start_winding",
+    family="start",
+    acts_on="phase",
+    title="what the springs could recover before the record",
+    parameters=tuple(
+        Parameter(name=name, value=0.0, unit="°", lower=-60.0, upper=60.0, sigma=_SIGMA_DEG, null=0.0)
+        for name in ("start_loss_a_deg", "start_loss_b_deg")
+    ),
+    apply=apply,
+)
