@@ -172,8 +172,9 @@ def test_a_model_that_fails_in_the_middle_of_a_fit_loses_nothing(
     assert capsys.readouterr().out == ""
 
 
-def test_the_same_question_has_the_same_answer(three_springs: Findings) -> None:
-    assert find_missing(springs()).to_json() == three_springs.to_json()
+def test_the_same_question_has_the_same_answer() -> None:
+    one, other = (find_missing(sensor(sensor_record(curve=0.02))).to_json() for _ in range(2))
+    assert one == other
 
 
 def test_findings_show_themselves(three_springs: Findings) -> None:
