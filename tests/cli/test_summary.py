@@ -16,6 +16,7 @@ AFTER = {"rmse_train_deg": 0.05, "r2_held_out": 0.9999}
 def lines(folder: Path, left_deg: float) -> list[str]:
     write_made_up_run(folder, rate_hz=1.0)
     content = discovery() | {"after": AFTER | {"rmse_held_out_deg": left_deg}, "laws": [made_up_law().to_json()]}
+    content["evidence"] = {"over_floor_after": left_deg / content["noise_floor_deg"]}
     (folder / "discovery.json").write_text(json.dumps(content), encoding="utf-8")
     return summary(folder)
 

@@ -19,6 +19,11 @@ METHODS = {
 }
 
 
+# A model of one's own is Python that its owner asks to be run (torsight missing MODEL.py); worker processes get it as
+# the object in memory that it is, never from a file.
+OWN_MODELS = {"torsight/discovery/own/evaluate.py", "torsight/discovery/own/model_file.py"}
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_nothing_of_a_file_is_executed(path: Path) -> None:
     found = []
@@ -35,7 +40,8 @@ def test_nothing_of_a_file_is_executed(path: Path) -> None:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             module = node.module if isinstance(node, ast.ImportFrom) else None
             names = [module] if module else [alias.name for alias in node.names]
-            found += [(node.lineno, name) for name in names if name and name.split(".")[0] in MODULES]
+            banned = MODULES - {"cloudpickle"} if path.relative_to(ROOT).as_posix() in OWN_MODELS else MODULES
+            found += [(node.lineno, name) for name in names if name and name.split(".")[0] in banned]
         if isinstance(node, ast.keyword) and node.arg in {"shell", "allow_pickle"}:
             found.append((node.value.lineno, node.arg))
     assert not found

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
 
 Array = NDArray[np.float64]
 
