@@ -58,6 +58,8 @@ def discover(
         export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
     say(f"Missing           {verdict_sentence(content)}")
+    for law in report.laws:
+        say(f"Law               {law.sentence}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
     for record in content.get("records", ()):
         say(f"  {record['file']}: {_unseen(record)}")

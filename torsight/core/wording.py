@@ -132,19 +132,13 @@ def named(discovery: Mapping[str, Any]) -> str:
         return "Nothing is missing from the model that this record can show."
     if verdict == "identified" and names:
         count = "an effect" if len(names) == 1 else f"{len(names)} effects"
-        return f"The model lacks {count}: {listed(names)}.{_laws(discovery)}"
+        return f"The model lacks {count}: {listed(names)}."
     if verdict == "ambiguous":
         options = explanations(discovery)
         return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."
     drivers = [variable_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
     depends = f" It depends on {listed(drivers)}." if drivers else ""
-    return f"Something real is missing that no known effect explains.{_laws(discovery) or depends}"
-
-
-def _laws(discovery: Mapping[str, Any]) -> str:
-    """Return what the measured laws say, a sentence each, with a blank before; nothing where there are none."""
-    told = [str(law.get("sentence") or "") for law in discovery.get("laws") or []]
-    return "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in told if sentence)
+    return f"Something real is missing that no known effect explains.{depends}"
 
 
 def listed(words: Sequence[str], *, last: str = "and") -> str:
