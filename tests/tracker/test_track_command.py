@@ -190,7 +190,7 @@ def test_a_track_that_was_stopped_ends_in_the_same_bytes(folder: Path, tmp_path:
     done = 0
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
         process = start(film, markers, out)
-        for _ in range(600):
+        for _ in range(3000):
             rows = _rows_of(state)
             if rows > done + 2 or process.poll() is not None:
                 break
