@@ -8,7 +8,6 @@ the residual's own size (model error included), so a sum of squares times these 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -77,17 +76,6 @@ class Scales:
     motion: float
     rest: float
     correlation_samples: float
-
-
-def pieces_in_motion(motion: Sequence[tuple[int, int]], scales: Scales) -> float:
-    """Return how many pieces of information ranges in motion hold, each at least one."""
-    return sum(max(1.0, (b - a) / scales.correlation_samples) for a, b in motion)
-
-
-def pieces(stretches: Stretches, scales: Scales) -> float:
-    """Return how many pieces of information a record holds: one per rest, and those in motion."""
-    levels, motion = stretches.split()
-    return len(levels) + pieces_in_motion(motion, scales)
 
 
 def correlation_samples(residual: Array, stretches: Stretches) -> float:

@@ -48,19 +48,9 @@ def outlier_precision(sigmas: Array) -> Array:
 
 def prior_cost(problem: Problem, fit: Fit) -> float:
     """Return the cost of a fit's distance from all priors; only base values can be simply wrong."""
-    return prior_cost_at(problem, fit, fit.solution.x)
-
-
-def prior_cost_at(problem: Problem, fit: Fit, x: Array) -> float:
-    """Return the same for other values (m,) of a fit's parameters."""
-    return prior_cost_of(space_of(fit.parameters).prior_residual(x), len(problem.parameters))
+    return prior_cost_of(space_of(fit.parameters).prior_residual(fit.solution.x), len(problem.parameters))
 
 
 def prior_cost_of(sigmas: Array, base: int) -> float:
     """Return the cost of distances in standard deviations, of which the first ``base`` are base values."""
     return float(np.sum(outlier_cost(sigmas[:base])) + np.sum(sigmas[base:] ** 2))
-
-
-def prior_count(problem: Problem) -> int:
-    """Return how many base parameters have a prior: the cost that is to be expected."""
-    return sum(parameter.sigma is not None for parameter in problem.parameters)
