@@ -149,7 +149,7 @@ def _home(theta_start: float, first: int, scale: float, springs: Array, tables: 
         return wound
     for i in range(2):
         own = theta_start if i == 0 else p[THETA_P] - theta_start
-        hold = p[HOME_HOLD] * scale * friction_torque(theta_start, i == 1, p, tables)
+        hold = scale * friction_torque(theta_start, i == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
         other = loading_torque(p[THETA_P] - own, springs[1 - i], tables) + side_torque(p[THETA_P] - own, p, tables)
@@ -182,7 +182,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
-    the first carries no more than the other and friction hold.
+    the first carries as much as the other and a share of the friction hold, from all of it one way to all the other.
     """
     before, p, o = int(g[WHO]), springs[who], springs[1 - who]
     if before >= 0:
@@ -191,12 +191,14 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
     g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
     if before < 0:
-        limit = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables)
-        limit += scale * friction_torque(theta_a, who == 1, p, tables)
+        other = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables) + side_torque(p[THETA_P] - x, p, tables)
         if p[HAS_STRAY] > 0.0:
-            limit += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
-        limit += side_torque(p[THETA_P] - x, p, tables)
-        g[TAU_NOW] = min(g[TAU_NOW], limit / p[FIRST_SHARE] - side_torque(x, p, tables))
+            other += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
+        most = other + scale * friction_torque(theta_a, who == 1, p, tables)
+        most = min(g[TAU_NOW], most / p[FIRST_SHARE] - side_torque(x, p, tables))
+        least = other - scale * friction_torque(theta_a, who == 0, p, tables)
+        least = min(most, least / p[FIRST_SHARE] - side_torque(x, p, tables))
+        g[TAU_NOW] = least + 0.5 * (1.0 + p[HOME_HOLD]) * (most - least)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], left, p, tables)

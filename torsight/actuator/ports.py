@@ -92,7 +92,7 @@ class Ports:
     first_share : float
         Share of its torque that the spring that is driven first carried before the record.
     home_hold : float
-        Share of the friction that is taken to have stopped the springs before the record.
+        Share of the friction that holds at the start of the record, from −1 to 1.
     heating_bend, cooling_bend : float
         By how much the transformation runs ahead of the phase law in the middle of its window.
     latent_c_s : float

@@ -116,6 +116,11 @@ class ActuatorProblem:
         """Names of the values that say what came before the record."""
         return tuple(p.name for effect in _always() if effect.family == "start" for p in effect.parameters)
 
+    @property
+    def first_halves(self) -> tuple[int, ...]:
+        """The half-cycle with which the record opens, where it is not known how the springs were wound before."""
+        return (int(self.block[0]),) if self.history.unwound_rad is None else ()
+
     @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
         """Starts of what is always fitted, and the sticks' zero in the middle of what was read."""

@@ -26,6 +26,8 @@ EffectSet = tuple[str, ...]
 WORKERS: Final = 2
 _Model = Callable[[Array], Array]
 _SCOUT_ITERATIONS: Final = 2
+_WORTH: Final = 1.0
+"""Decrease of the objective, one unit of information, below which an effect beside a fitted set is not followed."""
 _STAYS: Final = 1e-3
 """Standard deviation, in parameter scales, of a value that is to stay where it is."""
 _T = TypeVar("_T")
@@ -110,10 +112,12 @@ class Fitter:
         max_iterations: int = 12,
         keep: int = 2,
         near: Fit | None = None,
+        below: float = np.inf,
     ) -> Fit:
         """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end.
 
-        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail.
+        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail. Scouts that do
+        not promise to get ``below`` a value of the objective are not followed.
         """
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         used = self.weight if weight is None else weight
@@ -136,7 +140,10 @@ class Fitter:
         scouted = [run(point, _SCOUT_ITERATIONS, guess) for point, guess in zip(points, guesses, strict=True)]
         scouts = sorted(scouted, key=lambda found: found.cost)
         kept = _distinct(scouts, space)[:keep]
-        solutions = [run(scout.x, max_iterations, known=scout) for scout in kept]
+        solutions = [
+            run(scout.x, max_iterations, known=scout) if scout.cost - scout.promised < below else scout
+            for scout in kept
+        ]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
     def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Array | None:
@@ -161,6 +168,13 @@ class Fitter:
         derivative = jacobian(model, x, at_x=at_x, space=space)
         return Fit(effects, parameters, Solution(x, at_x, derivative, cost, data_cost, converged=False))
 
+    def known(self, effects: EffectSet, x: Array, prediction: Array, derivative: Array) -> Fit:
+        """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        cost, data_cost = costs(observed - prediction, x, weight=self.weight, space=self.space(effects))
+        solution = Solution(x, prediction, derivative, cost, data_cost, converged=False)
+        return Fit(effects, self.parameters(effects), solution)
+
     def base(self) -> Fit:
         """Fit the base model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
@@ -169,24 +183,29 @@ class Fitter:
         """Return measured less model (n,), NaN where a sample does not count."""
         return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
 
-    def extend(self, parent: Fit, name: str, *, weight: Array | None = None) -> Fit:
+    def extend(self, parent: Fit, name: str, *, weight: Array | None = None, from_means: bool = True) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
 
-        The second matters where an effect has pulled the base parameters off along a valley in which the record is
-        explained as well: from the means the search comes down into the valley where the priors are content.
+        The second (``from_means``) matters where an effect has pulled the base parameters off along a valley in which
+        the record is explained as well: from the means the search comes down into the valley where the priors are
+        content.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
-        found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent)
-        starts = [{**start, **away} for start in starts]
-        other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1)
-        found = min(found, other, key=lambda fit: fit.cost)
+        below = parent.cost - _WORTH
+        found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent, below=below)
+        if from_means:
+            starts = [{**start, **away} for start in starts]
+            other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, below=below)
+            found = min(found, other, key=lambda fit: fit.cost)
         if self.candidates[name].propose is not None:
             found = self.propose_again(found, name, weight=weight)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
-        return found if found.cost <= parent.cost else self.fit(effects, [self._switched_off(parent, name)])
+        if found.cost <= parent.cost:
+            return found
+        return self.fit(effects, [self._switched_off(parent, name)], near=parent, below=below)
 
     def propose_again(self, found: Fit, name: str, *, weight: Array | None = None) -> Fit:
         """Look for the effect once more, in the residual that its own fit leaves with it switched off."""

@@ -107,6 +107,9 @@ class Problem(Protocol):
         Size of a difference, in units of ``observed``, below which nobody would miss an effect.
     once : tuple of str
         May be left out. Base parameters that only some blocks can tell, such as what came before the record.
+    first_halves : tuple of int
+        May be left out. Blocks that a record opens with, where what came before it is not known: how far the model is
+        off there says nothing of the others.
     elsewhere : tuple of mapping
         May be left out. Other values of base parameters (parameter name to value) from which every fit is tried once
         more: for models whose answer has kinks, where a fit may sit in the wrong valley.

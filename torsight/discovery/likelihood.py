@@ -3,7 +3,8 @@ r"""What a residual is worth: a Gaussian likelihood whose noise is inferred and 
 .. math:: \log L = -\tfrac12 \sum_i c_i \left( \frac{r_i^2}{s^2 + n_i^2} + \log (s^2 + n_i^2) \right)
 
 r residual, n_i what the inputs account for (reading noise, noise of the temperatures), s the size of the discrepancy
-that is left, one for motion and one for rests, each at its most probable value. Neighbouring residuals are not
+that is left, each at its most probable value: one for motion, one for rests, and one for the blocks that a record opens
+with, where what came before it is not known. Neighbouring residuals are not
 independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ the residual's integrated
 correlation time in samples; a rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps
 intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and Firth,
@@ -15,6 +16,7 @@ B 63 (2001) 425).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,10 @@ from numpy.typing import NDArray
 from torsight.discovery.noise import Stretches
 
 Array = NDArray[np.float64]
-_SIZES = 28
+MOTION: Final = 0
+REST: Final = 1
+OPENING: Final = 2
+_SIZES: Final = 28
 """Bisections of the size's logarithm over thirteen decades: to a part in ten thousand."""
 
 
@@ -36,8 +41,8 @@ class Likelihood:
         Pieces of information that a sample counts as; zero where it does not count.
     floor : (n,) float64
         Standard deviation that the inputs account for.
-    rest : (n,) bool
-        Whether the sample is part of a rest.
+    kind : (n,) int8
+        :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares.
     correlation_samples : float
         Integrated correlation time of the residual in motion.
     least : float
@@ -46,34 +51,35 @@ class Likelihood:
 
     count: Array
     floor: Array
-    rest: NDArray[np.bool_]
+    kind: NDArray[np.int8]
     correlation_samples: float
     least: float = 0.0
 
     @classmethod
     def of(cls, stretches: Stretches, floor: Array, correlation_samples: float, *, least: float = 0.0) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
-        count, rest = np.zeros(len(floor)), np.zeros(len(floor), np.bool_)
-        for start, stop, at_rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
+        count, kind = np.zeros(len(floor)), np.zeros(len(floor), np.int8)
+        for start, stop, at_rest, opening in zip(
+            stretches.start, stretches.stop, stretches.rest, stretches.opening, strict=True
+        ):
             length = stop - start
             count[start:stop] = 1.0 / (length if at_rest else min(max(correlation_samples, 1.0), length))
-            rest[start:stop] = at_rest
-        return cls(count, floor, rest, correlation_samples, least)
+            kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
+        return cls(count, floor, kind, correlation_samples, least)
 
     def variance(self, residual: Array) -> Array:
         """Return the variance (n,) of every sample with the discrepancy's most probable size."""
-        motion, rest = self.discrepancy(residual)
-        return np.asarray(self.floor**2 + 1e-30 + np.where(self.rest, rest, motion) ** 2)
+        return np.asarray(self.floor**2 + 1e-30 + self.discrepancy(residual)[self.kind] ** 2)
 
-    def discrepancy(self, residual: Array) -> tuple[float, float]:
-        """Return the discrepancy's most probable size in motion and at rest."""
-        sizes = []
-        for kind in (~self.rest, self.rest):
-            rows = kind & (self.count > 0.0)
-            square = self.floor[rows] ** 2 + 1e-30
-            sizes.append(_discrepancy(residual[rows] ** 2, square, self.count[rows]) if rows.any() else 0.0)
-        motion, rest = (max(float(np.sqrt(size)), self.least) for size in sizes)
-        return motion, rest
+    def discrepancy(self, residual: Array) -> Array:
+        """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
+        sizes = np.zeros(3)
+        for kind in (MOTION, REST, OPENING):
+            rows = (self.kind == kind) & (self.count > 0.0)
+            if rows.any():
+                square = self.floor[rows] ** 2 + 1e-30
+                sizes[kind] = _discrepancy(residual[rows] ** 2, square, self.count[rows])
+        return np.maximum(np.sqrt(sizes), self.least)
 
     def log(self, residual: Array) -> float:
         """Return the logarithm of the likelihood, up to a constant."""

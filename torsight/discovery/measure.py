@@ -23,7 +23,7 @@ from torsight.discovery.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.interface import Problem
 from torsight.discovery.likelihood import Likelihood
 from torsight.discovery.priors import outlier_precision, prior_cost_of
-from torsight.discovery.solver import Space, jacobian
+from torsight.discovery.solver import TRUSTED, Slopes, Space
 
 Array = NDArray[np.float64]
 
@@ -54,6 +54,10 @@ class Measured:
         The kernel's name.
     values : mapping of str to float
         The model's parameters, and the form's.
+    prediction : (n,) float64
+        Of the model at these values.
+    derivative : (n, m) float64
+        Derivatives of the prediction by the values, in their order.
     log_evidence : float
         Of the family, comparable among fits of one record under one likelihood.
     size : float
@@ -66,6 +70,8 @@ class Measured:
     form: LawForm
     kernel: str
     values: Mapping[str, float]
+    prediction: Array
+    derivative: Array
     log_evidence: float
     size: float
     bank: float
@@ -105,7 +111,7 @@ def measure_law(
     effects: EffectSet = (),
     likelihood: Likelihood,
     iterations: int = ITERATIONS,
-    law_values: Array | None = None,
+    known: Mapping[str, Array] | None = None,
 ) -> Measured:
     """Measure a law beside the base model and a set of effects.
 
@@ -123,10 +129,10 @@ def measure_law(
         Of the record.
     iterations : int
         Steps at most.
-    law_values : (k,) float64, optional
-        Values of the law on its nodes from which to begin; zero without.
+    known : mapping of str to (n,) float64, optional
+        Derivatives at the start by some of the values, where a fit without the law has them.
     """
-    return _Measurement(problem, law, effects, likelihood).run(start, iterations, law_values)
+    return _Measurement(problem, law, effects, likelihood).run(start, iterations, known or {})
 
 
 class _Measurement:
@@ -162,62 +168,75 @@ class _Measurement:
         f = u[m:]
         return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
-    def run(self, start: Mapping[str, float], iterations: int, law_values: Array | None) -> Measured:
+    def run(self, start: Mapping[str, float], iterations: int, known: Mapping[str, Array]) -> Measured:
         """Step from a start until nothing is gained."""
-        m = len(self._names)
-        u = np.zeros(m + len(self._law.nodes))
+        m, k = len(self._names), len(self._law.nodes)
+        u = np.zeros(m + k)
         u[:m] = [start[name] for name in self._names]
-        if law_values is not None:
-            u[m:] = law_values
-        u = self._space.clip(u)
-        at_u = self._model(u)
-        picture = self._picture(u, at_u)
+        slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
         for _ in range(iterations):
-            best = picture.best
-            precision = _precision(best.form.basis)
-            now = self._likelihood.log(self._residual(at_u)) + self._prior(_projected(u, m, best.form), precision)
+            picture = self._picture(slopes)
+            form = picture.best.form
+            precision = _precision(form.basis)
+            now = self._value(slopes.at_x, _projected(slopes.x, m, form), precision)
             target = self._space.clip(picture.mean)
-            found = self._towards(u, target, now, precision)
+            promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
+            found = self._towards(slopes.x, target, now, precision) if promised > _SETTLED else None
             if found is None:
+                if promised > _SETTLED and slopes.refresh():
+                    continue
                 break
             gained, u, at_u = found
-            picture = self._picture(u, at_u)
-            if gained < _SETTLED:
-                break
-        return self._measured(_projected(u, m, picture.best.form))
+            slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
+        return self._measured(slopes)
+
+    def _guess(self, known: Mapping[str, Array]) -> Array | None:
+        """Return the derivatives that are known as columns, NaN for the others; None where none is."""
+        if not known:
+            return None
+        missing = np.full(len(self._observed), np.nan)
+        columns = [known.get(name, missing) for name in self._names]
+        return np.column_stack([*columns, *(missing for _ in self._law.nodes)])
+
+    def _value(self, at_u: Array, u: Array, precision: Array) -> float:
+        """Return the posterior density's logarithm at a point under one member."""
+        return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
 
     def _towards(self, u: Array, target: Array, now: float, precision: Array) -> tuple[float, Array, Array] | None:
         step = 1.0
         for _ in range(_HALVINGS):
             trial = u + step * (target - u)
             at_trial = self._model(trial)
-            there = self._likelihood.log(self._residual(at_trial)) + self._prior(trial, precision)
+            there = self._value(at_trial, trial, precision)
             if there > now:
                 return there - now, trial, at_trial
             step *= 0.4
         return None
 
-    def _picture(self, u: Array, at_u: Array) -> _Picture:
-        derivative = jacobian(self._model, u, at_x=at_u, space=self._space)
-        residual = self._residual(at_u)
+    def _picture(self, slopes: Slopes, at_u: Array | None = None, u: Array | None = None) -> _Picture:
+        """Return the linear model at the slopes' point, or at one so near that its derivatives are the same."""
+        u = slopes.x if u is None else u
+        residual = self._residual(slopes.at_x if at_u is None else at_u)
         weight = self._likelihood.weight(residual)
         names = len(self._names)
         information = prior_information(self._space, u, self._base)[:names]
-        return _Picture.of(derivative, residual, weight, u=u, space=self._space, information=information,
+        return _Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
                            bank=self._members)  # fmt: skip
 
-    def _measured(self, u: Array) -> Measured:
-        m, at_u = len(self._names), self._model(u)
-        picture = self._picture(u, at_u)
+    def _measured(self, slopes: Slopes) -> Measured:
+        m = len(self._names)
+        u = _projected(slopes.x, m, self._picture(slopes).best.form)
+        at_u = self._model(u)
+        picture = self._picture(slopes, at_u, u)
         best = picture.best
         z = np.linalg.lstsq(best.form.basis, u[m:])[0]
         values = dict(zip(self._names, u[:m].tolist(), strict=True))
         values |= dict(zip(best.form.names, z.tolist(), strict=True))
+        derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ best.form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
-        here = self._likelihood.log(self._residual(at_u)) + self._prior(u, _precision(best.form.basis))
-        here += picture.occam[picture.place]
+        here = self._value(at_u, u, _precision(best.form.basis)) + picture.occam[picture.place]
         bank = best.log_prior + float(logsumexp(picture.evidence) - picture.evidence[picture.place])
-        return Measured(self._law, best.form, best.kernel.name, values, here + bank, best.size, bank)
+        return Measured(self._law, best.form, best.kernel.name, values, at_u, derivative, here + bank, best.size, bank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

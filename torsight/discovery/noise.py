@@ -33,11 +33,14 @@ class Stretches:
         Half-open ranges of samples.
     rest : (k,) bool
         Whether the stretch stands still.
+    opening : (k,) bool
+        Whether it lies in a block before which the state is not known.
     """
 
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
     rest: NDArray[np.bool_]
+    opening: NDArray[np.bool_]
 
     @classmethod
     def of(cls, problem: Problem) -> Stretches:
@@ -49,7 +52,8 @@ class Stretches:
         edges = np.flatnonzero(cut)
         start, stop = edges[:-1], edges[1:]
         keep = valid[start]
-        return cls(start[keep], stop[keep], rest[start[keep]])
+        opening = np.isin(problem.block[start[keep]], getattr(problem, "first_halves", ()))
+        return cls(start[keep], stop[keep], rest[start[keep]], opening)
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the ranges at rest and those in motion."""

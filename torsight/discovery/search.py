@@ -59,7 +59,7 @@ class Search:
         self._keep([self._base()])
         for size in range(1, self._settings.most + 1):
             parents = self._ranked(size - 1)[: self._settings.beam if size > 1 else 1]
-            parents = [parent for parent in parents if size == 1 or self.promise(parent) > self.needed]
+            parents = [parent for parent in parents if self.promise(parent) > self.needed]
             if not parents:
                 break
             self._extend(parents, size)
@@ -85,9 +85,13 @@ class Search:
 
     def promise(self, explanation: Explanation) -> float:
         """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
+        return self._likelihood.promise(explanation.residual) + self._pulled(explanation)
+
+    @staticmethod
+    def _pulled(explanation: Explanation) -> float:
+        """Return by how much the priors could be more content, in log units, than they are with a set's values."""
         held = sum(parameter.sigma is not None for parameter in explanation.fit.parameters)
-        pulled = 0.5 * max(0.0, explanation.prior - held)
-        return self._likelihood.promise(explanation.residual) + pulled
+        return 0.5 * max(0.0, explanation.prior - held)
 
     def _base(self) -> Explanation:
         """Fit the base model from the priors' means and from elsewhere."""
@@ -158,21 +162,23 @@ class Search:
         return self._with_law(parent, more) if isinstance(more, Law) else self._with_effect(parent, more)
 
     def _with_effect(self, parent: Explanation, name: str) -> Explanation:
-        fit = parent.fitter.extend(parent.fit, name)
+        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > 0.0)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
     def _with_law(self, parent: Explanation, law: Law) -> Explanation:
-        """Measure a law beside a set: from the set's optimum, and from the priors' means.
+        """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where what is missing has pulled the base values off, the second start comes down into the valley where the
         priors are content.
         """
-        problem = parent.fitter.problem
-        means = {p.name: p.value for p in problem.parameters}
-        starts = (parent.fit.values, {**parent.fit.values, **means})
+        problem, fit = parent.fitter.problem, parent.fit
+        known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
         found = [
-            measure_law(problem, law, start, effects=parent.members, likelihood=self._likelihood) for start in starts
+            measure_law(problem, law, fit.values, effects=parent.members, likelihood=self._likelihood, known=known)
         ]
+        if self._pulled(parent) > 0.0:
+            means = {**fit.values, **{p.name: p.value for p in problem.parameters}}
+            found.append(measure_law(problem, law, means, effects=parent.members, likelihood=self._likelihood))
         best = max(found, key=lambda measured: measured.log_evidence)
         return self._explained(problem, parent.laws, best, parent.members)
 
@@ -181,9 +187,12 @@ class Search:
     ) -> Explanation:
         """Return a measured law as an explanation: its form is one more candidate."""
         extended = problem.with_laws((*problem.forms, measured.form))
-        fitter = Fitter(extended, np.zeros(len(extended.observed)))
-        fit = fitter.at(fitter.ordered((*members, measured.law.id)), measured.values)
-        fitter = self._fitter(extended, fit)
+        residual = np.where(extended.valid, extended.observed - measured.prediction, 0.0)
+        fitter = Fitter(extended, self._likelihood.weight(residual))
+        effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
+        place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
+        x = np.array(list(measured.values.values()))[place]
+        fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
         return Explanation(fitter, fit, (*laws, measured), measured.log_evidence, self._progress)
 
     def _look_again(self, size: int) -> None:

@@ -26,7 +26,7 @@ _TOLERANCE: Final = 1e-4
 """A step that promises less than this share of the cost, or of one unit of information, ends the search."""
 
 
-_TRUSTED: Final = 0.6
+TRUSTED: Final = 0.6
 """Share of the promised decrease from which a step is taken to prove the derivatives."""
 _PROMISING: Final = 1.0
 """Decrease, in units of information, that is looked after where no step gets it ..."""
@@ -79,6 +79,8 @@ class Solution:
         False where the evaluations ran out first.
     moved : float
         Way in parameter scales since the derivatives were taken.
+    promised : float
+        Decrease of the objective that a further step promises.
     """
 
     x: Array
@@ -88,6 +90,7 @@ class Solution:
     data_cost: float
     converged: bool
     moved: float = 0.0
+    promised: float = 0.0
 
 
 def jacobian(
@@ -155,7 +158,7 @@ def solve(
         Leave the derivatives at the end as they are.
     """
     y = np.where(weight > 0.0, observed, 0.0)
-    slopes = _Slopes(function, space, start, known=known, guess=guess)
+    slopes = Slopes(function, space, start, known=known, guess=guess)
     cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
     held = np.zeros(len(start), bool)
@@ -193,14 +196,18 @@ def solve(
             break
         kept = (cost - trial_cost) / promised
         damping = max(damping * (0.1 if kept > 0.5 else 2.0), 1e-6)
-        slopes.move(trial, at_trial, trusted=kept > _TRUSTED)
+        slopes.move(trial, at_trial, trusted=kept > TRUSTED)
         cost, data_cost = trial_cost, trial_data
     if not rough:
         slopes.refresh()
-    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved)
+    promised = 0.0
+    if not converged:
+        normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
+        promised = _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
+    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
 
 
-class _Slopes:
+class Slopes:
     """The model at a point with its derivatives, by differences or (after a step that went as promised) by update."""
 
     def __init__(
@@ -209,8 +216,8 @@ class _Slopes:
         space: Space,
         start: Array,
         *,
-        known: Solution | None,
-        guess: Array | None,
+        known: Solution | None = None,
+        guess: Array | None = None,
     ) -> None:
         self._function = function
         self._space = space

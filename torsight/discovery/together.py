@@ -329,7 +329,7 @@ def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) ->
         return None
     whole, rows = findings.field.likelihood, problem.rows_of(last)
     likelihood = Likelihood(
-        whole.count[rows], whole.floor[rows], whole.rest[rows], whole.correlation_samples, whole.least
+        whole.count[rows], whole.floor[rows], whole.kind[rows], whole.correlation_samples, whole.least
     )
     part = problem.parts[last]
     views = [single(problem, one, last) for one in (decision.chosen, *decision.rivals)]

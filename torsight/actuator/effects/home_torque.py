@@ -1,13 +1,14 @@
-r"""How far a spring was wound before the record is not quite what the home rule says.
+r"""What friction held at the start of the record is not quite what the home rule says.
 
-.. math:: τ^A(θ_{max}, θ_1) = τ^B + h \, τ_f(φ_0)
+.. math:: τ^A(φ_0) = τ^B(φ_0) + h \, τ_f(φ_0), \qquad −1 ≤ h ≤ 1
 
-A record starts at its first measured angle, both springs cold. How far A was wound before (and with it its recoverable
-angle) follows from the friction that stopped it there; h is that friction as a share of the sliding friction at this
-angle: 1 by the rule, less than 0 where the friction came to hold the other way. What holds it now is never more than
-the friction. No effect of the rig: what came before the record is not in the record, and an error here spoils the first
-half-cycles. So the discovery always fits h beside the characterised values and never names it. Source: the paper,
-section 4.2 (the home position, 'exclusively determined by the properties of the actuator').
+A record starts at its first measured angle, both springs cold. τ^A is the torque of the spring that is driven first,
+τ_f the friction torque there and h the share of it that holds: 1 by the rule (it was unwound until friction held it),
+−1 where friction came to hold the other way. How far the spring was wound before is a value of its own
+(:mod:`torsight.actuator.effects.start_winding`). No effect of the rig: what came before the record is not in the
+record, and an error here spoils the first half-cycle. So the discovery always fits h beside the characterised values
+and never names it. Source: the paper, section 4.2 (the home position, 'exclusively determined by the properties of the
+actuator').
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Change the friction that stopped the springs."""
+    """Change what friction holds at the start."""
     return replace(ports, home_hold=ports.home_hold * values["home_hold"])
 
 
@@ -29,9 +30,8 @@ EFFECT: Final = Effect(
     id="home_torque",
     family="start",
     acts_on="friction",
-    title="how far a spring was wound before the record",
-    parameters=(Parameter(name="home_hold", value=1.0, unit="", lower=-1.0, upper=3.0, sigma=0.25, null=1.0),),
+    title="what friction held at the start",
+    parameters=(Parameter(name="home_hold", value=1.0, unit="", lower=-1.0, upper=1.0, sigma=0.5, null=1.0),),
     apply=apply,
-    # Where the first spring turns out to have been wound less or more, a fit from 1 sees only the nearer slope.
-    starts=({"home_hold": 0.25}, {"home_hold": 0.7}, {"home_hold": 1.35}, {"home_hold": 1.7}),
+    starts=({"home_hold": 0.0},),
 )

@@ -20,8 +20,9 @@ from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 
-_SIGMA_DEG: Final = 3.0
-"""An error of the start shows as up to 3° in the first half-cycle of an unknown history."""
+_SIGMA_DEG: Final = 10.0
+"""What a quarter of the friction torque more or less in what stopped a spring leaves in its winding: of the paper's rig
+0.25 τ_c / (K_M − K_S) (1 − K_S/K_M) = 9°."""
 
 
 def apply(ports: Ports, values: Values) -> Ports:
