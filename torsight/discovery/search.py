@@ -59,7 +59,7 @@ class Search:
         self._keep([self._base()])
         for size in range(1, self._settings.most + 1):
             parents = self._ranked(size - 1)[: self._settings.beam if size > 1 else 1]
-            parents = [parent for parent in parents if self.promise(parent) > self.needed]
+            parents = [parent for parent in parents if self._may_lead(parent)]
             if not parents:
                 break
             self._extend(parents, size)
@@ -82,6 +82,12 @@ class Search:
     def choices(self) -> int:
         """How many effects and laws there are to choose from."""
         return len(self._problem.candidates) + len(self._problem.laws)
+
+    def _may_lead(self, parent: Explanation) -> bool:
+        """Return whether one more member could make a set that is told beside the best one, or instead of it."""
+        best = self._best()
+        most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
+        return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
 
     def promise(self, explanation: Explanation) -> float:
         """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
