@@ -32,7 +32,8 @@ _NODES: Final = 13
 _MARGIN: Final = 0.05
 """Share of a driver's range by which its nodes reach beyond what the record covers."""
 _AHEAD: Final = 2
-"""A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is its prior's."""
+"""A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is the prior's.
+"""
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
 _SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
 

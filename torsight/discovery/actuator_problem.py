@@ -224,22 +224,23 @@ class ActuatorProblem:
 def kept_rows(drive: Drive) -> NDArray[np.int64]:
     """Return the rows between which the angle or a temperature changes enough to matter.
 
-    A row is kept for every 2.5° of angle and every 0.5 °C (1 °C of the passive spring), every half minute, at changes
-    of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within three
-    seconds, one a second within fifteen. Such an end is where the driven temperature turns down, where it is highest,
-    and (behind a slow sensor, before either) where the angle stops.
+    The stepping is exact for steps of any length between which temperatures rise or fall: rows only have to sample the
+    residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
+    changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
+    two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
+    highest, and (behind a slow sensor, before either) where the angle stops.
     """
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
     interval = float(np.median(np.diff(drive.time_s)))
     smooth = _running_median(drive.angle_rad / DEG)
     way = np.zeros(len(drive))
-    for values, step in ((active, 0.5), (passive, 1.0), (smooth, 2.5), (drive.time_s, 30.0)):
+    for values, step in ((active, 1.0), (passive, 2.0), (smooth, 5.0), (drive.time_s, 30.0)):
         way[1:] = np.maximum(way[1:], np.abs(np.diff(values)) / step)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(np.cumsum(way)))) + 1] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
-    near, far, second = (max(1, round(span_s / interval)) for span_s in (3.0, 15.0, 1.0))
+    near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
     for place in [*turn, *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
         keep[max(0, place - far) : place + far : second] = True

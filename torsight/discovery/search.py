@@ -38,7 +38,7 @@ _SETTLED: Final = 0.3
 _ROUNDS: Final = 6
 TIME: Final = "time_s"
 """The driver that is a reference and no explanation."""
-_FIRST_CORRELATION: Final = 8.0
+_FIRST_CORRELATION: Final = 4.0
 """Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
 leaves is correlated over a whole stroke and says nothing of the noise."""
 

@@ -200,10 +200,8 @@ def solve(
         cost, data_cost = trial_cost, trial_data
     if not rough:
         slopes.refresh()
-    promised = 0.0
-    if not converged:
-        normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
-        promised = _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
+    normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
+    promised = 0.0 if converged else _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
     return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
 
 
