@@ -34,11 +34,11 @@ from torsight.actuator.kernel_laws import (
     DWELL_STEP,
     FIRST_SHARE,
     FIXED_THETA_L,
-    HAS_LOADING,
     HAS_STRAY,
     HOME_HOLD,
     K_M,
     K_S,
+    LOADING_ROW,
     PASSIVE_SHARE,
     ROOM_C,
     SPEED_STEP,
@@ -126,7 +126,7 @@ def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
     start = max(x, p[THETA_CR])
     over = max(0.0, cold_torque(x, start, p, tables) - limit)
     wound = start + over / (p[K_M] - p[K_S])
-    if p[HAS_LOADING] > 0.0:
+    if p[LOADING_ROW] > 0.0:
         # The curve is less steep than K_M everywhere, so that these steps close in on the answer.
         for _ in range(40):
             off = cold_torque(x, wound, p, tables) - limit
@@ -152,9 +152,10 @@ def _home(theta_start: float, first: int, scale: float, springs: Array, tables: 
         hold = scale * friction_torque(theta_start, i == 1, p, tables)
         if p[HAS_STRAY] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        other = loading_torque(p[THETA_P] - own, springs[1 - i], tables) + side_torque(p[THETA_P] - own, p, tables)
+        other = loading_torque(p[THETA_P] - own, springs[1 - i], tables)
+        other += side_torque(p[THETA_P] - own, springs[1 - i], tables)
         limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
-        wound[i] = _wound_for(own, limit - side_torque(own, p, tables), springs[i], tables)
+        wound[i] = _wound_for(own, limit - side_torque(own, springs[i], tables), springs[i], tables)
     return wound
 
 
@@ -191,7 +192,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
     g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
     if before < 0:
-        other = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables) + side_torque(p[THETA_P] - x, p, tables)
+        other = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables) + side_torque(p[THETA_P] - x, o, tables)
         if p[HAS_STRAY] > 0.0:
             other += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
         most = other + scale * friction_torque(theta_a, who == 1, p, tables)
@@ -351,7 +352,7 @@ def run(
         column where nothing of it is.
     springs : (2, N_SCALARS) float64
         Scalars in SI units, with the values of spring A and with those of spring B.
-    tables : (7, m) float64
+    tables : (9, m) float64
         See :mod:`torsight.actuator.kernel_laws`.
     sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).

@@ -4,9 +4,10 @@
 # Compiled functions call each other by position, flags too.
 """What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
 
-``p`` holds the rig's scalars at the places named here, those of one spring among them. ``tables`` (7, m): torques over
-θ^A (friction down and up, stray torque), over a spring's own angle (side torque, what its loading curve has beside its
-two slopes), friction torque over the speed, and the factor on friction over log10(1 + rest in s).
+``p`` holds the rig's scalars at the places named here, those of one spring among them. ``tables`` (9, m): torques over
+θ^A (friction down and up, stray torque), over either spring's own angle (side torque, what its loading curve has beside
+its two slopes; the rows stand in the spring's scalars, 0 where there is none), friction torque over the speed, and the
+factor on friction over log10(1 + rest in s).
 """
 
 from __future__ import annotations
@@ -47,14 +48,14 @@ HAS_STRAY: Final = 22
 STEADY: Final = 23
 HOME_HOLD: Final = 24
 FIRST_SHARE: Final = 25
-HAS_SIDE: Final = 26
+SIDE_ROW: Final = 26
 HEATING_BEND: Final = 27
 COOLING_BEND: Final = 28
 VISCOUS_POWER: Final = 29
 UNWOUND_A: Final = 30
 UNWOUND_B: Final = 31
 LATENT: Final = 32
-HAS_LOADING: Final = 33
+LOADING_ROW: Final = 33
 FOLLOWS: Final = 34
 N_SCALARS: Final = 35
 
@@ -62,10 +63,12 @@ N_SCALARS: Final = 35
 FRICTION_DOWN: Final = 0
 FRICTION_UP: Final = 1
 STRAY: Final = 2
-SIDE: Final = 3
-LOADING: Final = 4
-SPEED: Final = 5
-DWELL: Final = 6
+SIDE_A: Final = 3
+SIDE_B: Final = 4
+LOADING_A: Final = 5
+LOADING_B: Final = 6
+SPEED: Final = 7
+DWELL: Final = 8
 
 _LN100: Final = 4.605170185988092
 
@@ -172,8 +175,8 @@ def table_and_slope(x: float, row: int, p: Array, tables: Array) -> tuple[float,
 @inlined
 def side_torque(x: float, p: Array, tables: Array) -> float:
     """Return what a spring makes beside its phase's torque, at its own angle."""
-    if p[HAS_SIDE] > 0.0:
-        return from_table(x, SIDE, p, tables)
+    if p[SIDE_ROW] > 0.0:
+        return from_table(x, int(p[SIDE_ROW]), p, tables)
     return 0.0
 
 
@@ -194,8 +197,8 @@ def loading_torque(theta: float, p: Array, tables: Array) -> float:
     torque = p[K_M] * theta
     if theta > p[THETA_CR]:
         torque = p[K_M] * p[THETA_CR] + p[K_S] * (theta - p[THETA_CR])
-    if p[HAS_LOADING] > 0.0:
-        torque += from_table(theta, LOADING, p, tables)
+    if p[LOADING_ROW] > 0.0:
+        torque += from_table(theta, int(p[LOADING_ROW]), p, tables)
     return torque
 
 
@@ -203,8 +206,8 @@ def loading_torque(theta: float, p: Array, tables: Array) -> float:
 def loading_slope(theta: float, p: Array, tables: Array) -> float:
     """Return the slope of the loading curve."""
     slope = p[K_M] if theta <= p[THETA_CR] else p[K_S]
-    if p[HAS_LOADING] > 0.0:
-        slope += table_and_slope(theta, LOADING, p, tables)[1]
+    if p[LOADING_ROW] > 0.0:
+        slope += table_and_slope(theta, int(p[LOADING_ROW]), p, tables)[1]
     return slope
 
 
@@ -217,8 +220,8 @@ def left_by_winding(theta_max: float, p: Array, tables: Array) -> float:
     left = 0.0
     if theta_max > p[THETA_CR]:
         left = (theta_max - p[THETA_CR]) * (1.0 - p[K_S] / p[K_M])
-    if p[HAS_LOADING] > 0.0:
-        left = max(0.0, left - p[FOLLOWS] * from_table(theta_max, LOADING, p, tables) / p[K_M])
+    if p[LOADING_ROW] > 0.0:
+        left = max(0.0, left - p[FOLLOWS] * from_table(theta_max, int(p[LOADING_ROW]), p, tables) / p[K_M])
     return left
 
 

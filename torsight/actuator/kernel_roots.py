@@ -28,7 +28,6 @@ from torsight.actuator.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,
     HAS_FRICTION,
-    HAS_SIDE,
     HAS_STRAY,
     K_A,
     K_M,
@@ -36,7 +35,7 @@ from torsight.actuator.kernel_laws import (
     M_WIDTH,
     PASSIVE_SHARE,
     ROOM_C,
-    SIDE,
+    SIDE_ROW,
     SPEED,
     SPEED_STEP,
     STEADY,
@@ -238,8 +237,8 @@ def _load_and_slope(x: float, sense: float, c: Array, p: Array, o: Array, tables
     other = p[THETA_P] - x
     load, slope = _cold_and_slope(x, c, o, tables)
     load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
-    if p[HAS_SIDE] > 0.0:
-        side, side_slope = table_and_slope(other, SIDE, p, tables)
+    if o[SIDE_ROW] > 0.0:
+        side, side_slope = table_and_slope(other, int(o[SIDE_ROW]), o, tables)
         load, slope = load + side, slope - side_slope
     theta_a = x if c[SIGN] > 0.0 else other
     friction, friction_slope = p[TAU_C], 0.0
@@ -313,7 +312,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, o: Array, tables: Ar
     spread = p[K_M] - p[K_A]
     # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
     may_creep = p[STEADY] == 0.0 or p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0
-    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[HAS_SIDE] + p[DWELL_STEP] == 0.0
+    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[SIDE_ROW] + o[SIDE_ROW] + p[DWELL_STEP] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
     for _ in range(_NEWTON_STEPS):
@@ -333,8 +332,8 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, o: Array, tables: Ar
             if made < least:
                 made, slope = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p[K_M]
         made += c[OWN]
-        if p[HAS_SIDE] > 0.0:
-            side, side_slope = table_and_slope(x, SIDE, p, tables)
+        if p[SIDE_ROW] > 0.0:
+            side, side_slope = table_and_slope(x, int(p[SIDE_ROW]), p, tables)
             made, slope = made + side, slope + side_slope
         if abs(load - made) <= TORQUE_TOLERANCE:
             if sense * (x - g[X_NOW]) * abs(load_slope - slope) < least_excess:

@@ -389,16 +389,15 @@ def _over_winding(ports: Ports, law: _Curve) -> Array:
     return law((ports.grid_rad() - 0.5 * ports.rig.theta_p_rad) / DEG) * MNM
 
 
-def _winding(ports: Ports, law: _Curve) -> Ports:
-    return ports.with_side(_over_winding(ports, law))
+def _winding(spring: str) -> Callable[[Ports, _Curve], Ports]:
+    return lambda ports, law: ports.with_side(_over_winding(ports, law), spring=spring)
 
 
-def _loading(ports: Ports, law: _Curve) -> Ports:
-    return ports.with_loading(_gentle(ports, _over_winding(ports, law)))
+def _loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, _Curve], Ports]:
+    def apply(ports: Ports, law: _Curve) -> Ports:
+        return ports.with_loading(_gentle(ports, _over_winding(ports, law)), follows=follows, spring=spring)
 
-
-def _loading_alone(ports: Ports, law: _Curve) -> Ports:
-    return ports.with_loading(_gentle(ports, _over_winding(ports, law)), follows=0.0)
+    return apply
 
 
 _STEEPEST: Final = 0.9
@@ -452,12 +451,18 @@ _ALL: Final = (
     Family("torque_angle_deg", "torque", "angle_deg", "mN·m", "stray torque over the angle", "torque", _stray,
            _angle_nodes, 0.1, _waves),
     Family("winding_winding_deg", "winding", "winding_deg", "mN·m", "a spring's torque over its winding", "torque",
-           _winding, _winding_nodes, 0.1, _wound),
+           _winding("both"), _winding_nodes, 0.1, _wound),
+    *(Family(f"winding_{one}_winding_deg", "winding", "winding_deg", "mN·m",
+             f"spring {one.upper()}'s torque over its winding", "torque", _winding(one), _winding_nodes, 0.1, _wound,
+             spring=one) for one in "ab"),
     Family("loading_winding_deg", "winding", "winding_deg", "mN·m", "the loading curve over the winding", "torque",
-           _loading, _winding_nodes, 0.1, _wound),
+           _loading("both"), _winding_nodes, 0.1, _wound),
+    *(Family(f"loading_{one}_winding_deg", "winding", "winding_deg", "mN·m",
+             f"spring {one.upper()}'s loading curve over the winding", "torque", _loading(one), _winding_nodes, 0.1,
+             _wound, spring=one) for one in "ab"),
     Family("loading_alone_winding_deg", "winding", "winding_deg", "mN·m",
-           "the loading curve over the winding, recoverable angle as before", "torque", _loading_alone,
-           _winding_nodes, 0.1, _wound),
+           "the loading curve over the winding, recoverable angle as before", "torque",
+           _loading("both", follows=0.0), _winding_nodes, 0.1, _wound),
     Family("friction_angle_deg", "friction", "angle_deg", "", "friction over the angle", "friction", _friction_angle,
            _angle_nodes, 0.1, _waves),
     Family("friction_temp_active_c", "friction", "temp_active_c", "", "friction over the driven spring's temperature",

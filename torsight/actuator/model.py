@@ -301,7 +301,12 @@ def run_ports(
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> Array:
     """Return the kernel's scalars (2, N_SCALARS): with spring A's values, and with spring B's."""
     common = _common_scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg)
-    return np.stack([_with_spring(common, rig) for rig in (ports.rig, ports.rig_b)])
+    springs = np.stack([_with_spring(common, rig) for rig in (ports.rig, ports.rig_b)])
+    for i, (side, loading) in enumerate(((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))):
+        springs[i, places.SIDE_ROW] = 0 if ports.side_nm[i] is None else side
+        springs[i, places.LOADING_ROW] = 0 if ports.loading_nm[i] is None else loading
+        springs[i, places.FOLLOWS] = ports.loading_follows[i]
+    return springs
 
 
 def _with_spring(common: Array, rig: Rig) -> Array:
@@ -321,7 +326,6 @@ def _common_scalars(ports: Ports, *, tanaka: bool, theta_l_deg: float | None) ->
     p = np.zeros(places.N_SCALARS)
     p[places.THETA_P] = rig.theta_p_rad
     p[places.TAU_C], p[places.VISCOUS], p[places.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
-    p[places.HAS_LOADING], p[places.FOLLOWS] = float(ports.loading_nm is not None), ports.loading_follows
     p[places.LATENT] = ports.latent_c_s
     p[places.SPEED_STEP] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
     p[places.DWELL_STEP] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
@@ -330,7 +334,6 @@ def _common_scalars(ports: Ports, *, tanaka: bool, theta_l_deg: float | None) ->
     p[places.GRID_START], p[places.GRID_STEP] = grid[0], grid[1] - grid[0]
     p[places.HAS_FRICTION] = float(ports.friction_down_nm is not None)
     p[places.HAS_STRAY] = float(ports.stray_nm is not None)
-    p[places.HAS_SIDE] = float(ports.side_nm is not None)
     p[places.FIRST_SHARE] = ports.first_share
     p[places.HEATING_BEND], p[places.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
@@ -347,8 +350,8 @@ def _tables(ports: Ports) -> Array:
         ports.friction_down_nm,
         ports.friction_up_nm,
         ports.stray_nm,
-        ports.side_nm,
-        ports.loading_nm,
+        *ports.side_nm,
+        *ports.loading_nm,
         ports.speed_friction_nm,
         ports.dwell_factor,
     )

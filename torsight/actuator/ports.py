@@ -49,6 +49,19 @@ class History:
     elapsed_s: float = 0.0
 
 
+Pair = tuple[Array | None, Array | None]
+"""A table of spring A and one of B."""
+
+
+def _added(tables: Pair, torque_nm: Array, spring: str) -> Pair:
+    """Return tables with a torque added to those of one spring (``a``, ``b``) or of ``both``."""
+    a, b = (
+        table if spring not in ("both", name) else torque_nm if table is None else table + torque_nm
+        for name, table in zip("ab", tables, strict=True)
+    )
+    return a, b
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Ports:
     """Everything that drives one simulation.
@@ -107,12 +120,13 @@ class Ports:
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
         Further torque along φ over θ^A.
-    loading_nm : (g,) float64 or None
-        What the loading curve has beside its two slopes, over a spring's own angle (:meth:`grid_rad`).
-    loading_follows : float
+    loading_nm : two (g,) float64, or None
+        What the loading curves of A and of B have beside their two slopes, over the spring's own angle
+        (:meth:`grid_rad`).
+    loading_follows : (float, float)
         Share of that by which the recoverable angle follows the loading curve.
-    side_nm : (g,) float64 or None
-        Torque that either spring makes beside its phase's, over its own angle (the same grid).
+    side_nm : two (g,) float64, or None
+        Torque that A and B make beside their phase's, over their own angle (the same grid).
     reading : tuple of functions
         What turns φ at given times into the angle that is read, rad, applied in this order.
     """
@@ -153,9 +167,9 @@ class Ports:
     friction_down_nm: Array | None = None
     friction_up_nm: Array | None = None
     stray_nm: Array | None = None
-    loading_nm: Array | None = None
-    loading_follows: float = 1.0
-    side_nm: Array | None = None
+    loading_nm: Pair = (None, None)
+    loading_follows: tuple[float, float] = (1.0, 1.0)
+    side_nm: Pair = (None, None)
     reading: tuple[Reading, ...] = ()
 
     @property
@@ -221,21 +235,22 @@ class Ports:
         """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
         return replace(self, dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
 
-    def with_loading(self, torque_nm: Array, *, follows: float = 1.0) -> Ports:
-        """Return ports whose loading curve has a further torque over a spring's angle (on :meth:`grid_rad`).
+    def with_loading(self, torque_nm: Array, *, follows: float = 1.0, spring: str = "both") -> Ports:
+        """Return ports whose loading curves have a further torque over the spring's angle (on :meth:`grid_rad`).
 
         The recoverable angle follows it by the share ``follows``.
         """
-        before = self.loading_nm
-        return replace(self, loading_nm=torque_nm if before is None else before + torque_nm, loading_follows=follows)
+        a, b = (spring in ("both", one) for one in "ab")
+        shares = (follows if a else self.loading_follows[0], follows if b else self.loading_follows[1])
+        return replace(self, loading_nm=_added(self.loading_nm, torque_nm, spring), loading_follows=shares)
 
     def with_stray(self, torque_nm: Array) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""
         return replace(self, stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
 
-    def with_side(self, torque_nm: Array) -> Ports:
+    def with_side(self, torque_nm: Array, *, spring: str = "both") -> Ports:
         """Return ports whose springs make a further torque over their own angle (on :meth:`grid_rad`)."""
-        return replace(self, side_nm=torque_nm if self.side_nm is None else self.side_nm + torque_nm)
+        return replace(self, side_nm=_added(self.side_nm, torque_nm, spring))
 
     def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
         """Return ports whose wires' temperatures and slopes are changed by one rule."""

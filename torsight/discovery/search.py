@@ -183,8 +183,12 @@ class Search:
             measure_law(problem, law, fit.values, effects=parent.members, likelihood=self._likelihood, known=known)
         ]
         if self._pulled(parent) > 0.0:
-            means = {**fit.values, **{p.name: p.value for p in problem.parameters}}
-            found.append(measure_law(problem, law, means, effects=parent.members, likelihood=self._likelihood))
+            nominal = parent.fitter.nominal
+            known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
+            means = {**fit.values, **nominal.values}
+            found.append(
+                measure_law(problem, law, means, effects=parent.members, likelihood=self._likelihood, known=known)
+            )
         best = max(found, key=lambda measured: measured.log_evidence)
         return self._explained(problem, parent.laws, best, parent.members)
 
