@@ -31,7 +31,7 @@ _ANGLE_NODES: Final = 37
 _NODES: Final = 13
 _MARGIN: Final = 0.05
 """Share of a driver's range by which its nodes reach beyond what the record covers."""
-_AHEAD: Final = 2
+AHEAD: Final = 2
 """A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is the prior's.
 """
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
@@ -216,12 +216,12 @@ def _time_nodes(drive: Drive) -> Array | None:
 
 def _half_nodes(drive: Drive) -> Array | None:
     count = len(drive.cycles.springs)
-    return np.arange(_AHEAD * count, dtype=np.float64) if count > 2 else None
+    return np.arange(AHEAD * count, dtype=np.float64) if count > 2 else None
 
 
 def _cycle_nodes(drive: Drive) -> Array | None:
     count = int(drive.cycles.counts().max()) + 1
-    return np.arange(_AHEAD * count, dtype=np.float64) if count > 1 else None
+    return np.arange(AHEAD * count, dtype=np.float64) if count > 1 else None
 
 
 def _waves(nodes: Array) -> tuple[Kernel, ...]:

@@ -9,12 +9,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.laws import AHEAD
 from torsight.core.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.explanation import Explanation
 from torsight.discovery.intervals import joint_covariance
 from torsight.discovery.measure import Measured
-from torsight.discovery.measured_law import MeasuredLaw
+from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def measured_laws(
     """
     spread = joint_covariance(chosen)
     found = [_law(problem, chosen, item, spread, shares, names) for item in chosen.laws]
-    return tuple(sorted(found, key=lambda law: -law.share))
+    return numbered(sorted(found, key=lambda law: -law.share))
 
 
 def _law(
@@ -75,12 +76,14 @@ def _law(
         driver, curve, width = np.array([0.0, 1.0]), np.array([0.0, mean]), np.array([0.0, together])
         scales, covered = _Scales(1.0, law.unit, lambda x: x), np.ones(2, np.bool_)
     else:
-        counted = law.time_like and law.driver == "cycle"
+        counted = law.driver == "cycle"
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
         curve, width = np.interp(driver, law.nodes, values), np.interp(driver, law.nodes, sigma)
         scales = _scales(problem, chosen, law.port, law.driver)
         margin = 0.0 if counted or len(law.nodes) < 3 else (law.nodes[-1] - law.nodes[0]) * _MARGIN
         covered = (driver >= law.nodes[0] + margin) & (driver <= law.nodes[-1] - margin)
+        if counted:
+            covered = driver < len(driver) / AHEAD
     told = MeasuredLaw(
         effect=names.get(law.id),
         port=law.port,

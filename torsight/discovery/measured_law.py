@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,6 +44,8 @@ class MeasuredLaw:
         Whether the record reached that value of the driver.
     sentence : str
         The law in one sentence.
+    number : int
+        Which of the laws with this port and this driver it is, from 1, strongest first.
     """
 
     effect: str | None
@@ -57,11 +59,12 @@ class MeasuredLaw:
     sigma: NDArray[np.float64]
     covered: NDArray[np.bool_]
     sentence: str
+    number: int = 1
 
     @property
     def csv_name(self) -> str:
         """Name of the file with its numbers."""
-        return f"law_{self.port}_{self.driver}.csv"
+        return f"law_{self.port}_{self.driver}{'' if self.number == 1 else f'_{self.number}'}.csv"
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
@@ -101,7 +104,13 @@ def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, 
     InputError
         When an entry lacks a key, or its file is missing or damaged.
     """
-    return tuple(_read_law(folder, entry) for entry in discovery.get("laws") or [])
+    return numbered([_read_law(folder, entry) for entry in discovery.get("laws") or []])
+
+
+def numbered(laws: Sequence[MeasuredLaw]) -> tuple[MeasuredLaw, ...]:
+    """Return laws, strongest first, with the numbers of those that share a port and a driver."""
+    places = [(law.port, law.driver) for law in laws]
+    return tuple(replace(law, number=places[: i + 1].count(places[i])) for i, law in enumerate(laws))
 
 
 def _read_law(folder: Path, entry: Mapping[str, Any]) -> MeasuredLaw:

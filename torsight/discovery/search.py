@@ -262,7 +262,8 @@ class Search:
         floor = self._floor(best.fit, best.fitter.problem)
         self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
         for members, one in list(self._explanations.items()):
-            fitter = self._fitter(one.fitter.problem, one.fit)
+            # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
+            fitter = self._fitter(one.fitter.problem, one.fit) if members else one.fitter
             bank = one.laws[-1].bank if one.laws else 0.0
             evidence = log_evidence(fitter, one.fit, self._likelihood) + bank
             self._explanations[members] = replace(one, fitter=fitter, log_evidence=evidence)
