@@ -223,3 +223,29 @@ def test_a_scheduler_that_does_not_answer_is_told(made: Path, monkeypatch: pytes
 def test_provenance_names_the_configuration(made: Path) -> None:
     content = json.loads((made / "out" / "one" / "provenance.json").read_text())
     assert content["configuration"]["temperature"]["path"].endswith("rigs/one/temps.csv")
+
+
+def test_records_of_one_actuator_file_are_explained_together(
+    made: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[list[Path]] = []
+
+    def explain(merged: list[Path], _actuator: Path, *, out: Path, **_settings: Any) -> None:
+        asked.append(merged)
+        write_made_up_run(out, half_cycles=2, rate_hz=2.0)
+
+    monkeypatch.setattr("torsight.cli.discover.explain_together", explain)
+    for name in ("one", "two"):
+        path = made / "rigs" / name / "experiment.toml"
+        path.write_text(path.read_text() + "\n[discover]\ntogether = true\n")
+        experiment = read_experiment(path)
+        origin = provenance(
+            command="torsight run",
+            inputs=experiment.inputs(),
+            configuration=experiment.to_configuration(),
+            seed=experiment.seed,
+        )
+        write_json(made / "out" / name / "provenance.json", origin)
+    assert leave("batch", str(made / "rigs"), "--out", str(made / "out"), "--jobs", "1") == 0
+    assert asked == [[made / "out" / name / "merged.csv" for name in ("one", "two")]]
+    assert f"report {made / 'out' / 'together' / 'report.html'}" in capsys.readouterr().err

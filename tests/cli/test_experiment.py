@@ -111,3 +111,22 @@ def test_a_stereo_pair(folder: Path) -> None:
 def test_what_is_wrong_is_named(folder: Path, old: str, new: str, kind: type[Exception], words: str) -> None:
     with pytest.raises(kind, match=words):
         read_experiment(_write(folder, WHOLE.replace(old, new)))
+
+
+def test_records_to_be_explained_together(folder: Path) -> None:
+    earlier = folder / "earlier.csv"
+    earlier.write_text("a record")
+    named = read_experiment(_write(folder, WHOLE + 'together = ["earlier.csv"]\n'))
+    assert named.together == (earlier,)
+    assert earlier in named.inputs()
+    again = experiment_from(named.to_configuration(), where="provenance.json", folder=Path())
+    assert again.together == named.together
+    campaign = read_experiment(_write(folder, WHOLE.replace("[discovery]", "[discover]") + "together = true\n"))
+    assert campaign.together is True
+    assert campaign.seed == 4
+
+
+@pytest.mark.parametrize("value", ["3", "[]", '["missing.csv"]', '"earlier.csv"'])
+def test_records_that_are_none_are_refused(folder: Path, value: str) -> None:
+    with pytest.raises((ConfigError, InputError), match="together"):
+        read_experiment(_write(folder, WHOLE + f"together = {value}\n"))

@@ -26,12 +26,15 @@ def batch(
 ) -> Answer:
     """Run many experiments and put their results into one table and one page of small pictures.
 
-    A second call does only what is missing or has changed.
+    A second call does only what is missing or has changed. Experiments of one actuator file that say
+    ``together = true`` in their table ``[discover]`` are explained together as well, in the folder ``together``.
 
     Example: torsight batch campaign/ --out results
     """
-    from torsight.cli.campaign import find_experiments, run_campaign, tasks, write_results
+    from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
     from torsight.cli.console import progress_bar, say
+    from torsight.core.storage import read_json
+    from torsight.core.wording import verdict_sentence
     from torsight.report.gallery import write_gallery
 
     if timeout is not None and not 0.0 < timeout < math.inf:
@@ -45,5 +48,9 @@ def batch(
         if row["status"] == "failed":
             say(f"failed: {row['name']}: {row['message']}")
     write_results(rows, out)
+    with progress_bar() as progress:
+        jointly = explain_campaign(todo, rows, out, progress=progress)
+    for folder in jointly:
+        say(f"together: {verdict_sentence(read_json(folder / 'discovery.json'))}; report {folder / 'report.html'}")
     say(f"{done} of {len(rows)} experiments done; table {out / 'results.csv'}, page {page}")
     return Answer({"experiments": rows}, files=(out / "results.csv", out / "results.parquet", page))

@@ -180,6 +180,33 @@ def result_row(folder: Path) -> dict[str, Any]:
     }
 
 
+def explain_campaign(
+    todo: Sequence[Task], rows: Sequence[dict[str, Any]], out: Path, *, progress: Progress = silent
+) -> list[Path]:
+    """Explain the records of each rig together whose experiments ask for it; return the folders of the results.
+
+    Raises
+    ------
+    InputError, NoResultError
+        When the records of one rig cannot be explained together.
+    """
+    from torsight.cli.discover import explain_together
+    from torsight.cli.experiment import read_experiment
+    from torsight.cli.run import TOGETHER
+    from torsight.core.provenance import file_hash
+
+    rigs: dict[str, list[tuple[Task, Path]]] = {}
+    for task, row in zip(todo, rows, strict=True):
+        if row["status"] == "done" and (experiment := read_experiment(task.experiment)).together is True:
+            rigs.setdefault(file_hash(experiment.actuator), []).append((task, experiment.actuator))
+    several = [records for records in rigs.values() if len(records) > 1]
+    folders = [out / (TOGETHER if number == 1 else f"{TOGETHER}-{number}") for number in range(1, len(several) + 1)]
+    for records, folder in zip(several, folders, strict=True):
+        merged = [task.folder / "merged.csv" for task, _ in records]
+        explain_together(merged, records[0][1], out=folder, progress=progress)
+    return folders
+
+
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:

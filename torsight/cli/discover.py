@@ -160,6 +160,20 @@ def discover_all_to_folder(
     return report
 
 
+def explain_together(
+    merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
+) -> None:
+    """Discover on several records of one rig and write results and report, unless they are newer than the records."""
+    from torsight.report import write_report
+
+    last = out / "report.html"
+    inputs = [*merged, actuator]
+    if last.exists() and all(path.stat().st_mtime <= last.stat().st_mtime for path in inputs):
+        return
+    discover_all_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+    write_report(out, progress=progress)
+
+
 def discover_to_folder(
     merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> DiscoveryReport:

@@ -22,7 +22,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led"),
     "actuator": ("file",),
     "output": ("dir",),
-    "discovery": ("seed",),
+    "discovery": ("seed", "together"),
 }
 """Tables of ``EXPERIMENT.toml`` and their keys."""
 
@@ -54,6 +54,9 @@ class Experiment(Frozen):
         Folder for the results.
     seed : int
         Seed of every random choice.
+    together : bool or tuple of Path
+        Merged tables of earlier records of this rig that are explained together with this one; True: with the others of
+        a campaign that say so.
     angle : Path or None
         Angles that are there already, as those of a live record; nothing is tracked then, and the film is only shown.
     columns, units : mapping of str to str
@@ -72,6 +75,7 @@ class Experiment(Frozen):
     sync: Mapping[str, Any]
     output: Path
     seed: int
+    together: bool | tuple[Path, ...] = False
     angle: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
@@ -85,7 +89,8 @@ class Experiment(Frozen):
                 found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
         light = Path(self.sync["led_events"]) if "led_events" in self.sync else None
         optional = (self.angle, self.timestamps, self.camera, self.markers_file, light)
-        return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator]
+        others = self.together if isinstance(self.together, tuple) else ()
+        return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator, *others]
 
     def to_configuration(self) -> dict[str, Any]:
         """Return the configuration as used, in the shape of the TOML file."""
@@ -109,6 +114,9 @@ class Experiment(Frozen):
             "output": {"dir": str(self.output)},
             "discovery": {"seed": self.seed},
         }
+        if self.together:
+            others = self.together
+            content["discovery"]["together"] = others if isinstance(others, bool) else [str(path) for path in others]
         if self.timestamps is not None:
             video["timestamps"] = str(self.timestamps)
         if self.fps is not None:
@@ -138,6 +146,7 @@ def experiment_file(path: Path) -> Path:
 
 def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> Experiment:
     """Build an experiment from the content of its file; see :func:`read_experiment`."""
+    content = _named_as_ever(content)
     check_keys(content, tuple(KEYS), where=where)
     tables = {
         name: get_table(content, name, where=where, required=name in ("temperature", "actuator")) for name in KEYS
@@ -190,9 +199,17 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
         seed=_seed(tables["discovery"], where=places["discovery"]),
+        together=_together(tables["discovery"], where=places["discovery"], folder=folder),
         angle=angle,
         **_log_columns(tables["temperature"], where=places["temperature"]),
     )
+
+
+def _named_as_ever(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the content with the table ``[discover]``, named as the command, under its usual name."""
+    if "discover" not in content or "discovery" in content:
+        return content
+    return {"discovery" if name == "discover" else name: table for name, table in content.items()}
 
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
@@ -214,6 +231,21 @@ def _seed(table: Mapping[str, Any], *, where: str) -> int:
     if seed != int(seed):
         raise ConfigError("'seed' is no whole number", where=where, value=f"{seed:g}", limit="0, 1, 2, …")
     return int(seed)
+
+
+def _together(table: Mapping[str, Any], *, where: str, folder: Path) -> bool | tuple[Path, ...]:
+    """Return whether, or with which other records, the rig is explained."""
+    value = table.get("together", False)
+    if isinstance(value, bool):
+        return value
+    if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
+        raise ConfigError(
+            "'together' names no records",
+            where=where,
+            value=repr(value),
+            limit="true (with the others of a campaign), or a list of merged.csv files",
+        )
+    return tuple(_existing(folder / name, named=f"{where} together") for name in value)
 
 
 def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, str | None]:

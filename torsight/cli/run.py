@@ -212,7 +212,17 @@ def _stages(
                 merged, experiment.actuator, out=folder, seed=experiment.seed, progress=progress
             ),
         ),
+        ("together", lambda: _together(experiment, folder, progress=progress)),
     ]
+
+
+def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
+    """Explain the record together with those that the experiment names, in a folder of its own."""
+    from torsight.cli.discover import explain_together
+
+    if isinstance(experiment.together, tuple):
+        records = [*experiment.together, folder / "merged.csv"]
+        explain_together(records, experiment.actuator, out=folder / TOGETHER, seed=experiment.seed, progress=progress)
 
 
 def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
@@ -250,6 +260,8 @@ _MADE: Final = (
     *("merged.csv", "sync.json", "fit.json", "model.json", "discovery.json", "curves.csv", "next_experiment.csv"),
     *("provenance.json", "recording.rrd", "report.html"),
 )
+TOGETHER: Final = "together"
+"""Folder, in that of the results, of what several records of one rig say together."""
 UNFINISHED: Final = ".run.json"
 """Lies in a run's folder while the run lasts, or was interrupted: which stages are finished."""
 
