@@ -1,0 +1,106 @@
+"""Where the actuator may lack a law: ports of the model and the variables that a law may depend on.
+
+A family is a port with a driver. Which values its driver takes, and so where its nodes lie, comes from the record
+(:func:`laws_of`); what a law does to the model, from its port alone (:func:`apply_law`), so that a model file needs no
+record. Ports are those of :class:`torsight.actuator.ports.Ports`; angles are in degrees, torques in mN·m, friction in
+shares of τ_c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.laws.families import FAMILIES, Family
+from torsight.actuator.laws.nodes import AHEAD
+from torsight.actuator.ports import Ports
+from torsight.core.config import get_number, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.law import Law, LawForm
+
+Array = NDArray[np.float64]
+
+
+def apply_law(ports: Ports, form: LawForm, parameters: Array) -> Ports:
+    """Return the ports with a law of the given parameters."""
+    values = form.values(parameters)
+    return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, form.nodes, values))
+
+
+def law_to_json(form: LawForm) -> dict[str, Any]:
+    """Return a form of a law as it stands in ``model.json``."""
+    return {
+        "id": form.id,
+        "nodes": form.nodes.tolist(),
+        "basis": form.basis.tolist(),
+        "unit": form.unit,
+        "scale": form.scale,
+    }
+
+
+def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
+    """Read the laws of a ``model.json``.
+
+    Raises
+    ------
+    ConfigError
+        When the list is damaged: an unknown law, nodes that do not rise, a basis that does not fit them.
+    """
+    if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+        raise ConfigError("is no list of laws", where=where, value=repr(entries)[:80])
+    return tuple(_law_from(entry, where=where) for entry in entries)
+
+
+def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
+    name = get_text(entry, "id", where=where, choices=tuple(FAMILIES))
+    try:
+        nodes = np.array(entry.get("nodes"), np.float64).reshape(-1)
+        basis = np.array(entry.get("basis"), np.float64).reshape(len(nodes), -1)
+    except (TypeError, ValueError) as error:
+        raise ConfigError("a law's nodes and basis are no tables of numbers", where=where, value=name) from error
+    rising = len(nodes) > 0 and bool(np.all(np.diff(nodes) > 0.0))
+    if not (rising and basis.shape[1] and np.isfinite(nodes).all() and np.isfinite(basis).all()):
+        raise ConfigError("a law has no rising nodes with finite values", where=where, value=name)
+    unit = get_text(entry, "unit", where=where)
+    scale = get_number(entry, "scale", where=where, lower=0.0, upper=1e6)
+    return LawForm(name, nodes, basis, unit, scale, prior=True)
+
+
+def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
+    """Return the laws that a record may show, with their nodes where it covers their drivers.
+
+    Parameters
+    ----------
+    drive : Drive
+        The prepared record.
+    tau_c_mnm : float
+        The friction torque's start value: the measure of all torques.
+    """
+    found = []
+    for family in FAMILIES.values():
+        nodes = family.nodes(drive)
+        if nodes is None:
+            continue
+        scale = family.scale * tau_c_mnm if family.unit == "mN·m" else family.scale
+        found.append(
+            Law(
+                id=family.id,
+                port=family.port,
+                driver=family.driver,
+                unit=family.unit,
+                title=family.title,
+                nodes=nodes,
+                scale=scale,
+                kernels=family.kernels(nodes),
+                spring=family.spring,
+                time_like=family.time_like,
+            )
+        )
+    return tuple(found)
+
+
+__all__ = ["AHEAD", "FAMILIES", "Family", "apply_law", "law_to_json", "laws_from", "laws_of"]

@@ -1,0 +1,165 @@
+"""What a law does to the model: from ports and the law as a function of its driver to ports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
+from torsight.actuator.springs import Rig
+from torsight.core.units import DEG, MNM
+
+Array = NDArray[np.float64]
+Curve = Callable[[Array], Array]
+
+_VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
+_SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
+DIFFERING: Final = len(_VALUES) + len(_SHARES)
+"""In how many values two springs of one kind may differ."""
+
+
+def stray(ports: Ports, law: Curve) -> Ports:
+    """Add a stray torque over the angle, mN·m."""
+    return ports.with_stray(law(ports.phi_grid_rad() / DEG) * MNM)
+
+
+def friction_angle(ports: Ports, law: Curve) -> Ports:
+    """Change the friction over the angle by a share."""
+    factor = np.maximum(0.0, 1.0 + law(ports.phi_grid_rad() / DEG))
+    return ports.with_friction(factor, factor)
+
+
+def _scaled_friction(ports: Ports, share: Array) -> Ports:
+    return replace(ports, friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + share))
+
+
+def friction_active(ports: Ports, law: Curve) -> Ports:
+    """Change the friction over the driven spring's temperature by a share."""
+    return _scaled_friction(ports, law(np.where(ports.active == 0, ports.temp_a_c, ports.temp_b_c)))
+
+
+def friction_passive(ports: Ports, law: Curve) -> Ports:
+    """Change the friction over the other spring's temperature by a share."""
+    return _scaled_friction(ports, law(np.where(ports.active == 0, ports.temp_b_c, ports.temp_a_c)))
+
+
+def friction_cycle(ports: Ports, law: Curve) -> Ports:
+    """Change the friction from half-cycle to half-cycle by a share."""
+    return _scaled_friction(ports, law(ports.half_cycle[ports.half].astype(np.float64)))
+
+
+def friction_speed(ports: Ports, law: Curve) -> Ports:
+    """Add friction over the speed, in shares of τ_c."""
+    return ports.with_speed_friction(law(SPEEDS_RAD_S / DEG) * ports.rig.tau_c_nm)
+
+
+def friction_dwell(ports: Ports, law: Curve) -> Ports:
+    """Raise the friction after a rest by a share over decades of seconds."""
+    return ports.with_dwell(np.maximum(1.0, 1.0 + law(DWELL_DECADES)))
+
+
+def friction_direction(ports: Ports, law: Curve) -> Ports:
+    """Change the friction for a falling (−1) and a rising angle (1) by a share."""
+    down, up = (np.maximum(0.0, 1.0 + law(np.full_like(ports.grid_rad(), sign))) for sign in (-1.0, 1.0))
+    return ports.with_friction(down, up)
+
+
+def reading_angle(ports: Ports, law: Curve) -> Ports:
+    """Add to the reading over the angle, degrees."""
+    return ports.with_reading(lambda angle_rad, _time_s: angle_rad + law(angle_rad / DEG) * DEG)
+
+
+def reading_time(ports: Ports, law: Curve) -> Ports:
+    """Add to the reading over time, degrees; nothing after the record."""
+    if ports.history.after_record:
+        return ports
+    return ports.with_reading(lambda angle_rad, time_s: angle_rad + law(time_s) * DEG)
+
+
+def temperature(spring: str) -> Callable[[Ports, Curve], Ports]:
+    """Return what adds to wires' temperatures over themselves, °C."""
+
+    def apply(ports: Ports, law: Curve) -> Ports:
+        temp_a_c = ports.temp_a_c + law(ports.temp_a_c) if spring != "b" else ports.temp_a_c
+        temp_b_c = ports.temp_b_c + law(ports.temp_b_c) if spring != "a" else ports.temp_b_c
+        return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+
+    return apply
+
+
+def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
+    """Return what adds to wires' temperatures over their rate, °C."""
+
+    def apply(ports: Ports, law: Curve) -> Ports:
+        temp_a_c = ports.temp_a_c + law(ports.rate_a_c_s) if spring != "b" else ports.temp_a_c
+        temp_b_c = ports.temp_b_c + law(ports.rate_b_c_s) if spring != "a" else ports.temp_b_c
+        return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+
+    return apply
+
+
+def temperature_time(ports: Ports, law: Curve) -> Ports:
+    """Add to both wires' temperatures over time, °C; nothing after the record."""
+    if ports.history.after_record:
+        return ports
+    off_c = law(ports.time_s)
+    return replace(ports, temp_a_c=ports.temp_a_c + off_c, temp_b_c=ports.temp_b_c + off_c)
+
+
+def _over_winding(ports: Ports, law: Curve) -> Array:
+    """Return the law over a spring's own angle on the grid, N·m; its driver is the winding beyond θ_P/2."""
+    return law((ports.grid_rad() - 0.5 * ports.rig.theta_p_rad) / DEG) * MNM
+
+
+def winding(spring: str) -> Callable[[Ports, Curve], Ports]:
+    """Return what adds a torque over the winding, whatever the phase, mN·m."""
+    return lambda ports, law: ports.with_side(_over_winding(ports, law), spring=spring)
+
+
+def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Ports]:
+    """Return what adds a torque to the loading curve, mN·m; the recoverable angle follows by a share."""
+
+    def apply(ports: Ports, law: Curve) -> Ports:
+        return ports.with_loading(_gentle(ports, _over_winding(ports, law)), follows=follows, spring=spring)
+
+    return apply
+
+
+_STEEPEST: Final = 0.9
+"""Share of the way from the second slope to K_M that the loading curve may steepen by: it is wound, not unwound."""
+
+
+def _gentle(ports: Ports, torque_nm: Array) -> Array:
+    """Return a torque over the grid that makes the loading curve nowhere as steep as unwinding, nor falling."""
+    rig, step = ports.rig, float(np.diff(ports.grid_rad()[:2])[0])
+    most = _STEEPEST * (rig.k_martensite - rig.k_stress_induced) * step
+    rise = np.clip(np.diff(torque_nm), -_STEEPEST * rig.k_stress_induced * step, most)
+    return np.concatenate([torque_nm[:1], torque_nm[0] + np.cumsum(rise)])
+
+
+def theta_l_half(ports: Ports, law: Curve) -> Ports:
+    """Change the recoverable angle from half-cycle to half-cycle by a share."""
+    share = np.maximum(0.0, 1.0 + law(ports.half_cycle.astype(np.float64)))
+    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+
+
+def theta_l_cycle(ports: Ports, law: Curve) -> Ports:
+    """Change the recoverable angle over either spring's own cycles by a share."""
+    share = np.maximum(0.0, 1.0 + law(ports.cycle.astype(np.float64)))
+    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+
+
+def differing(ports: Ports, law: Curve) -> Ports:
+    """Let spring B differ from A: four temperatures by so many °C, three moduli and θ_cr by so many per cent."""
+    rig = ports.rig_b
+    values = law(np.arange(DIFFERING, dtype=np.float64))
+    shifted = {name: getattr(rig, name) + float(by) for name, by in zip(_VALUES, values[:4], strict=True)}
+    scaled = {
+        name: getattr(rig, name) * (1.0 + 0.01 * by) for name, by in zip(_SHARES, values[4:].tolist(), strict=True)
+    }
+    other: Rig = replace(rig, **shifted, **scaled)
+    return replace(ports, rig_b=other)

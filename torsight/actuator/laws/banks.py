@@ -1,0 +1,107 @@
+"""Banks of kernels: what a law may look like before the record is seen, usual forms and smooth functions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
+from torsight.core.units import DEG
+
+Array = NDArray[np.float64]
+
+
+def waves(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a constant, a slope, waves one to six times per turn, and smooth functions."""
+    turn = nodes * DEG
+    waves = tuple(
+        Kernel(f"wave, {n} per turn", outer(np.sin(n * turn)) + outer(np.cos(n * turn)), smooth=False)
+        for n in range(1, 7)
+    )
+    forms = usual_kernels([("constant", np.ones_like(nodes)), ("slope", nodes - nodes.mean())])
+    return (*forms, *waves, *smooth_kernels(nodes))
+
+
+def wound(nodes: Array) -> tuple[Kernel, ...]:
+    """Return slopes and cubics beyond an onset of either half, and smooth functions."""
+    onsets = np.quantile(nodes, [0.5, 0.6, 0.7, 0.8])
+    forms = [("slope", nodes - nodes[0])]
+    forms += [(f"cubic beyond {onset:.0f}°", np.maximum(0.0, nodes - onset) ** 3) for onset in onsets]
+    return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25, 0.12)))
+
+
+def plain(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a slope, a bow and smooth functions, all without a mean: that is another value of the model."""
+    middle = nodes - 0.5 * (nodes[0] + nodes[-1])
+    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
+    return (
+        *usual_kernels([("slope", middle), ("bow", middle**2 - np.mean(middle**2))]),
+        *(Kernel(kernel.name, _centred(kernel.matrix), smooth=True) for kernel in smooth),
+    )
+
+
+def _centred(matrix: Array) -> Array:
+    """Return the covariance of the same function less its mean over the nodes."""
+    less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
+    return np.asarray(less_mean @ matrix @ less_mean)
+
+
+def from_zero(nodes: Array) -> tuple[Kernel, ...]:
+    """Return functions that vanish at the first node: proportional, its root, and smooth ones."""
+    off = nodes - nodes[0]
+    smooth = smooth_kernels(off, shares=(0.7, 0.35, 0.2))
+    return (
+        *usual_kernels([("proportional", off), ("root", np.sqrt(off))]),
+        *(Kernel(kernel.name, _pinned(kernel.matrix), smooth=True) for kernel in smooth),
+    )
+
+
+def _pinned(matrix: Array) -> Array:
+    """Return the covariance of the same function less its value at the first node."""
+    first = matrix[0]
+    return np.asarray(matrix - first[:, None] - first[None, :] + matrix[0, 0])
+
+
+def through_zero(nodes: Array) -> tuple[Kernel, ...]:
+    """Return functions of a signed variable: proportional, its sign's, and smooth ones."""
+    forms = [("proportional", nodes), ("square", nodes * np.abs(nodes))]
+    return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
+
+
+def counted(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a slope, a decay towards a limit, and a slope with a smooth function; all vanish at the first node."""
+    off = nodes - nodes[0]
+    forms = [("slope", off)]
+    forms += [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in (2.0, 5.0) if len(nodes) > n]
+    smooth = smooth_kernels(off, shares=(0.7, 0.35), line=True)
+    steps = Kernel("from one to the next", np.minimum.outer(off, off) / max(off[-1], 1.0), smooth=True)
+    return (*usual_kernels(forms), *(Kernel(k.name, _pinned(k.matrix), smooth=True) for k in smooth), steps)
+
+
+def drifting(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a slope, and smooth functions with a slope."""
+    kernels = smooth_kernels(nodes, shares=(0.5, 0.2, 0.1), line=True)
+    return (Kernel("slope", slope(nodes), smooth=False), *kernels)
+
+
+def unlike(nodes: Array) -> tuple[Kernel, ...]:
+    """Return what two springs of one kind may differ by: transformation temperatures together, moduli, and all.
+
+    The values are those of :func:`differing`: four temperatures in °C, four shares in per cent.
+    """
+    size = len(nodes)
+    together = np.zeros(size)
+    together[:4] = 1.0
+    moduli = np.zeros(size)
+    moduli[4:7] = 1.0
+    each = 0.1 * np.eye(size)
+    return (
+        Kernel("transformation temperatures together", np.outer(together, together), smooth=False),
+        Kernel("moduli together", np.outer(moduli, moduli), smooth=False),
+        Kernel("all values", np.outer(together, together) + np.outer(moduli, moduli) + each, smooth=True),
+    )
+
+
+def antisymmetric(nodes: Array) -> tuple[Kernel, ...]:
+    """Return the one function that differs between two directions."""
+    return usual_kernels([("sign", nodes)])

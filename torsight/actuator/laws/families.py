@@ -1,0 +1,109 @@
+"""The families of laws: ports of the model with the variables that a law there may depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.laws import acts, banks, nodes
+from torsight.actuator.laws.acts import Array, Curve
+from torsight.actuator.ports import Ports
+from torsight.core.law import Kernel
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A port with a driver.
+
+    Attributes
+    ----------
+    id : str
+        ``<port>_<driver>``, with the spring where it is one spring's.
+    port, driver, spring, unit, title : str
+        As :class:`torsight.core.law.Law` has them.
+    stage : str
+        Where it acts among the effects: ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
+    apply : callable
+        From ports and the law as a function of its driver to ports.
+    nodes : callable
+        From a prepared record to the nodes; None where the record does not cover the driver.
+    scale : float
+        A size that matters, in ``unit``; torques: as a share of τ_c.
+    kernels : callable
+        From nodes to the bank.
+    time_like : bool
+        True where the driver only counts time or cycles.
+    """
+
+    id: str
+    port: str
+    driver: str
+    unit: str
+    title: str
+    stage: str
+    apply: Callable[[Ports, Curve], Ports]
+    nodes: Callable[[Drive], Array | None]
+    scale: float
+    kernels: Callable[[Array], tuple[Kernel, ...]]
+    spring: str = "both"
+    time_like: bool = False
+
+
+_ALL: Final = (
+    Family("torque_angle_deg", "torque", "angle_deg", "mN·m", "stray torque over the angle", "torque", acts.stray,
+           nodes.angle_nodes, 0.1, banks.waves),
+    Family("winding_winding_deg", "winding", "winding_deg", "mN·m", "a spring's torque over its winding", "torque",
+           acts.winding("both"), nodes.winding_nodes, 0.1, banks.wound),
+    *(Family(f"winding_{one}_winding_deg", "winding", "winding_deg", "mN·m",
+             f"spring {one.upper()}'s torque over its winding", "torque", acts.winding(one), nodes.winding_nodes, 0.1,
+             banks.wound, spring=one) for one in "ab"),
+    Family("loading_winding_deg", "winding", "winding_deg", "mN·m", "the loading curve over the winding", "torque",
+           acts.loading("both"), nodes.winding_nodes, 0.1, banks.wound),
+    *(Family(f"loading_{one}_winding_deg", "winding", "winding_deg", "mN·m",
+             f"spring {one.upper()}'s loading curve over the winding", "torque", acts.loading(one),
+             nodes.winding_nodes, 0.1, banks.wound, spring=one) for one in "ab"),
+    Family("loading_alone_winding_deg", "winding", "winding_deg", "mN·m",
+           "the loading curve over the winding, recoverable angle as before", "torque",
+           acts.loading("both", follows=0.0), nodes.winding_nodes, 0.1, banks.wound),
+    Family("friction_angle_deg", "friction", "angle_deg", "", "friction over the angle", "friction",
+           acts.friction_angle, nodes.angle_nodes, 0.1, banks.waves),
+    Family("friction_temp_active_c", "friction", "temp_active_c", "", "friction over the driven spring's temperature",
+           "friction", acts.friction_active, nodes.active_nodes, 0.1, banks.plain),
+    Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the other spring's temperature",
+           "friction", acts.friction_passive, nodes.passive_nodes, 0.1, banks.plain),
+    Family("friction_angle_rate_deg_s", "friction", "angle_rate_deg_s", "", "friction over the speed", "friction",
+           acts.friction_speed, nodes.speed_nodes, 0.1, banks.from_zero),
+    Family("friction_dwell_s", "friction", "dwell_s", "", "friction over the rest before motion", "friction",
+           acts.friction_dwell, nodes.dwell_nodes, 0.1, banks.from_zero),
+    Family("friction_direction", "friction", "direction", "", "friction over the direction", "friction",
+           acts.friction_direction, nodes.signs, 0.1, banks.antisymmetric),
+    Family("friction_cycle", "friction", "cycle", "", "friction over the half-cycles", "friction", acts.friction_cycle,
+           nodes.half_nodes, 0.1, banks.counted, time_like=True),
+    Family("reading_angle_deg", "reading", "angle_deg", "°", "the reading over the angle", "reading",
+           acts.reading_angle, nodes.angle_nodes, 0.3, banks.waves, spring=""),
+    Family("reading_time_s", "reading", "time_s", "°", "the reading over time", "reading", acts.reading_time,
+           nodes.time_nodes, 0.3, banks.drifting, spring="", time_like=True),
+    Family("temperature_temp_active_c", "temperature", "temp_active_c", "°C", "the wires' temperatures over themselves",
+           "temperature", acts.temperature("both"), nodes.active_nodes, 0.3, banks.plain),
+    Family("temperature_a_temp_active_c", "temperature", "temp_active_c", "°C", "wire A's temperature over itself",
+           "temperature", acts.temperature("a"), nodes.active_nodes, 0.3, banks.plain, spring="a"),
+    Family("temperature_b_temp_active_c", "temperature", "temp_active_c", "°C", "wire B's temperature over itself",
+           "temperature", acts.temperature("b"), nodes.active_nodes, 0.3, banks.plain, spring="b"),
+    Family("temperature_temp_rate_c_s", "temperature", "temp_rate_c_s", "°C", "the wires' temperatures over their rate",
+           "temperature", acts.temperature_rate("both"), nodes.rate_nodes, 0.3, banks.through_zero),
+    *(Family(f"temperature_{one}_temp_rate_c_s", "temperature", "temp_rate_c_s", "°C",
+             f"wire {one.upper()}'s temperature over its rate", "temperature", acts.temperature_rate(one),
+             nodes.rate_nodes, 0.3, banks.through_zero, spring=one) for one in "ab"),
+    Family("temperature_time_s", "temperature", "time_s", "°C", "the wires' temperatures over time", "temperature",
+           acts.temperature_time, nodes.time_nodes, 0.3, banks.drifting, time_like=True),
+    Family("phase_half_cycle", "phase", "cycle", "", "the recoverable angle over the half-cycles", "phase",
+           acts.theta_l_half, nodes.half_nodes, 0.03, banks.counted),
+    Family("phase_cycle", "phase", "cycle", "", "the recoverable angle over a spring's own cycles", "phase",
+           acts.theta_l_cycle, nodes.cycle_nodes, 0.03, banks.counted),
+    Family("values_spring", "values", "spring", "°C", "spring B's values", "phase", acts.differing,
+           nodes.unlike_nodes, 1.0, banks.unlike, spring="b"),
+)  # fmt: skip
+FAMILIES: Final[Mapping[str, Family]] = {family.id: family for family in _ALL}
+"""All families by id."""
