@@ -66,6 +66,8 @@ class Law:
     time_like : bool
         True where the driver only counts time or cycles: such a law says when something changed and not why, and holds
         for no later time.
+    covered : (float, float)
+        Range of the driver that the record covers; beyond it a law is what its prior says.
     """
 
     id: str
@@ -78,6 +80,7 @@ class Law:
     kernels: tuple[Kernel, ...]
     spring: str = ""
     time_like: bool = False
+    covered: tuple[float, float] = (-np.inf, np.inf)
 
     def free(self) -> LawForm:
         """Return the law with its values on the nodes as parameters."""
@@ -158,10 +161,13 @@ def slope(nodes: Array) -> Array:
 def smooth_kernels(
     nodes: Array, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
 ) -> tuple[Kernel, ...]:
-    """Return smooth kernels whose lengths are shares of the nodes' range; with ``line`` each has a slope beside it."""
-    span = float(nodes[-1] - nodes[0])
+    """Return smooth kernels whose lengths are shares of the nodes' range; with ``line`` each has a slope beside it.
+
+    A few nodes that lie far off, beyond the record, do not make the range longer.
+    """
+    spacing = float(np.median(np.diff(nodes)))
+    span = spacing * (len(nodes) - 1)
     beside = slope(nodes) if line else np.zeros((len(nodes), len(nodes)))
-    spacing = float(np.max(np.diff(nodes)))
     lengths = [share * span for share in shares if share * span >= spacing]
     return tuple(
         Kernel(f"smooth over {length:.3g}", beside + squared_exponential(nodes, length), smooth=True)

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.laws import AHEAD
 from torsight.core.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.explanation import Explanation
@@ -80,10 +79,7 @@ def _law(
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
         curve, width = np.interp(driver, law.nodes, values), np.interp(driver, law.nodes, sigma)
         scales = _scales(problem, chosen, law.port, law.driver)
-        margin = 0.0 if counted or len(law.nodes) < 3 else (law.nodes[-1] - law.nodes[0]) * _MARGIN
-        covered = (driver >= law.nodes[0] + margin) & (driver <= law.nodes[-1] - margin)
-        if counted:
-            covered = driver < len(driver) / AHEAD
+        covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     told = MeasuredLaw(
         effect=names.get(law.id),
         port=law.port,
@@ -98,10 +94,6 @@ def _law(
         sentence="",
     )
     return replace(told, sentence=law_sentence(told, chosen.fit.values["tau_c_mnm"]))
-
-
-_MARGIN: Final = 0.05 / 1.1
-"""By how much of their own range the nodes reach beyond the record (:mod:`torsight.actuator.laws`)."""
 
 
 def _scales(problem: ActuatorProblem, chosen: Explanation, port: str, driver: str) -> _Scales:

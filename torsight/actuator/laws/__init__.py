@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.families import FAMILIES, Family
-from torsight.actuator.laws.nodes import AHEAD
 from torsight.actuator.ports import Ports
 from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError
@@ -93,9 +92,10 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
                 driver=family.driver,
                 unit=family.unit,
                 title=family.title,
-                nodes=nodes,
+                nodes=nodes.values,
+                covered=(nodes.low, nodes.high),
                 scale=scale,
-                kernels=family.kernels(nodes),
+                kernels=family.kernels(nodes.values),
                 spring=family.spring,
                 time_like=family.time_like,
             )
@@ -103,4 +103,4 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
     return tuple(found)
 
 
-__all__ = ["AHEAD", "FAMILIES", "Family", "apply_law", "law_to_json", "laws_from", "laws_of"]
+__all__ = ["FAMILIES", "Family", "apply_law", "law_to_json", "laws_from", "laws_of"]

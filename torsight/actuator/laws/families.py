@@ -9,6 +9,7 @@ from typing import Final
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws import acts, banks, nodes
 from torsight.actuator.laws.acts import Array, Curve
+from torsight.actuator.laws.nodes import Nodes
 from torsight.actuator.ports import Ports
 from torsight.core.law import Kernel
 
@@ -44,7 +45,7 @@ class Family:
     title: str
     stage: str
     apply: Callable[[Ports, Curve], Ports]
-    nodes: Callable[[Drive], Array | None]
+    nodes: Callable[[Drive], Nodes | None]
     scale: float
     kernels: Callable[[Array], tuple[Kernel, ...]]
     spring: str = "both"

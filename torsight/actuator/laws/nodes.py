@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,40 +16,50 @@ Array = NDArray[np.float64]
 _ANGLE_NODES: Final = 37
 """A wave five times per turn over the paper's range of 466° needs five nodes a period."""
 _NODES: Final = 13
-_MARGIN: Final = 0.05
-"""Share of a driver's range by which its nodes reach beyond what the record covers."""
-AHEAD: Final = 2
+_BEYOND: Final = (0.12, 0.3)
+"""Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
+to trust a model of this record further out."""
+_AHEAD: Final = 2
 """A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is the prior's.
 """
 
 
-def _over(low: float, high: float, count: int) -> Array | None:
-    """Return evenly spaced nodes from ``low`` to ``high`` and a little beyond; None where nothing lies between."""
+class Nodes(NamedTuple):
+    """Rising values (k,) of a driver, and the range of it that the record covers."""
+
+    values: Array
+    low: float
+    high: float
+
+
+def _over(low: float, high: float, count: int) -> Nodes | None:
+    """Return evenly spaced nodes from ``low`` to ``high`` and a few beyond; None where nothing lies between."""
     span = high - low
     if not span > 0.0:
         return None
-    return np.linspace(low - _MARGIN * span, high + _MARGIN * span, count)
+    beyond = span * np.array(_BEYOND)
+    return Nodes(np.concatenate([low - beyond[::-1], np.linspace(low, high, count), high + beyond]), low, high)
 
 
-def angle_nodes(drive: Drive) -> Array | None:
+def angle_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the angles as read, degrees."""
     angle_deg = drive.angle_rad[np.isfinite(drive.angle_rad)] / DEG
     return _over(float(angle_deg.min()), float(angle_deg.max()), _ANGLE_NODES)
 
 
-def winding_nodes(drive: Drive) -> Array | None:
+def winding_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the windings of both springs, from the middle of both outwards."""
     angle_deg = np.abs(drive.angle_rad[np.isfinite(drive.angle_rad)] / DEG)
     return _over(-float(angle_deg.max()), float(angle_deg.max()), _ANGLE_NODES)
 
 
-def active_nodes(drive: Drive) -> Array | None:
+def active_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the driven spring's temperature, °C."""
     active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     return _over(float(active_c.min()), float(active_c.max()), _NODES)
 
 
-def passive_nodes(drive: Drive) -> Array | None:
+def passive_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the other spring's temperature, °C; None where it hardly warms up."""
     passive_c = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
@@ -60,52 +70,58 @@ _LEAST_WARMING_C: Final = 3.0
 """A passive spring that warms up by less tells nothing of what depends on it."""
 
 
-def rate_nodes(drive: Drive) -> Array | None:
+def rate_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the temperatures' rates, °C/s."""
     rate = np.concatenate([drive.rate_a_c_s, drive.rate_b_c_s])
     low, high = np.quantile(rate, [0.002, 0.998])
     return _over(float(low), float(high), _NODES)
 
 
-def speed_nodes(drive: Drive) -> Array | None:
+def speed_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over speeds in °/s, denser where it is slow."""
     good = np.isfinite(drive.angle_rad)
     time_s, angle_deg = drive.time_s[good], drive.angle_rad[good] / DEG
     every = max(1, round(2.0 / float(np.median(np.diff(time_s)))))
     speed = np.abs(np.diff(angle_deg[::every]) / np.diff(time_s[::every]))
     fastest = float(np.quantile(speed, 0.998)) if len(speed) else 0.0
-    return fastest * np.linspace(0.0, 1.1, _NODES) ** 2 if fastest > 0.0 else None
+    return Nodes(fastest * np.linspace(0.0, 1.1, _NODES) ** 2, 0.0, fastest) if fastest > 0.0 else None
 
 
-def dwell_nodes(drive: Drive) -> Array | None:
+def dwell_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over rests, in decades of seconds."""
     longest_s = float(np.max(np.bincount(drive.cycles.half))) * float(np.median(np.diff(drive.time_s)))
-    return np.linspace(0.0, np.log10(1.0 + longest_s), 9)
+    decades = float(np.log10(1.0 + longest_s))
+    return Nodes(np.linspace(0.0, decades, 9), 0.0, decades)
 
 
-def time_nodes(drive: Drive) -> Array | None:
+def time_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the record's time, s."""
-    return _over(float(drive.time_s[0]), float(drive.time_s[-1]), 2 * _NODES)
+    first, last = float(drive.time_s[0]), float(drive.time_s[-1])
+    return Nodes(np.linspace(first, last, 2 * _NODES), first, last) if last > first else None
 
 
-def half_nodes(drive: Drive) -> Array | None:
+def half_nodes(drive: Drive) -> Nodes | None:
     """Return half-cycles from 0, those ahead too."""
     count = len(drive.cycles.springs)
-    return np.arange(AHEAD * count, dtype=np.float64) if count > 2 else None
+    return _counted(count) if count > 2 else None
 
 
-def cycle_nodes(drive: Drive) -> Array | None:
+def cycle_nodes(drive: Drive) -> Nodes | None:
     """Return a spring's own cycles from 0, those ahead too."""
     count = int(drive.cycles.counts().max()) + 1
-    return np.arange(AHEAD * count, dtype=np.float64) if count > 1 else None
+    return _counted(count) if count > 1 else None
 
 
-def unlike_nodes(drive: Drive) -> Array | None:
+def _counted(count: int) -> Nodes:
+    return Nodes(np.arange(_AHEAD * count, dtype=np.float64), 0.0, count - 1.0)
+
+
+def unlike_nodes(drive: Drive) -> Nodes | None:
     """Return a number for each value in which two springs may differ; None where only one is driven."""
     both = len(set(drive.cycles.springs)) > 1
-    return np.arange(float(DIFFERING)) if both else None
+    return Nodes(np.arange(float(DIFFERING)), 0.0, DIFFERING - 1.0) if both else None
 
 
-def signs(_drive: Drive) -> Array:
+def signs(_drive: Drive) -> Nodes:
     """Return the two directions."""
-    return np.array([-1.0, 1.0])
+    return Nodes(np.array([-1.0, 1.0]), -1.0, 1.0)
