@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sync import read_temperature_log
-from sync.log_columns import chosen_columns
+from sync.log.column_names import chosen_columns
 from tests.sync import instrument_logs as logs
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.tracks import MarkerTracks

@@ -197,7 +197,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
     """Return what is said of the log's columns, checked."""
-    from sync.log_columns import chosen_columns
+    from sync.log.column_names import chosen_columns
 
     said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}
     chosen_columns(**said, where=where)

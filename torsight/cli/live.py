@@ -69,7 +69,7 @@ def live(
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
-    from sync.log_columns import chosen_columns
+    from sync.log.column_names import chosen_columns
     from torsight.cli.console import say
     from torsight.core.storage import read_json
     from torsight.viewer.live.account import write_experiment

@@ -125,9 +125,9 @@ def sync_to_folder(
     import numpy as np
 
     from sync import find_clock, merge, read_temperature_log
-    from sync.merge import longest_gap_s, require_overlap
-    from sync.report import sync_content
-    from sync.slow_motion import slow_motion_text
+    from sync.merge.merged_table import longest_gap_s, require_overlap
+    from sync.merge.slow_motion import slow_motion_text
+    from sync.merge.sync_report import sync_content
     from torsight.cli.console import say
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sync.log_columns import (
+from sync.log.column_names import (
     DATE,
     NEEDED,
     NOTHING_CHOSEN,
@@ -19,8 +19,8 @@ from sync.log_columns import (
     missing_column,
     resolve,
 )
-from sync.log_header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
-from sync.wall_clock import RunningStamps
+from sync.log.header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
+from sync.log.wall_clock import RunningStamps
 from torsight.core.errors import InputError
 from torsight.core.storage import is_parquet, read_table
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sync.log_columns import NOTHING_CHOSEN, ChosenColumns
+from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns
 from torsight.core.errors import NoResultError
 from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS

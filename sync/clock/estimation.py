@@ -1,0 +1,308 @@
+"""Offset and drift between film and log by the best evidence that there is.
+
+In this order: values that are given; an event that both saw (a light that shows the heating switch); what motion and
+temperature say together. Where nothing moves the offset stays unknown and is not guessed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Belief, ClockEstimate, conclude
+from sync.clock.led_likelihood import LightEvidence, light_evidence, missing_by_light
+from sync.clock.motion_likelihood import MotionEvidence
+from sync.clock.restarts import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
+from sync.led.led_events import LightEvents
+from sync.log.repairs import LogReading
+from torsight.core.errors import NoResultError
+from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
+from torsight.core.shown import Shown
+from torsight.core.threads import one_thread
+from torsight.core.tracks import StickAngles
+from torsight.core.units import PPM
+
+_GIVEN_SIGMA_S: Final = 1e-6
+_BY_LIGHT_SIGMA_S: Final = 1.0
+_GIVEN_SIGMA_PPM: Final = 1e-3
+_WIDE_S: Final = 1.0
+_VERY_WIDE_S: Final = 5.0
+_TOO_MANY_UNMATCHED: Final = 2
+_ADVICE: Final = (
+    "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
+    "at two clearly different rates with one heating cut short"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Found(Shown):
+    """The clock, and the log with its restarts where the evidence puts them."""
+
+    clock: ClockMap
+    reading: LogReading
+
+    def facts(self) -> dict[str, str]:
+        """Return the clock, and what it took to read the log."""
+        return {**self.clock.facts(), **self.reading.facts()}
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the log on the film's clock."""
+        table = dict(self.reading.log.to_frame())
+        return {**table, "time_s": self.clock.to_film_time(self.reading.log.time_s)}
+
+    def _draw(self, axes: Any) -> None:
+        self.clock.plot(axes)
+
+
+@one_thread()
+def estimate_clock(
+    angles: StickAngles,
+    log: TemperatureLog,
+    *,
+    given_offset_s: float | None = None,
+    given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
+) -> ClockMap:
+    """Return the clock map with 95 % intervals, for a log whose clock did not restart.
+
+    Parameters
+    ----------
+    angles : StickAngles
+        Angle on the film's clock.
+    log : TemperatureLog
+        Temperatures on the logging clock.
+    given_offset_s, given_drift_ppm : float, optional
+        Values that are known; taken as exact.
+    light : LightEvents, optional
+        Film times at which a light showed the heating switch.
+
+    Raises
+    ------
+    InputError
+        When there are light events but no heating switch in the log.
+    NoResultError
+        When the offset is not given and nothing in the files tells it.
+    """
+    reading = LogReading(log)
+    return find_clock(
+        angles, reading, given_offset_s=given_offset_s, given_drift_ppm=given_drift_ppm, light=light
+    ).clock
+
+
+@one_thread()
+def find_clock(
+    angles: StickAngles,
+    reading: LogReading,
+    *,
+    given_offset_s: float | None = None,
+    given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
+) -> Found:
+    """Return the clock map and the log with its restarts settled; see :func:`estimate_clock`."""
+    if light is not None and given_offset_s is None:
+        return _from_light(angles, reading, light, given_drift_ppm)
+    prior = None if given_offset_s is None else _given(given_offset_s, given_drift_ppm)
+    settled = settle(angles, reading, prior=prior)
+    if given_offset_s is not None and given_drift_ppm is not None:
+        exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
+        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(settled))
+        return Found(clock, settled.reading)
+    evidence = settled.evidence
+    if evidence is None:
+        if given_offset_s is None:
+            raise _unknown(angles, reading.log)
+        interval = (-1.96 * DRIFT_SIGMA_PPM, 1.96 * DRIFT_SIGMA_PPM)
+        notes = ("drift is not known and taken as none", *_restart_notes(settled))
+        exact_offset = (given_offset_s, given_offset_s)
+        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), settled.reading)
+    if evidence.swapped and given_offset_s is None and evidence.strokes - evidence.matched >= _TOO_MANY_UNMATCHED:
+        raise _other_way_round(evidence)
+    beliefs = evidence.beliefs
+    if given_drift_ppm is not None:
+        row = np.zeros(len(beliefs[0].mean))
+        row[1] = 1.0
+        beliefs = tuple(b.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2) for b in beliefs)
+    estimate = conclude(beliefs, middle_s=evidence.middle_s)
+    notes = (*_notes(evidence, estimate), *_restart_notes(settled))
+    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(evidence)
+    if given_offset_s is not None:
+        return Found(_as_map(estimate, method, notes), settled.reading)
+    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), settled.reading)
+
+
+def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
+    """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
+    settled = Settled(None, reading)
+    if jumps_of(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
+        settled = settle(angles, reading, prior=None)
+    settled, evidence = _paired(angles, settled, reading, light)
+    belief = evidence.belief
+    if given_drift_ppm is not None:
+        row = np.zeros(len(belief.mean))
+        row[1] = 1.0
+        belief = belief.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+    if len(belief.mean) > len(("offset", "drift")):
+        settled = Settled(settled.evidence, moved_to(settled.reading, [belief]))
+    notes = list(_restart_notes(settled))
+    if evidence.rivals:
+        notes.append(f"{evidence.rivals} other shifts pair as many changes of the light: check the offset")
+    if evidence.second_shift_s is not None:
+        notes.append(
+            f"{evidence.events - evidence.matched} changes of the light at one end of the film fit the log when its "
+            f"rows there are taken {evidence.second_shift_s:+.3g} s off the others: its clock may have jumped without "
+            "a restart that shows; the interval holds both, look at the log's stamps"
+        )
+    method = (
+        f"{SHARED_EVENT}: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
+        f"{evidence.switchings}"
+    )
+    clock = _as_map(conclude([belief], middle_s=evidence.middle_s), method, notes)
+    return Found(_coarse(clock, reading.coarse_s), settled.reading)
+
+
+def _paired(
+    angles: StickAngles, settled: Settled, reading: LogReading, light: LightEvents
+) -> tuple[Settled, LightEvidence]:
+    """Return the light's evidence, with rows behind a restart where the motion has them or, if more pair, the light."""
+    moved = _joined_by_light(angles, reading, light)
+    other = None if moved is None else light_evidence(light, angles.time_s, moved.log, jumps=jumps_of(moved))
+    try:
+        evidence = _light_with_motion(angles, settled, light)
+    except NoResultError:
+        if moved is None or other is None:
+            raise
+        return Settled(None, moved), other
+    if moved is not None and other is not None and other.matched > evidence.matched:
+        return Settled(None, moved), other
+    return settled, evidence
+
+
+def _light_with_motion(angles: StickAngles, settled: Settled, light: LightEvents) -> LightEvidence:
+    log, jumps = settled.reading.log, jumps_of(settled.reading)
+    evidence = light_evidence(light, angles.time_s, log, jumps=jumps)
+    if not evidence.rivals:
+        return evidence
+    motion = settled.evidence or settle(angles, settled.reading, prior=None).evidence
+    if motion is None:
+        return evidence
+    low, high = conclude(motion.beliefs, middle_s=motion.middle_s).offset_ci95_s
+    margin = 0.5 * (high - low) + 5.0
+    return light_evidence(light, angles.time_s, log, near=(low - margin, high + margin), jumps=jumps)
+
+
+def _joined_by_light(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
+    """Return the log with the one restart whose gap is not sure put where the light has it."""
+    unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
+    if len(unsure) != 1:
+        return None
+    after_s = float(reading.log.time_s[reading.restarts[unsure[0]].index - 1])
+    missing_s = missing_by_light(light, angles.time_s, reading.log, after_s=after_s)
+    return None if missing_s is None else with_gap(reading, unsure[0], missing_s, _BY_LIGHT_SIGMA_S)
+
+
+def _restart_notes(settled: Settled) -> tuple[str, ...]:
+    return tuple(
+        f"the log's clock restarted at {float(settled.reading.log.time_s[restart.index]):.6g} s and its rows from "
+        f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
+        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {1.96 * restart.gap_sigma_s:.2g} s")
+        for restart in settled.reading.restarts
+    )
+
+
+def _given(offset_s: float | None, drift_ppm: float | None) -> Belief:
+    offset_sigma = _GIVEN_SIGMA_S if offset_s is not None else 1e6
+    drift_sigma = _GIVEN_SIGMA_PPM if drift_ppm is not None else DRIFT_SIGMA_PPM
+    return Belief(
+        np.array([offset_s or 0.0, (drift_ppm or 0.0) * PPM]),
+        np.diag([offset_sigma**2, (drift_sigma * PPM) ** 2]),
+        0.0,
+    )
+
+
+def _as_map(estimate: ClockEstimate, method: str, notes: Sequence[str]) -> ClockMap:
+    return ClockMap(
+        offset_s=estimate.offset_s,
+        drift_ppm=estimate.drift_ppm,
+        offset_ci95_s=estimate.offset_ci95_s,
+        drift_ci95_ppm=estimate.drift_ci95_ppm,
+        method=method,
+        notes=tuple(notes),
+    )
+
+
+def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
+    """Let the interval hold both readings of coarse stamps: cut off, as they are taken, and rounded."""
+    if step_s == 0.0:
+        return clock
+    low, high = clock.offset_ci95_s
+    note = (
+        f"the log's stamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset is "
+        f"{0.5 * step_s:.3g} s smaller: the interval holds both"
+    )
+    return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
+
+
+def _method(evidence: MotionEvidence) -> str:
+    text = f"motion against temperature: {evidence.matched} of {evidence.strokes} strokes against heating and cooling"
+    if evidence.stops:
+        text += f", {evidence.stops} abrupt stops against corners of the temperature"
+    return text
+
+
+def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
+    notes: list[str] = []
+    low, high = estimate.offset_ci95_s
+    if evidence.lag.value_s is None:
+        notes.append(
+            "the log has no corner from which a lag of the sensor could be read; lags up to 15 s are in the interval"
+        )
+    elif evidence.lag.value_s > 0.3 and not evidence.stops:
+        notes.append(
+            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its "
+            f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
+        )
+    if high - low > _WIDE_S:
+        why = (
+            "the strokes that can be compared have about the same rates" if high - low > _VERY_WIDE_S else "few strokes"
+        )
+        notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
+    if evidence.matched < evidence.strokes:
+        notes.append(
+            f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes have no heating or cooling that "
+            f"explains them: look for a piece of the log that is missing or stands at a wrong time"
+        )
+    weights = np.array([belief.log_weight for belief in evidence.beliefs])
+    offsets = np.array([belief.mean[0] for belief in evidence.beliefs])
+    likely = offsets[weights > weights.max() - 6.0]
+    if np.ptp(likely) > 30.0 and len(evidence.plateaus) > 1:
+        notes.append("the programme repeats itself: shifts by whole cycles explain the motion about as well")
+    if evidence.swapped:
+        notes.append("the motion fits better with the springs the other way round: check which channel is A")
+    return notes
+
+
+def _other_way_round(evidence: MotionEvidence) -> NoResultError:
+    return NoResultError(
+        "the offset between film and log is unknown: the motion fits with the springs the other way round",
+        where="angle and temperatures",
+        value=f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes without a heating or cooling",
+        limit="heating A turns clockwise, heating B counter-clockwise, as the film is seen",
+        do="check which channel is A and whether the film is mirrored, or give the offset (--offset)",
+    )
+
+
+def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
+    known = angles.angle_rad[angles.valid & np.isfinite(angles.angle_rad)]
+    moved = math.degrees(float(np.ptp(known))) if len(known) else 0.0
+    rises = [float(np.nanmax(t) - np.nanmin(t)) for t in (log.temp_a_c, log.temp_b_c) if np.isfinite(t).any()]
+    return NoResultError(
+        "the offset between film and log is unknown: no motion fits the heating and cooling",
+        where="angle and temperatures",
+        value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
+        limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
+        do=_ADVICE,
+    )

@@ -1,0 +1,158 @@
+"""Clock and restarts of the log together: the motion tells how long a logger was away where the log cannot.
+
+For a restart during a rest two accounts are weighed: the clock alone restarted (the usual step passed), or the logger
+was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sync.clock.gaussian_mixture import Belief
+from sync.clock.motion_likelihood import MotionEvidence, motion_evidence
+from sync.clock.offset_search import best_share
+from sync.clock.unknown_gaps import Jump
+from sync.log.repairs import LogReading
+from sync.merge.merged_table import longest_gap_s
+from sync.signals.heating_segments import picture_log
+from sync.signals.strokes import find_strokes
+from torsight.core.tracks import StickAngles
+
+SURE_GAP_S: Final = 0.01
+_LONGEST_AWAY_S: Final = 900.0
+_AWAY_CELLS_S: Final = (
+    (0.0, 10.0, 0.12),
+    (10.0, 30.0, 0.08),
+    (30.0, 80.0, 0.05),
+    (80.0, 240.0, 0.03),
+    (240.0, 900.0, 0.02),
+)
+"""Ranges of the time away, and how likely each is: each is short enough for its middle to be a start for the search."""
+_MOST_ACCOUNTS: Final = 10
+_STEP_S: Final = 10.0
+_CLOCK_ONLY: Final = 0.7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settled:
+    """Motion's evidence, and the log with its restarts moved to where the motion says.
+
+    Attributes
+    ----------
+    evidence : MotionEvidence or None
+        None where nothing moves or nothing fits.
+    reading : LogReading
+        The log, restarts settled.
+    """
+
+    evidence: MotionEvidence | None
+    reading: LogReading
+
+
+def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) -> Settled:
+    """Weigh the motion, with the gaps of the log's restarts as unknowns."""
+    accounts = [(reading, 0.0)]
+    for number, restart in enumerate(reading.restarts):
+        if np.isfinite(restart.gap_sigma_s):
+            continue
+        step_s = float(np.median(np.diff(reading.log.time_s)))
+        away = _time_away(angles, reading, number)
+        accounts = [
+            option
+            for account, weight in accounts
+            for option in (
+                (with_gap(account, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
+                *(
+                    (with_gap(account, number, middle_s, half_s), weight + float(np.log(share)))
+                    for middle_s, half_s, share in away
+                ),
+            )
+        ]
+    accounts.sort(key=lambda account: -account[1])
+    found: list[tuple[MotionEvidence, LogReading, float]] = []
+    for account, weight in accounts[:_MOST_ACCOUNTS]:
+        evidence = motion_evidence(angles, account.log, prior=prior, jumps=jumps_of(account))
+        if evidence is not None:
+            found.append((evidence, account, weight))
+    if not found:
+        return Settled(None, reading)
+    evidence, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].beliefs))
+    beliefs = [
+        replace(belief, log_weight=belief.log_weight + weight).moved(evidence.middle_s - other.middle_s)
+        for other, _, weight in found
+        for belief in other.beliefs
+    ]
+    return Settled(replace(evidence, beliefs=tuple(beliefs)), moved_to(chosen, evidence.beliefs))
+
+
+def jumps_of(reading: LogReading) -> tuple[Jump, ...]:
+    """Return the restarts whose gap is not sure, as unknowns."""
+    time_s = reading.log.time_s
+    return tuple(
+        Jump(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
+        for restart in reading.restarts
+        if SURE_GAP_S < restart.gap_sigma_s < np.inf
+    )
+
+
+def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
+    """Return the log with everything behind a restart moved later, and how sure that is."""
+    restart = reading.restarts[number]
+    time_s = reading.log.time_s.copy()
+    time_s[restart.index :] += longer_s
+    changed = replace(restart, shift_s=restart.shift_s + longer_s, gap_s=restart.gap_s + longer_s, gap_sigma_s=sigma_s)
+    later = [replace(item, shift_s=item.shift_s + longer_s) for item in reading.restarts[number + 1 :]]
+    return replace(
+        reading,
+        log=replace(reading.log, time_s=time_s),
+        restarts=(*reading.restarts[:number], changed, *later),
+    )
+
+
+def moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
+    """Move the restarts by what the likeliest belief says is missing."""
+    best = max(beliefs, key=lambda belief: belief.log_weight)
+    unsure = [n for n, restart in enumerate(reading.restarts) if SURE_GAP_S < restart.gap_sigma_s < np.inf]
+    for place, number in enumerate(unsure):
+        # A gap cannot be shorter than nothing.
+        longer_s = max(float(best.mean[2 + place]), -0.9 * reading.restarts[number].gap_s)
+        reading = with_gap(reading, number, longer_s, float(np.sqrt(best.covariance[2 + place, 2 + place])))
+    return reading
+
+
+def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
+    """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
+    strokes = find_strokes(angles)
+    flanks = picture_log(reading.log, max_gap_s=longest_gap_s(reading.log)).flanks
+    if not strokes or not flanks:
+        return []
+    joint_s = float(reading.log.time_s[reading.restarts[number].index])
+    away_s = np.arange(0.0, _LONGEST_AWAY_S, _STEP_S)
+    share = np.array(
+        [
+            best_share(
+                strokes,
+                [
+                    replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
+                    if f.begin_s >= joint_s - 1.0
+                    else f
+                    for f in flanks
+                ],
+                step_s=_STEP_S,
+            )
+            for away in away_s
+        ]
+    )
+    good = away_s[share >= share.max() - 0.05]
+    found = []
+    for low, high, weight in _AWAY_CELLS_S:
+        # What the coarse steps call good reaches a step further on both sides.
+        inside = good[(good > low - _STEP_S) & (good < high + _STEP_S)]
+        if len(inside):
+            begin, end = max(low, inside[0] - _STEP_S), min(high, inside[-1] + _STEP_S)
+            found.append((float(0.5 * (begin + end)), float(0.5 * (end - begin)), weight))
+    return found

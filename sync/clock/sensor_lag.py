@@ -1,0 +1,109 @@
+"""How late the sensor is: belief from the roundness of the corners in the log.
+
+A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
+the power was cut at once, which is how these springs are driven; that gets most of the belief, the rest is spread
+evenly below, because something else may have rounded the corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.signals.changepoints import MAX_LAG_S, Corner
+
+_SURE_SHARE: Final = 0.8
+_NO_LAG_SHARE: Final = 0.15
+"""Where no corner can be read, a sensor that is not late at all lies within the interval, not at its very end."""
+_UNLIKELY: Final = 7.0
+_MODEL_SHARE: Final = 0.05
+"""How far a real sensor is from a first-order lag, as a share of the lag."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LagBelief:
+    """What the log says about the sensor's lag.
+
+    Attributes
+    ----------
+    value_s, sigma_s : float or None
+        Roundness of the corners; None where no corner could be read.
+    grid_s : (n,) float64
+        Lags.
+    log_weight : (n,) float64
+        Logarithm of their weights.
+    split : float
+        Share of the lag that falls to a second stage.
+    """
+
+    value_s: float | None
+    sigma_s: float | None
+    grid_s: NDArray[np.float64]
+    log_weight: NDArray[np.float64]
+    split: float = 0.0
+
+
+def lag_belief(corners: Sequence[Corner]) -> LagBelief:
+    """Pool the corners of a log."""
+    usable = [corner for corner in corners if corner.lag_s < 0.9 * MAX_LAG_S and corner.lag_sigma_s < 2.0]
+    if not usable:
+        some = np.arange(0.25, MAX_LAG_S, 0.5)
+        weight = np.concatenate([[_NO_LAG_SHARE], np.full(len(some), (1.0 - _NO_LAG_SHARE) / len(some))])
+        return LagBelief(None, None, np.concatenate([[0.0], some]), np.log(weight))
+    value, sigma = _pooled(usable)
+    sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
+    grid = np.unique(
+        np.concatenate([np.linspace(0.0, value, 30), np.linspace(max(value - 4 * sigma, 0.0), value + 4 * sigma, 33)])
+    )
+    width = np.gradient(grid) if len(grid) > 1 else np.ones(1)
+    peak = np.exp(-0.5 * ((grid - value) / sigma) ** 2) * width
+    below = np.where(grid <= value + 1e-12, width, 0.0)
+    weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
+    return LagBelief(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
+
+
+def weighed(options: Mapping[float, Sequence[Corner]]) -> LagBelief:
+    """Return the belief over lags in one stage and in two, by how well each describes the corners.
+
+    ``options`` holds the corners of a log as they were fitted with each share of a second stage.
+    """
+    beliefs = {split: lag_belief(corners) for split, corners in options.items()}
+    fits = {split: sum(corner.log_fit for corner in corners) for split, corners in options.items()}
+    best = max(fits, key=lambda split: fits[split])
+    chosen = beliefs[best]
+    if chosen.value_s is None:
+        return chosen
+    likely = [split for split in fits if fits[split] > fits[best] - _UNLIKELY and beliefs[split].value_s is not None]
+    total = float(np.log(sum(np.exp(fits[split] - fits[best]) for split in likely)))
+    weights = [beliefs[split].log_weight + fits[split] - fits[best] - total for split in likely]
+    grid = np.concatenate([beliefs[split].grid_s for split in likely])
+    return replace(chosen, grid_s=grid, log_weight=np.concatenate(weights), split=best)
+
+
+def _pooled(corners: Sequence[Corner]) -> tuple[float, float]:
+    """Return the lag that all corners share, from their likelihoods, with one sigma; corners far off are left out."""
+    middle = float(np.median([corner.lag_s for corner in corners]))
+    typical = float(np.median([corner.lag_sigma_s for corner in corners]))
+    spread = 1.4826 * float(np.median([abs(corner.lag_s - middle) for corner in corners]))
+    reach = 4.0 * max(typical, spread, 0.02)
+    grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
+    total = np.zeros(len(grid))
+    count = 0
+    for corner in corners:
+        if abs(corner.lag_s - middle) > reach:
+            continue
+        count += 1
+        inside = (grid >= corner.lags_s[0]) & (grid <= corner.lags_s[-1])
+        outside = -0.5 * ((grid - corner.lag_s) / max(corner.lag_sigma_s, 1e-6)) ** 2
+        known = np.interp(grid, corner.lags_s, corner.lag_log_likelihood) - float(corner.lag_log_likelihood.max())
+        total += np.maximum(np.where(inside, known, outside), -30.0)
+    # Corners that scatter by more than their own sigmas count for less.
+    scale = max(1.0, spread / max(typical, 1e-9)) ** 2
+    weight = np.exp((total - total.max()) / scale)
+    weight /= weight.sum()
+    value = float(grid[int(np.argmax(weight))])
+    return value, float(np.sqrt(weight @ (grid - value) ** 2))
