@@ -11,13 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import AnyPath, missing_file
+from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file
 from torsight.core.provenance import file_hash
-
-PICTURE_SUFFIXES: Final = (
-    ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",
-)  # fmt: skip
-"""Files of a folder that count as pictures; another file is taken as a film."""
 
 _FILM_CANDIDATES: Final = 150
 _EXIF_MAKE, _EXIF_MODEL, _EXIF_PART, _EXIF_FOCAL, _EXIF_SERIAL = 271, 272, 34665, 37386, 42033

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.signals.changepoints import MAX_LAG_S, Corner
+from torsight.core.series import robust_sigma
 
 _SURE_SHARE: Final = 0.8
 _NO_LAG_SHARE: Final = 0.15
@@ -88,7 +89,7 @@ def _pooled(corners: Sequence[Corner]) -> tuple[float, float]:
     """Return the lag that all corners share, from their likelihoods, with one sigma; corners far off are left out."""
     middle = float(np.median([corner.lag_s for corner in corners]))
     typical = float(np.median([corner.lag_sigma_s for corner in corners]))
-    spread = 1.4826 * float(np.median([abs(corner.lag_s - middle) for corner in corners]))
+    spread = robust_sigma(np.array([corner.lag_s - middle for corner in corners]))
     reach = 4.0 * max(typical, spread, 0.02)
     grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
     total = np.zeros(len(grid))

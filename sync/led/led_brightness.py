@@ -7,7 +7,6 @@ fall into two heaps; the middle between them parts on from off.
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -18,6 +17,7 @@ from sync.led.led_events import LightEvents
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
+from torsight.core.series import constant_runs, robust_sigma
 
 if TYPE_CHECKING:
     from tracker.source import FrameSource
@@ -147,14 +147,13 @@ def _heaps(value: NDArray[np.float64]) -> tuple[float, float, float]:
             break
         parting = moved
     away = np.minimum(np.abs(value - low), np.abs(value - high))
-    return low, high, 1.4826 * float(np.median(away))
+    return low, high, robust_sigma(away)
 
 
 def _steady(time_s: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Take flickers out: states that last a frame or two and less than a tenth of a second."""
     steady = lit.copy()
-    edges = np.concatenate([[0], np.flatnonzero(lit[1:] != lit[:-1]) + 1, [len(lit)]])
-    for begin, end in itertools.pairwise(edges[1:-1].tolist()):
+    for begin, end in constant_runs(lit)[1:-1]:
         if end - begin < _FLICKER_FRAMES and time_s[end] - time_s[begin] < _FLICKER_S:
             steady[begin:end] = steady[begin - 1]
     return steady

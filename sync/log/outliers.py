@@ -6,7 +6,6 @@ a corner of the temperature can make, or when a constant run ends in a jump. Wha
 
 from __future__ import annotations
 
-import itertools
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from sync.log.repairs import Repair
+from torsight.core.series import constant_runs, robust_sigma, scatter
 
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
@@ -90,8 +90,7 @@ def noise_c(temp_c: NDArray[np.float64]) -> float:
     known = temp_c[np.isfinite(temp_c)]
     if len(known) < 8:
         return 0.0
-    second = known[2:] - 2.0 * known[1:-1] + known[:-2]
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+    return scatter(known, order=2)
 
 
 def _spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -102,7 +101,7 @@ def _spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray
     known, at_s = temp_c[index], time_s[index]
     middle = median_filter(known, size=7, mode="nearest")
     away = np.abs(known - middle)
-    noise = float(1.4826 * np.median(away))
+    noise = robust_sigma(away)
     # What a straight flank or a corner moves within the window: the spread of the medians around.
     spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
     spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
@@ -121,25 +120,25 @@ def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
     known, at_s = temp_c[index], time_s[index]
     step = np.abs(np.diff(known))
     jump_c = max(0.5, 10.0 * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
-    edges = np.concatenate([[0], np.flatnonzero(step > 0) + 1, [len(known)]])
-    for begin, end in itertools.pairwise(edges.tolist()):
+    same = constant_runs(known)
+    for begin, end in same:
         if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < _STUCK_S or end == len(known):
             continue
         if abs(known[end] - known[begin]) > jump_c:
             stuck[index[begin + 1 : end]] = True
-    for begin, end in _frozen(np.diff(known), edges):
+    for begin, end in _frozen(np.diff(known), same):
         if at_s[end - 1] - at_s[begin] >= _STUCK_S:
             stuck[index[begin + 1 : end]] = True
     return stuck
 
 
-def _frozen(step_c: NDArray[np.float64], edges: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _frozen(step_c: NDArray[np.float64], same: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return runs of one value in a channel whose neighbouring readings elsewhere are seldom alike.
 
     None where there are many, or where they make up much of the log, or where no noise moves the readings to and fro:
     then the sensor is a quiet one.
     """
-    runs = [(begin, end) for begin, end in itertools.pairwise(edges.tolist()) if end - begin >= _FROZEN_ROWS]
+    runs = [(begin, end) for begin, end in same if end - begin >= _FROZEN_ROWS]
     inside = sum(end - begin - 1 for begin, end in runs)
     alike = int(np.count_nonzero(step_c == 0)) - inside
     others = len(step_c) - inside

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sync.log.outliers import noise_c
 from sync.log.repairs import Restart
 from sync.log.timestamps import usual_step_s
+from torsight.core.series import robust_sigma
 
 _WINDOW_S: Final = 10.0
 _LONGEST_GAP_S: Final = 900.0
@@ -128,7 +129,7 @@ def _parabola(
     for _ in range(3):
         coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)
         away = np.abs(y - design @ coefficient)
-        limit = 4.0 * max(noise, 1.4826 * float(np.median(away)))
+        limit = 4.0 * max(noise, robust_sigma(away))
         keep = away <= limit
     residual = y[keep] - design[keep] @ coefficient
     spread = max(noise, float(np.sqrt(np.mean(residual**2))))

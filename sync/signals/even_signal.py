@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
+from torsight.core.series import scatter
+
 _FINEST_STEP_S: Final = 0.05
 _MAX_POINTS: Final = 400_000
 
@@ -135,10 +137,9 @@ def _binned(
 
 
 def _noise(value: NDArray[np.float64]) -> float:
-    second = value[2:] - 2.0 * value[1:-1] + value[:-2]
-    spread = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
+    spread = scatter(value, order=2)
     if spread > 0:
-        return float(spread)
+        return spread
     step = np.abs(np.diff(value))
     # Coarsely rounded numbers: the error of rounding.
     return float(np.median(step[step > 0]) / np.sqrt(12.0)) if (step > 0).any() else 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from sync.signals.crossing_times import passing
 from sync.signals.even_signal import EvenSignal, even_signal
+from torsight.core.series import constant_runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 
@@ -113,9 +113,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
 
 
 def _runs(moving: NDArray[np.float64]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(moving) != 0) + 1
-    bounds = np.concatenate([[0], edges, [len(moving)]])
-    return [(int(b), int(e)) for b, e in itertools.pairwise(bounds) if moving[b] != 0]
+    return [(begin, end) for begin, end in constant_runs(moving) if moving[begin] != 0]
 
 
 def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: float) -> list[tuple[int, int]]:

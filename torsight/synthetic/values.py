@@ -13,43 +13,33 @@ from typing import Any, Final
 
 import numpy as np
 
+from torsight.actuator.spec import KEYS, REFERENCE_UNCERTAINTY, REFERENCE_VALUES
 from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
 from torsight.core.frozen import Frozen
 from torsight.core.storage import check_keys
 from torsight.core.units import DEG, GPA, MM, MNM, MPA
 
+_WIRE_LENGTH_MM: Final = math.pi * REFERENCE_VALUES["mean_diameter_mm"] * REFERENCE_VALUES["active_coils"]
 REFERENCE: Final[Mapping[str, Mapping[str, float]]] = {
-    "geometry": {"wire_diameter_mm": 0.5, "wire_length_mm": 64.1},
-    "material": {
-        "E_A_gpa": 60.0,
-        "E_M_gpa": 20.0,
-        "E_S_gpa": 5.0,
-        "A_s_c": 36.0,
-        "A_f_c": 54.0,
-        "M_s_c": 42.0,
-        "M_f_c": 28.0,
-        "C_A_mpa_per_k": 32.0,
-        "C_M_mpa_per_k": 32.0,
-        "theta_cr_deg": 180.0,
+    "geometry": {
+        "wire_diameter_mm": REFERENCE_VALUES["wire_diameter_mm"],
+        # As a lab would write it down: to a tenth of a millimetre.
+        "wire_length_mm": round(_WIRE_LENGTH_MM, 1),
     },
-    "assembly": {"theta_p_deg": 1080.0},
-    "friction": {"tau_c_mnm": 0.79},
+    **{
+        table: {name: REFERENCE_VALUES[name] for name, key in KEYS.items() if key.table == table}
+        for table in ("material", "assembly", "friction")
+    },
 }
 """The reference rig, in the layout of ``actuator.toml``."""
 
 UNCERTAINTY: Final[Mapping[str, float]] = {
-    "E_A_gpa": 1.8,
-    "E_M_gpa": 0.8,
-    "E_S_gpa": 0.25,
-    "theta_cr_deg": 5.4,
-    "A_s_c": 0.4,
-    "A_f_c": 0.4,
-    "M_s_c": 0.6,
-    "M_f_c": 0.6,
-    "tau_c_mnm": 0.15,
+    **REFERENCE_UNCERTAINTY,
+    # No spring test measures the friction: its prior is a start value's, and rigs are built within half of it.
+    "tau_c_mnm": 0.5 * REFERENCE_UNCERTAINTY["tau_c_mnm"],
 }
-"""One standard deviation of each characterised value, typical for the spring tests."""
+"""By how much a rig's own values differ from the declared ones: one standard deviation of each."""
 
 _GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
 _TABLES: Final[Mapping[str, tuple[str, ...]]] = {
