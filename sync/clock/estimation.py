@@ -1,4 +1,4 @@
-"""Offset and drift between film and log by the best evidence that there is.
+"""Offset and drift between film and log, from the best that there is.
 
 In this order: values that are given; an event that both saw (a light that shows the heating switch); what motion and
 temperature say together. Where nothing moves the offset stays unknown and is not guessed.
@@ -13,10 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Belief, ClockEstimate, conclude
-from sync.clock.led_likelihood import LightEvidence, light_evidence, missing_by_light
-from sync.clock.motion_likelihood import MotionEvidence
-from sync.clock.restarts import SURE_GAP_S, Settled, jumps_of, moved_to, settle, with_gap
+from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, ClockEstimate, Gaussian, value_and_interval
+from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
+from sync.clock.motion_likelihood import MotionLikelihood
+from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
+from sync.clock.sensor_lag import SHORT_LAG_S
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from torsight.core.errors import NoResultError
@@ -40,7 +41,7 @@ _ADVICE: Final = (
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Found(Shown):
-    """The clock, and the log with its restarts where the evidence puts them."""
+    """The clock, and the log with its restarts where the motion or the LED puts them."""
 
     clock: ClockMap
     reading: LogReading
@@ -102,121 +103,121 @@ def find_clock(
     given_drift_ppm: float | None = None,
     light: LightEvents | None = None,
 ) -> Found:
-    """Return the clock map and the log with its restarts settled; see :func:`estimate_clock`."""
+    """Return the clock map and the log with its restarts in place; see :func:`estimate_clock`."""
     if light is not None and given_offset_s is None:
-        return _from_light(angles, reading, light, given_drift_ppm)
+        return _from_led(angles, reading, light, given_drift_ppm)
     prior = None if given_offset_s is None else _given(given_offset_s, given_drift_ppm)
-    settled = settle(angles, reading, prior=prior)
+    weighed = weigh_restarts(angles, reading, prior=prior)
     if given_offset_s is not None and given_drift_ppm is not None:
         exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
-        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(settled))
-        return Found(clock, settled.reading)
-    evidence = settled.evidence
-    if evidence is None:
+        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(weighed))
+        return Found(clock, weighed.reading)
+    likelihood = weighed.likelihood
+    if likelihood is None:
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
         interval = (-1.96 * DRIFT_SIGMA_PPM, 1.96 * DRIFT_SIGMA_PPM)
-        notes = ("drift is not known and taken as none", *_restart_notes(settled))
+        notes = ("drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
-        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), settled.reading)
-    if evidence.swapped and given_offset_s is None and evidence.strokes - evidence.matched >= _TOO_MANY_UNMATCHED:
-        raise _other_way_round(evidence)
-    beliefs = evidence.beliefs
+        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), weighed.reading)
+    if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched >= _TOO_MANY_UNMATCHED:
+        raise _other_way_round(likelihood)
+    mixture = likelihood.mixture
     if given_drift_ppm is not None:
-        row = np.zeros(len(beliefs[0].mean))
+        row = np.zeros(len(mixture[0].mean))
         row[1] = 1.0
-        beliefs = tuple(b.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2) for b in beliefs)
-    estimate = conclude(beliefs, middle_s=evidence.middle_s)
-    notes = (*_notes(evidence, estimate), *_restart_notes(settled))
-    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(evidence)
+        mixture = tuple(b.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2) for b in mixture)
+    estimate = value_and_interval(mixture, middle_s=likelihood.middle_s)
+    notes = (*_notes(likelihood, estimate), *_restart_notes(weighed))
+    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
     if given_offset_s is not None:
-        return Found(_as_map(estimate, method, notes), settled.reading)
-    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), settled.reading)
+        return Found(_as_map(estimate, method, notes), weighed.reading)
+    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), weighed.reading)
 
 
-def _from_light(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
+def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
     """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
-    settled = Settled(None, reading)
-    if jumps_of(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
-        settled = settle(angles, reading, prior=None)
-    settled, evidence = _paired(angles, settled, reading, light)
-    belief = evidence.belief
+    weighed = WeighedRestarts(None, reading)
+    if unknown_gaps(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
+        weighed = weigh_restarts(angles, reading, prior=None)
+    weighed, match = _paired(angles, weighed, reading, light)
+    gaussian = match.gaussian
     if given_drift_ppm is not None:
-        row = np.zeros(len(belief.mean))
+        row = np.zeros(len(gaussian.mean))
         row[1] = 1.0
-        belief = belief.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
-    if len(belief.mean) > len(("offset", "drift")):
-        settled = Settled(settled.evidence, moved_to(settled.reading, [belief]))
-    notes = list(_restart_notes(settled))
-    if evidence.rivals:
-        notes.append(f"{evidence.rivals} other shifts pair as many changes of the light: check the offset")
-    if evidence.second_shift_s is not None:
+        gaussian = gaussian.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+    if len(gaussian.mean) > len(("offset", "drift")):
+        weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
+    notes = list(_restart_notes(weighed))
+    if match.rivals:
+        notes.append(f"{match.rivals} other shifts pair as many changes of the light: check the offset")
+    if match.second_shift_s is not None:
         notes.append(
-            f"{evidence.events - evidence.matched} changes of the light at one end of the film fit the log when its "
-            f"rows there are taken {evidence.second_shift_s:+.3g} s off the others: its clock may have jumped without "
+            f"{match.events - match.matched} changes of the light at one end of the film fit the log when its "
+            f"rows there are taken {match.second_shift_s:+.3g} s off the others: its clock may have jumped without "
             "a restart that shows; the interval holds both, look at the log's stamps"
         )
     method = (
-        f"{SHARED_EVENT}: {evidence.matched} of {evidence.events} changes of the light against the heating switch's "
-        f"{evidence.switchings}"
+        f"{SHARED_EVENT}: {match.matched} of {match.events} changes of the light against the heating switch's "
+        f"{match.switchings}"
     )
-    clock = _as_map(conclude([belief], middle_s=evidence.middle_s), method, notes)
-    return Found(_coarse(clock, reading.coarse_s), settled.reading)
+    clock = _as_map(value_and_interval([gaussian], middle_s=match.middle_s), method, notes)
+    return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
 def _paired(
-    angles: StickAngles, settled: Settled, reading: LogReading, light: LightEvents
-) -> tuple[Settled, LightEvidence]:
-    """Return the light's evidence, with rows behind a restart where the motion has them or, if more pair, the light."""
-    moved = _joined_by_light(angles, reading, light)
-    other = None if moved is None else light_evidence(light, angles.time_s, moved.log, jumps=jumps_of(moved))
+    angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents
+) -> tuple[WeighedRestarts, LedMatch]:
+    """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the light."""
+    moved = _joined_by_led(angles, reading, light)
+    other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
     try:
-        evidence = _light_with_motion(angles, settled, light)
+        match = _led_with_motion(angles, weighed, light)
     except NoResultError:
         if moved is None or other is None:
             raise
-        return Settled(None, moved), other
-    if moved is not None and other is not None and other.matched > evidence.matched:
-        return Settled(None, moved), other
-    return settled, evidence
+        return WeighedRestarts(None, moved), other
+    if moved is not None and other is not None and other.matched > match.matched:
+        return WeighedRestarts(None, moved), other
+    return weighed, match
 
 
-def _light_with_motion(angles: StickAngles, settled: Settled, light: LightEvents) -> LightEvidence:
-    log, jumps = settled.reading.log, jumps_of(settled.reading)
-    evidence = light_evidence(light, angles.time_s, log, jumps=jumps)
-    if not evidence.rivals:
-        return evidence
-    motion = settled.evidence or settle(angles, settled.reading, prior=None).evidence
+def _led_with_motion(angles: StickAngles, weighed: WeighedRestarts, light: LightEvents) -> LedMatch:
+    log, gaps = weighed.reading.log, unknown_gaps(weighed.reading)
+    match = match_led(light, angles.time_s, log, gaps=gaps)
+    if not match.rivals:
+        return match
+    motion = weighed.likelihood or weigh_restarts(angles, weighed.reading, prior=None).likelihood
     if motion is None:
-        return evidence
-    low, high = conclude(motion.beliefs, middle_s=motion.middle_s).offset_ci95_s
+        return match
+    low, high = value_and_interval(motion.mixture, middle_s=motion.middle_s).offset_ci95_s
     margin = 0.5 * (high - low) + 5.0
-    return light_evidence(light, angles.time_s, log, near=(low - margin, high + margin), jumps=jumps)
+    return match_led(light, angles.time_s, log, near=(low - margin, high + margin), gaps=gaps)
 
 
-def _joined_by_light(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
+def _joined_by_led(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
     """Return the log with the one restart whose gap is not sure put where the light has it."""
     unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
     if len(unsure) != 1:
         return None
     after_s = float(reading.log.time_s[reading.restarts[unsure[0]].index - 1])
-    missing_s = missing_by_light(light, angles.time_s, reading.log, after_s=after_s)
+    missing_s = gap_by_led(light, angles.time_s, reading.log, after_s=after_s)
     return None if missing_s is None else with_gap(reading, unsure[0], missing_s, _BY_LIGHT_SIGMA_S)
 
 
-def _restart_notes(settled: Settled) -> tuple[str, ...]:
+def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
     return tuple(
-        f"the log's clock restarted at {float(settled.reading.log.time_s[restart.index]):.6g} s and its rows from "
+        f"the log's clock restarted at {float(weighed.reading.log.time_s[restart.index]):.6g} s and its rows from "
         f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
         + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {1.96 * restart.gap_sigma_s:.2g} s")
-        for restart in settled.reading.restarts
+        for restart in weighed.reading.restarts
     )
 
 
-def _given(offset_s: float | None, drift_ppm: float | None) -> Belief:
+def _given(offset_s: float | None, drift_ppm: float | None) -> Gaussian:
     offset_sigma = _GIVEN_SIGMA_S if offset_s is not None else 1e6
     drift_sigma = _GIVEN_SIGMA_PPM if drift_ppm is not None else DRIFT_SIGMA_PPM
-    return Belief(
+    return Gaussian(
         np.array([offset_s or 0.0, (drift_ppm or 0.0) * PPM]),
         np.diag([offset_sigma**2, (drift_sigma * PPM) ** 2]),
         0.0,
@@ -246,23 +247,25 @@ def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
     return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
 
 
-def _method(evidence: MotionEvidence) -> str:
-    text = f"motion against temperature: {evidence.matched} of {evidence.strokes} strokes against heating and cooling"
-    if evidence.stops:
-        text += f", {evidence.stops} abrupt stops against corners of the temperature"
+def _method(likelihood: MotionLikelihood) -> str:
+    text = (
+        f"motion against temperature: {likelihood.matched} of {likelihood.strokes} strokes against heating and cooling"
+    )
+    if likelihood.stops:
+        text += f", {likelihood.stops} abrupt stops against corners of the temperature"
     return text
 
 
-def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
+def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
     notes: list[str] = []
     low, high = estimate.offset_ci95_s
-    if evidence.lag.value_s is None:
+    if likelihood.lag.value_s is None:
         notes.append(
             "the log has no corner from which a lag of the sensor could be read; lags up to 15 s are in the interval"
         )
-    elif evidence.lag.value_s > 0.3 and not evidence.stops:
+    elif likelihood.lag.value_s > SHORT_LAG_S and not likelihood.stops:
         notes.append(
-            f"the log's corners are rounded as by a sensor that is {evidence.lag.value_s:.2g} s late; taken as its "
+            f"the log's corners are rounded as by a sensor that is {likelihood.lag.value_s:.2g} s late; taken as its "
             f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
     if high - low > _WIDE_S:
@@ -270,26 +273,26 @@ def _notes(evidence: MotionEvidence, estimate: ClockEstimate) -> list[str]:
             "the strokes that can be compared have about the same rates" if high - low > _VERY_WIDE_S else "few strokes"
         )
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
-    if evidence.matched < evidence.strokes:
+    if likelihood.matched < likelihood.strokes:
         notes.append(
-            f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes have no heating or cooling that "
-            f"explains them: look for a piece of the log that is missing or stands at a wrong time"
+            f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
+            f"that explains them: look for a piece of the log that is missing or stands at a wrong time"
         )
-    weights = np.array([belief.log_weight for belief in evidence.beliefs])
-    offsets = np.array([belief.mean[0] for belief in evidence.beliefs])
+    weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
+    offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])
     likely = offsets[weights > weights.max() - 6.0]
-    if np.ptp(likely) > 30.0 and len(evidence.plateaus) > 1:
+    if np.ptp(likely) > 30.0 and len(likelihood.ranges) > 1:
         notes.append("the programme repeats itself: shifts by whole cycles explain the motion about as well")
-    if evidence.swapped:
+    if likelihood.swapped:
         notes.append("the motion fits better with the springs the other way round: check which channel is A")
     return notes
 
 
-def _other_way_round(evidence: MotionEvidence) -> NoResultError:
+def _other_way_round(likelihood: MotionLikelihood) -> NoResultError:
     return NoResultError(
         "the offset between film and log is unknown: the motion fits with the springs the other way round",
         where="angle and temperatures",
-        value=f"{evidence.strokes - evidence.matched} of {evidence.strokes} strokes without a heating or cooling",
+        value=f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes without a heating or cooling",
         limit="heating A turns clockwise, heating B counter-clockwise, as the film is seen",
         do="check which channel is A and whether the film is mirrored, or give the offset (--offset)",
     )

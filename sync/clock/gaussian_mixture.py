@@ -18,13 +18,13 @@ DRIFT_SIGMA_PPM: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
+class Gaussian:
     """One Gaussian of a mixture.
 
     Attributes
     ----------
     mean : (2 + k,) float64
-        Offset in s at some film time, drift as a plain ratio, and the missing time of each of k jumps of the log, s.
+        Offset in s at some film time, drift as a plain ratio, and the missing time of each of k gaps of the log, s.
     covariance : (2 + k, 2 + k) float64
         Their covariance.
     log_weight : float
@@ -35,22 +35,22 @@ class Belief:
     covariance: NDArray[np.float64]
     log_weight: float
 
-    def updated(self, design: NDArray[np.float64], value: float, variance: float) -> Belief:
-        """Return the belief after a measurement ``design @ mean = value`` with some variance."""
+    def updated(self, design: NDArray[np.float64], value: float, variance: float) -> Gaussian:
+        """Return the Gaussian after a measurement ``design @ mean = value`` with some variance."""
         gain = self.covariance @ design
         total = float(design @ gain) + variance
         away = value - float(design @ self.mean)
-        return Belief(
+        return Gaussian(
             mean=self.mean + gain * (away / total),
             covariance=self.covariance - np.outer(gain, gain) / total,
             log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
         )
 
-    def moved(self, by_s: float) -> Belief:
-        """Return the same belief with its offset told ``by_s`` later on the film."""
+    def moved(self, by_s: float) -> Gaussian:
+        """Return the same Gaussian with its offset told ``by_s`` later on the film."""
         change = np.eye(len(self.mean))
         change[0, 1] = by_s
-        return Belief(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
+        return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +63,22 @@ class ClockEstimate:
     drift_ci95_ppm: tuple[float, float]
 
 
-def conclude(beliefs: Sequence[Belief], *, middle_s: float) -> ClockEstimate:
+def value_and_interval(mixture: Sequence[Gaussian], *, middle_s: float) -> ClockEstimate:
     """Return values (of the likeliest part) and central 95 % intervals (of the whole mixture)."""
-    log_weight = np.array([belief.log_weight for belief in beliefs])
+    log_weight = np.array([gaussian.log_weight for gaussian in mixture])
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     # The offset at film time 0 is the one at the middle less what the drift adds up to there.
-    row = np.zeros(len(beliefs[0].mean))
+    row = np.zeros(len(mixture[0].mean))
     row[:2] = 1.0, -middle_s
-    offset = np.array([float(row @ belief.mean) for belief in beliefs])
-    offset_sigma = np.array([float(np.sqrt(row @ belief.covariance @ row)) for belief in beliefs])
-    drift = np.array([belief.mean[1] / PPM for belief in beliefs])
-    drift_sigma = np.array([float(np.sqrt(belief.covariance[1, 1])) / PPM for belief in beliefs])
+    offset = np.array([float(row @ gaussian.mean) for gaussian in mixture])
+    offset_sigma = np.array([float(np.sqrt(row @ gaussian.covariance @ row)) for gaussian in mixture])
+    drift = np.array([gaussian.mean[1] / PPM for gaussian in mixture])
+    drift_sigma = np.array([float(np.sqrt(gaussian.covariance[1, 1])) / PPM for gaussian in mixture])
     # Neighbours on a fine grid of lags share their weight: the peak of the density, not the heaviest part.
-    height = weight / np.array([float(np.sqrt(belief.covariance[0, 0])) for belief in beliefs])
-    middle = np.array([float(belief.mean[0]) for belief in beliefs])
-    spread = np.array([float(np.sqrt(belief.covariance[0, 0])) for belief in beliefs])
+    height = weight / np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
+    middle = np.array([float(gaussian.mean[0]) for gaussian in mixture])
+    spread = np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
     density = [float(np.sum(height * np.exp(-0.5 * ((at - middle) / spread) ** 2))) for at in middle]
     best = int(np.argmax(density))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))

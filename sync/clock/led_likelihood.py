@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Belief
-from sync.clock.unknown_gaps import Jump
+from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Gaussian
+from sync.clock.unknown_gaps import UnknownGap
 from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import TemperatureLog
@@ -34,12 +34,12 @@ _LARGEST_DRIFT: Final = 300.0 * PPM
 
 
 @dataclass(frozen=True, slots=True)
-class LightEvidence:
+class LedMatch:
     """What the light says about the clock.
 
     Attributes
     ----------
-    belief : Belief
+    gaussian : Gaussian
         Offset at ``middle_s`` and drift.
     middle_s : float
         Film time at which the offset holds.
@@ -49,10 +49,10 @@ class LightEvidence:
         Other shifts that pair as many events.
     second_shift_s : float or None
         By how much later another shift pairs the events that are left at one end of the film: the log's clock may have
-        jumped in between. The belief then holds both.
+        jumped in between. The Gaussian then holds both.
     """
 
-    belief: Belief
+    gaussian: Gaussian
     middle_s: float
     matched: int
     events: int
@@ -77,14 +77,14 @@ class _Changes:
         return _Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
 
 
-def light_evidence(
+def match_led(
     events: LightEvents,
     frame_s: NDArray[np.float64],
     log: TemperatureLog,
     *,
     near: tuple[float, float] | None = None,
-    jumps: Sequence[Jump] = (),
-) -> LightEvidence:
+    gaps: Sequence[UnknownGap] = (),
+) -> LedMatch:
     """Pair the light's changes with the switch's and estimate the clock.
 
     Parameters
@@ -97,8 +97,8 @@ def light_evidence(
         With at least one heating switch.
     near : (float, float), optional
         Range of offsets to choose from where several shifts pair as many events.
-    jumps : sequence of Jump
-        Joints of the log whose gap is not sure: further unknowns of the belief.
+    gaps : sequence of UnknownGap
+        Joints of the log whose gap is not sure: further unknowns of the Gaussian.
 
     Raises
     ------
@@ -139,19 +139,19 @@ def light_evidence(
     index, partner = _pairs(film, switchings, chosen)
     seen, shown = film.at(index), switchings.at(partner)
     away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
-    if jumps:
-        behind = np.stack([shown.time_s > jump.after_s for jump in jumps], axis=1)
+    if gaps:
+        behind = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
         variance = _REPEATS * ((seen.step_s**2 + shown.step_s**2) / 12.0 + _JITTER_S**2)
-        belief = _with_jumps(away_s, offset_s, behind, variance, [jump.sigma_s for jump in jumps])
-        return LightEvidence(belief, middle_s, count, len(film), len(switchings), len(offsets) - 1)
-    belief = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
+        gaussian = _with_gaps(away_s, offset_s, behind, variance, [gap.sigma_s for gap in gaps])
+        return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1)
+    gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
     second_s = _second_shift(film, switchings, index, partner)
     if second_s is not None:
         second_s -= chosen
-        covariance = belief.covariance.copy()
+        covariance = gaussian.covariance.copy()
         covariance[0, 0] += (second_s / _HELD_SIGMAS) ** 2
-        belief = Belief(belief.mean, covariance, belief.log_weight)
-    return LightEvidence(belief, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
+        gaussian = Gaussian(gaussian.mean, covariance, gaussian.log_weight)
+    return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 
 
 def _second_shift(
@@ -168,7 +168,7 @@ def _second_shift(
     return offsets[0] if count == len(events) and len(offsets) == 1 else None
 
 
-def missing_by_light(
+def gap_by_led(
     events: LightEvents, frame_s: NDArray[np.float64], log: TemperatureLog, *, after_s: float
 ) -> float | None:
     """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
@@ -193,25 +193,25 @@ def missing_by_light(
     return None if best is None else best[1]
 
 
-def _with_jumps(
+def _with_gaps(
     away_s: NDArray[np.float64],
     offset_s: NDArray[np.float64],
     behind: NDArray[np.bool_],
     variance: NDArray[np.float64],
-    jump_sigma_s: Sequence[float],
-) -> Belief:
-    """Return the belief about offset, drift and the time missing at each joint, by least squares.
+    gap_sigma_s: Sequence[float],
+) -> Gaussian:
+    """Return the Gaussian about offset, drift and the time missing at each joint, by least squares.
 
     Rows behind a joint stand earlier than they belong by what is missing there.
     """
     # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
-    sigmas = [10.0, 2.0 * DRIFT_SIGMA_PPM * PPM, *jump_sigma_s]
+    sigmas = [10.0, 2.0 * DRIFT_SIGMA_PPM * PPM, *gap_sigma_s]
     mean = np.zeros(len(sigmas))
     mean[0] = float(np.median(offset_s))
-    belief = Belief(mean, np.diag(np.square(sigmas)), 0.0)
+    gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
     for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):
-        belief = belief.updated(np.array([1.0, away, *(-1.0 * later)]), float(seen), float(spread))
-    return belief
+        gaussian = gaussian.updated(np.array([1.0, away, *(-1.0 * later)]), float(seen), float(spread))
+    return gaussian
 
 
 def _intersected(
@@ -220,9 +220,9 @@ def _intersected(
     offset_s: NDArray[np.float64],
     film_step_s: NDArray[np.float64],
     log_step_s: NDArray[np.float64],
-) -> Belief:
+) -> Gaussian:
     """Return mean and covariance of offset and drift, every pair having an even error over its two intervals."""
-    wide = Belief(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, (2.0 * DRIFT_SIGMA_PPM * PPM) ** 2]), 0.0)
+    wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, (2.0 * DRIFT_SIGMA_PPM * PPM) ** 2]), 0.0)
     # Least squares say where to look; as if every pair were the only one, so that the grid is surely wide enough.
     variance = len(away_s) * ((film_step_s**2 + log_step_s**2) / 12.0 + _JITTER_S**2)
     for away, offset, spread in zip(away_s, offset_s, variance, strict=True):
@@ -243,7 +243,7 @@ def _intersected(
     away_o, away_d = offset - mean[0], drift - mean[1]
     cross = float((weight * away_o * away_d).sum())
     covariance = np.array([[float((weight * away_o**2).sum()), cross], [cross, float((weight * away_d**2).sum())]])
-    return Belief(mean, covariance, 0.0)
+    return Gaussian(mean, covariance, 0.0)
 
 
 def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> _Changes:

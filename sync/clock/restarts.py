@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from sync.clock.gaussian_mixture import Belief
-from sync.clock.motion_likelihood import MotionEvidence, motion_evidence
+from sync.clock.gaussian_mixture import Gaussian
+from sync.clock.motion_likelihood import MotionLikelihood, motion_likelihood
 from sync.clock.offset_search import best_share
-from sync.clock.unknown_gaps import Jump
+from sync.clock.unknown_gaps import UnknownGap
 from sync.log.repairs import LogReading
 from sync.merge.merged_table import longest_gap_s
-from sync.signals.heating_segments import picture_log
+from sync.signals.heating_segments import log_signals
 from sync.signals.strokes import find_strokes
 from torsight.core.tracks import StickAngles
 
@@ -38,22 +38,22 @@ _CLOCK_ONLY: Final = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Settled:
+class WeighedRestarts:
     """Motion's evidence, and the log with its restarts moved to where the motion says.
 
     Attributes
     ----------
-    evidence : MotionEvidence or None
+    likelihood : MotionLikelihood or None
         None where nothing moves or nothing fits.
     reading : LogReading
         The log, restarts settled.
     """
 
-    evidence: MotionEvidence | None
+    likelihood: MotionLikelihood | None
     reading: LogReading
 
 
-def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) -> Settled:
+def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian | None) -> WeighedRestarts:
     """Weigh the motion, with the gaps of the log's restarts as unknowns."""
     accounts = [(reading, 0.0)]
     for number, restart in enumerate(reading.restarts):
@@ -73,27 +73,27 @@ def settle(angles: StickAngles, reading: LogReading, *, prior: Belief | None) ->
             )
         ]
     accounts.sort(key=lambda account: -account[1])
-    found: list[tuple[MotionEvidence, LogReading, float]] = []
+    found: list[tuple[MotionLikelihood, LogReading, float]] = []
     for account, weight in accounts[:_MOST_ACCOUNTS]:
-        evidence = motion_evidence(angles, account.log, prior=prior, jumps=jumps_of(account))
-        if evidence is not None:
-            found.append((evidence, account, weight))
+        likelihood = motion_likelihood(angles, account.log, prior=prior, gaps=unknown_gaps(account))
+        if likelihood is not None:
+            found.append((likelihood, account, weight))
     if not found:
-        return Settled(None, reading)
-    evidence, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].beliefs))
-    beliefs = [
-        replace(belief, log_weight=belief.log_weight + weight).moved(evidence.middle_s - other.middle_s)
+        return WeighedRestarts(None, reading)
+    likelihood, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].mixture))
+    mixture = [
+        replace(gaussian, log_weight=gaussian.log_weight + weight).moved(likelihood.middle_s - other.middle_s)
         for other, _, weight in found
-        for belief in other.beliefs
+        for gaussian in other.mixture
     ]
-    return Settled(replace(evidence, beliefs=tuple(beliefs)), moved_to(chosen, evidence.beliefs))
+    return WeighedRestarts(replace(likelihood, mixture=tuple(mixture)), moved_to(chosen, likelihood.mixture))
 
 
-def jumps_of(reading: LogReading) -> tuple[Jump, ...]:
+def unknown_gaps(reading: LogReading) -> tuple[UnknownGap, ...]:
     """Return the restarts whose gap is not sure, as unknowns."""
     time_s = reading.log.time_s
     return tuple(
-        Jump(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
+        UnknownGap(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
         for restart in reading.restarts
         if SURE_GAP_S < restart.gap_sigma_s < np.inf
     )
@@ -113,9 +113,9 @@ def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) 
     )
 
 
-def moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
-    """Move the restarts by what the likeliest belief says is missing."""
-    best = max(beliefs, key=lambda belief: belief.log_weight)
+def moved_to(reading: LogReading, mixture: Sequence[Gaussian]) -> LogReading:
+    """Move the restarts by what the likeliest Gaussian says is missing."""
+    best = max(mixture, key=lambda gaussian: gaussian.log_weight)
     unsure = [n for n, restart in enumerate(reading.restarts) if SURE_GAP_S < restart.gap_sigma_s < np.inf]
     for place, number in enumerate(unsure):
         # A gap cannot be shorter than nothing.
@@ -127,8 +127,8 @@ def moved_to(reading: LogReading, beliefs: Sequence[Belief]) -> LogReading:
 def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
     """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
     strokes = find_strokes(angles)
-    flanks = picture_log(reading.log, max_gap_s=longest_gap_s(reading.log)).flanks
-    if not strokes or not flanks:
+    segments = log_signals(reading.log, max_gap_s=longest_gap_s(reading.log)).segments
+    if not strokes or not segments:
         return []
     joint_s = float(reading.log.time_s[reading.restarts[number].index])
     away_s = np.arange(0.0, _LONGEST_AWAY_S, _STEP_S)
@@ -140,7 +140,7 @@ def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tu
                     replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
                     if f.begin_s >= joint_s - 1.0
                     else f
-                    for f in flanks
+                    for f in segments
                 ],
                 step_s=_STEP_S,
             )

@@ -1,7 +1,7 @@
 """How late the sensor is: belief from the roundness of the corners in the log.
 
 A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
-the power was cut at once, which is how these springs are driven; that gets most of the belief, the rest is spread
+the power was cut at once, which is how these springs are driven; that gets most of the Gaussian, the rest is spread
 evenly below, because something else may have rounded the corner.
 """
 
@@ -14,9 +14,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.changepoints import MAX_LAG_S, Corner
+from sync.signals.changepoints import MAX_LAG_S, Changepoint
 from torsight.core.series import robust_sigma
 
+SHORT_LAG_S: Final = 0.2
+"""A lag that changes neither a slope over the two seconds of the smoothing nor, by more than stops are known to, the
+offset: it is left to the interval."""
 _SURE_SHARE: Final = 0.8
 _NO_LAG_SHARE: Final = 0.15
 """Where no corner can be read, a sensor that is not late at all lies within the interval, not at its very end."""
@@ -26,7 +29,7 @@ _MODEL_SHARE: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LagBelief:
+class LagMixture:
     """What the log says about the sensor's lag.
 
     Attributes
@@ -48,13 +51,17 @@ class LagBelief:
     split: float = 0.0
 
 
-def lag_belief(corners: Sequence[Corner]) -> LagBelief:
+def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
     """Pool the corners of a log."""
-    usable = [corner for corner in corners if corner.lag_s < 0.9 * MAX_LAG_S and corner.lag_sigma_s < 2.0]
+    usable = [
+        changepoint
+        for changepoint in changepoints
+        if changepoint.lag_s < 0.9 * MAX_LAG_S and changepoint.lag_sigma_s < 2.0
+    ]
     if not usable:
         some = np.arange(0.25, MAX_LAG_S, 0.5)
         weight = np.concatenate([[_NO_LAG_SHARE], np.full(len(some), (1.0 - _NO_LAG_SHARE) / len(some))])
-        return LagBelief(None, None, np.concatenate([[0.0], some]), np.log(weight))
+        return LagMixture(None, None, np.concatenate([[0.0], some]), np.log(weight))
     value, sigma = _pooled(usable)
     sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
     grid = np.unique(
@@ -64,43 +71,45 @@ def lag_belief(corners: Sequence[Corner]) -> LagBelief:
     peak = np.exp(-0.5 * ((grid - value) / sigma) ** 2) * width
     below = np.where(grid <= value + 1e-12, width, 0.0)
     weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
-    return LagBelief(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
+    return LagMixture(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
 
 
-def weighed(options: Mapping[float, Sequence[Corner]]) -> LagBelief:
-    """Return the belief over lags in one stage and in two, by how well each describes the corners.
+def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
+    """Return the Gaussian over lags in one stage and in two, by how well each describes the corners.
 
     ``options`` holds the corners of a log as they were fitted with each share of a second stage.
     """
-    beliefs = {split: lag_belief(corners) for split, corners in options.items()}
-    fits = {split: sum(corner.log_fit for corner in corners) for split, corners in options.items()}
+    mixture = {split: lag_mixture(changepoints) for split, changepoints in options.items()}
+    fits = {split: sum(changepoint.log_fit for changepoint in changepoints) for split, changepoints in options.items()}
     best = max(fits, key=lambda split: fits[split])
-    chosen = beliefs[best]
+    chosen = mixture[best]
     if chosen.value_s is None:
         return chosen
-    likely = [split for split in fits if fits[split] > fits[best] - _UNLIKELY and beliefs[split].value_s is not None]
+    likely = [split for split in fits if fits[split] > fits[best] - _UNLIKELY and mixture[split].value_s is not None]
     total = float(np.log(sum(np.exp(fits[split] - fits[best]) for split in likely)))
-    weights = [beliefs[split].log_weight + fits[split] - fits[best] - total for split in likely]
-    grid = np.concatenate([beliefs[split].grid_s for split in likely])
+    weights = [mixture[split].log_weight + fits[split] - fits[best] - total for split in likely]
+    grid = np.concatenate([mixture[split].grid_s for split in likely])
     return replace(chosen, grid_s=grid, log_weight=np.concatenate(weights), split=best)
 
 
-def _pooled(corners: Sequence[Corner]) -> tuple[float, float]:
+def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
     """Return the lag that all corners share, from their likelihoods, with one sigma; corners far off are left out."""
-    middle = float(np.median([corner.lag_s for corner in corners]))
-    typical = float(np.median([corner.lag_sigma_s for corner in corners]))
-    spread = robust_sigma(np.array([corner.lag_s - middle for corner in corners]))
+    middle = float(np.median([changepoint.lag_s for changepoint in changepoints]))
+    typical = float(np.median([changepoint.lag_sigma_s for changepoint in changepoints]))
+    spread = robust_sigma(np.array([changepoint.lag_s - middle for changepoint in changepoints]))
     reach = 4.0 * max(typical, spread, 0.02)
     grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
     total = np.zeros(len(grid))
     count = 0
-    for corner in corners:
-        if abs(corner.lag_s - middle) > reach:
+    for changepoint in changepoints:
+        if abs(changepoint.lag_s - middle) > reach:
             continue
         count += 1
-        inside = (grid >= corner.lags_s[0]) & (grid <= corner.lags_s[-1])
-        outside = -0.5 * ((grid - corner.lag_s) / max(corner.lag_sigma_s, 1e-6)) ** 2
-        known = np.interp(grid, corner.lags_s, corner.lag_log_likelihood) - float(corner.lag_log_likelihood.max())
+        inside = (grid >= changepoint.lags_s[0]) & (grid <= changepoint.lags_s[-1])
+        outside = -0.5 * ((grid - changepoint.lag_s) / max(changepoint.lag_sigma_s, 1e-6)) ** 2
+        known = np.interp(grid, changepoint.lags_s, changepoint.lag_log_likelihood) - float(
+            changepoint.lag_log_likelihood.max()
+        )
         total += np.maximum(np.where(inside, known, outside), -30.0)
     # Corners that scatter by more than their own sigmas count for less.
     scale = max(1.0, spread / max(typical, 1e-9)) ** 2

@@ -1,4 +1,4 @@
-"""Passings of common angles by strokes of one kind: when, on the film, and how they hang together statistically."""
+"""Crossings of common angles by strokes of one kind: when, on the film, and how they hang together statistically."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.heating_segments import Flank
+from sync.signals.heating_segments import HeatingSegment
 from sync.signals.strokes import Stroke
 from torsight.core.units import DEG
 
@@ -35,13 +35,13 @@ _FARTHEST_DEG: Final = 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Crossings:
-    """Passings of levels, one row each, and what is known of their temperatures before the clock is.
+class ThresholdCrossings:
+    """Crossings of levels, one row each, and what is known of their temperatures before the clock is.
 
     Attributes
     ----------
     time_s, time_sigma_s : (n,) float64
-        Film time of each passing.
+        Film time of each crossing.
     spring_b, heating : (n,) bool
         Which spring drives, and whether it is heated.
     stroke, kind, cell : (n,) int64
@@ -86,17 +86,19 @@ class _Rows:
     heating: list[NDArray[np.bool_]]
 
 
-def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None]) -> Crossings | None:
-    """Read the passings of common levels from strokes that have a flank; ``None`` where there are none."""
+def collect_crossings(
+    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None]
+) -> ThresholdCrossings | None:
+    """Read the crossings of common levels from strokes that have a segment; ``None`` where there are none."""
     kinds: dict[tuple[str, bool], list[int]] = {}
-    for index, flank in enumerate(flanks):
-        if flank is not None:
-            kinds.setdefault((flank.spring, flank.heating), []).append(index)
+    for index, segment in enumerate(segments):
+        if segment is not None:
+            kinds.setdefault((segment.spring, segment.heating), []).append(index)
     rows = _Rows([], [], [], [], [], [], [], [])
     for number, ((spring, heating), members) in enumerate(kinds.items()):
         longest_rad = max(strokes[index].length_rad for index in members)
         level_rad = longest_rad * _SHARES
-        usual_rad = _crowded(np.array([strokes[index].sign * strokes[index].start_rad for index in members]))
+        usual_rad = _most_common(np.array([strokes[index].sign * strokes[index].start_rad for index in members]))
         for index in members:
             stroke = strokes[index]
             far_deg = (stroke.sign * stroke.start_rad - usual_rad) / DEG
@@ -119,7 +121,7 @@ def collect_crossings(strokes: Sequence[Stroke], flanks: Sequence[Flank | None])
     return _with_covariances(rows)
 
 
-def _with_covariances(rows: _Rows) -> Crossings:
+def _with_covariances(rows: _Rows) -> ThresholdCrossings:
     stroke, kind, level = np.concatenate(rows.stroke), np.concatenate(rows.kind), np.concatenate(rows.level)
     far_deg, heating = np.concatenate(rows.far_deg), np.concatenate(rows.heating)
     time_s = np.concatenate(rows.time_s)
@@ -140,7 +142,7 @@ def _with_covariances(rows: _Rows) -> Crossings:
     trend = (kind[:, None] == kind[None, :]) * (when[:, None] * when[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
     near_c = np.minimum(np.abs(far_deg), _NEAR_DEG) * np.take(_NEAR_SCATTER_C_PER_DEG, heating.astype(np.int64))
     common += near_c[:, None] * near_c[None, :] * scatter
-    return Crossings(
+    return ThresholdCrossings(
         time_s=time_s,
         time_sigma_s=np.concatenate(rows.sigma_s),
         spring_b=np.concatenate(rows.spring_b),
@@ -155,7 +157,7 @@ def _with_covariances(rows: _Rows) -> Crossings:
     )
 
 
-def _crowded(value_rad: NDArray[np.float64]) -> float:
+def _most_common(value_rad: NDArray[np.float64]) -> float:
     """Return the value with most others within 15 degrees."""
     near = np.abs(value_rad[:, None] - value_rad[None, :]) < 15.0 * DEG
     return float(value_rad[int(np.argmax(near.sum(axis=1)))])

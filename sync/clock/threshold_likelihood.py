@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from sync.clock.gaussian_mixture import Belief
-from sync.clock.threshold_crossings import Crossings
-from sync.clock.unknown_gaps import Jump, stamps_of
+from sync.clock.gaussian_mixture import Gaussian
+from sync.clock.threshold_crossings import ThresholdCrossings
+from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
-from sync.signals.heating_segments import LogPicture, Spring
+from sync.signals.heating_segments import LogSignals, Spring
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _TYPICAL_SCATTER_C: Final = 0.05
@@ -49,7 +49,7 @@ level to level, and hide the one that does not."""
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Wire temperatures at the passings for one clock: value, rate, variance without scatter, slopes of the stamps."""
+    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, slopes of the stamps."""
 
     temp_c: NDArray[np.float64]
     rate_c_s: NDArray[np.float64]
@@ -59,16 +59,20 @@ class _Wire:
 
 
 def _wire(
-    crossings: Crossings, picture: LogPicture, point: NDArray[np.float64], jumps: Sequence[Jump], lag_s: float
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    point: NDArray[np.float64],
+    gaps: Sequence[UnknownGap],
+    lag_s: float,
 ) -> _Wire:
-    at_s, columns, covered = stamps_of(crossings.time_s, point, jumps, middle_s=crossings.middle_s)
+    at_s, columns, covered = log_time(crossings.time_s, point, gaps, middle_s=crossings.middle_s)
     n = len(crossings)
     temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
     known = np.zeros(n, dtype=np.bool_)
     names: tuple[Spring, ...] = ("a", "b")
     for name, heating in itertools.product(names, (True, False)):
         pick = (crossings.spring_b == (name == "b")) & (crossings.heating == heating)
-        signal = (picture.heated if heating else picture.springs).get(name)
+        signal = (signals.heated if heating else signals.springs).get(name)
         if signal is None or not pick.any():
             continue
         value, slope, there = signal.at(at_s[pick])
@@ -82,7 +86,9 @@ def _wire(
     return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
-def _shrunk(crossings: Crossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shrunk(
+    crossings: ThresholdCrossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Draw the rates of one kind together as far as their differences are noise.
 
     Differences of rate within a kind are what pins the offset. Noise in them would pin it to wherever it is assumed.
@@ -121,26 +127,26 @@ def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray
 
 
 def refine(
-    crossings: Crossings,
-    picture: LogPicture,
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
     *,
     start_s: float,
-    prior: Belief,
+    prior: Gaussian,
     lag_s: float,
-    jumps: Sequence[Jump] = (),
-) -> Belief | None:
-    """Return the belief about the clock for a given lag, from a start near the answer.
+    gaps: Sequence[UnknownGap] = (),
+) -> Gaussian | None:
+    """Return the Gaussian about the clock for a given lag, from a start near the answer.
 
-    ``None`` where fewer than a handful of passings fall on known temperatures.
+    ``None`` where fewer than a handful of crossings fall on known temperatures.
     """
     point = prior.mean.copy()
     point[0] = start_s
     limit = np.full(len(point), 5.0)
     limit[1] = 3e-4
     limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
-    best: Belief | None = None
+    best: Gaussian | None = None
     for _ in range(12):
-        wire = _wire(crossings, picture, point, jumps, lag_s)
+        wire = _wire(crossings, signals, point, gaps, lag_s)
         if np.count_nonzero(wire.known) < _FEWEST:
             return None
         best = _mixed(_linear(crossings, wire, point, prior))
@@ -152,13 +158,13 @@ def refine(
 
 
 def scan(
-    crossings: Crossings,
-    picture: LogPicture,
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
     *,
     offset_s: NDArray[np.float64],
-    prior: Belief,
+    prior: Gaussian,
     lag_s: float,
-    jumps: Sequence[Jump] = (),
+    gaps: Sequence[UnknownGap] = (),
 ) -> NDArray[np.float64]:
     """Return the logarithm of the evidence at some offsets, each held fixed; minus infinity where nothing is known."""
     evidence = np.full(len(offset_s), -np.inf)
@@ -168,16 +174,16 @@ def scan(
     for index, value in enumerate(offset_s):
         point = prior.mean.copy()
         point[0] = float(value)
-        wire = _wire(crossings, picture, point, jumps, lag_s)
+        wire = _wire(crossings, signals, point, gaps, lag_s)
         if np.count_nonzero(wire.known) >= _FEWEST:
-            held = Belief(point, covariance, 0.0)
+            held = Gaussian(point, covariance, 0.0)
             evidence[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
     return evidence
 
 
 def _linear(
-    crossings: Crossings, wire: _Wire, point: NDArray[np.float64], prior: Belief, *, every: int = 1
-) -> list[Belief]:
+    crossings: ThresholdCrossings, wire: _Wire, point: NDArray[np.float64], prior: Gaussian, *, every: int = 1
+) -> list[Gaussian]:
     """Solve with the temperatures taken as straight lines around a point, for each pair of scatters."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
@@ -246,8 +252,8 @@ def _half(
     )
 
 
-def _combined(halves: Sequence[Sequence[_Half]], prior: Belief, *, log_weight: float) -> list[Belief]:
-    """Return the beliefs for every pair of scatters."""
+def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight: float) -> list[Gaussian]:
+    """Return the Gaussians for every pair of scatters."""
     pairs = list(itertools.product(*halves))
     precision = np.linalg.inv(prior.covariance)
     pull = precision @ prior.mean
@@ -261,7 +267,7 @@ def _combined(halves: Sequence[Sequence[_Half]], prior: Belief, *, log_weight: f
     weight = np.array([sum(half.log_weight for half in pair) for pair in pairs])
     total = log_weight + weight - 0.5 * (fit + log_det)
     likely = np.flatnonzero(total > total.max() - 40.0)
-    return [Belief(mean[k], covariance[k], float(total[k])) for k in likely]
+    return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
 
 
 def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[np.float64]) -> float:
@@ -278,7 +284,7 @@ def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[n
     return total
 
 
-def _mixed(parts: Sequence[Belief]) -> Belief:
+def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
     """Return one Gaussian with the mean and covariance of a weighted mixture."""
     evidence = np.array([part.log_weight for part in parts])
     weight = np.exp(evidence - evidence.max())
@@ -292,4 +298,4 @@ def _mixed(parts: Sequence[Belief]) -> Belief:
     for w, part in zip(weight, parts, strict=True):
         away = part.mean - mean
         covariance += w * (part.covariance + np.outer(away, away))
-    return Belief(mean, covariance, float(evidence.max() + np.log(total)))
+    return Gaussian(mean, covariance, float(evidence.max() + np.log(total)))

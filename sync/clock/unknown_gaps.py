@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
-class Jump:
+class UnknownGap:
     """A joint of the log: rows behind it may belong later than they were put, by an unknown time.
 
     Attributes
@@ -26,20 +26,20 @@ class Jump:
     sigma_s: float
 
 
-def stamps_of(
-    film_s: NDArray[np.float64], point: NDArray[np.float64], jumps: Sequence[Jump], *, middle_s: float
+def log_time(
+    film_s: NDArray[np.float64], point: NDArray[np.float64], gaps: Sequence[UnknownGap], *, middle_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Return the joined log's stamps at film times, their derivatives by the unknowns, and where the log has rows.
 
-    ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every jump.
+    ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.
     """
     away = film_s - middle_s
     stamp = film_s + point[0] + point[1] * away
     columns = [np.ones_like(film_s), away]
     covered = np.ones(len(film_s), dtype=np.bool_)
-    for jump, missing_s in zip(jumps, point[2:], strict=True):
-        behind = stamp > jump.after_s
+    for gap, missing_s in zip(gaps, point[2:], strict=True):
+        behind = stamp > gap.after_s
         stamp = np.where(behind, stamp - missing_s, stamp)
-        covered &= ~behind | (stamp >= jump.begin_s)
+        covered &= ~behind | (stamp >= gap.begin_s)
         columns.append(np.where(behind, -1.0, 0.0))
     return stamp, np.stack(columns, axis=1), covered

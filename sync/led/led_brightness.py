@@ -1,8 +1,8 @@
-"""A lamp in the film that shows the heating switch: when it went on and off.
+"""An LED in the film that shows the heating switch: when it went on and off.
 
 Around the place that the user names, the brightest few pixels are held against the picture around them, frame by frame,
-so that a lamp some pixels beside that place is found and a change of the room's light is not taken for it. The values
-fall into two heaps; the middle between them parts on from off.
+so that an LED some pixels beside that place is found and a change of the room's light is not taken for it. The values
+fall into two levels; the middle between them parts on from off.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ def film_light_events(
     timestamps: AnyPath | None = None,
     progress: Progress = silent,
 ) -> LightEvents:
-    """Read from a film when a lamp went on and off.
+    """Read from a film when an LED went on and off.
 
     Parameters
     ----------
     film : str or Path
         Film, folder or glob of pictures, as it was tracked.
     place_px : (float, float)
-        Where the lamp is seen, x and y, to some six pixels.
+        Where the LED is seen, x and y, to some six pixels.
     fps, timestamps
         As the film was tracked with.
     progress : Progress
@@ -71,44 +71,44 @@ def film_light_events(
     x, y = place_px
     if not (0 <= x < width and 0 <= y < height):
         raise ConfigError(
-            "the lamp lies outside the picture",
+            "the LED lies outside the picture",
             where="led",
             value=f"[{x:g}, {y:g}]",
             limit=f"x below {width}, y below {height}",
         )
     time_s, value = _brightness(source, (round(x), round(y)), progress=progress)
-    return lamp_events(time_s, value, where=f"{film}, around pixel ({x:g}, {y:g})")
+    return led_changes(time_s, value, where=f"{film}, around pixel ({x:g}, {y:g})")
 
 
-def lamp_events(time_s: NDArray[np.float64], value: NDArray[np.float64], *, where: str) -> LightEvents:
-    """Return the changes of a lamp from its brightness in every frame.
+def led_changes(time_s: NDArray[np.float64], value: NDArray[np.float64], *, where: str) -> LightEvents:
+    """Return the changes of an LED from its brightness in every frame.
 
     Parameters
     ----------
     time_s, value : (n,) float64
-        Times of the frames that could be read, and the brightness of the lamp in each.
+        Times of the frames that could be read, and the brightness of the LED in each.
     where : str
         The place, for messages.
 
     Raises
     ------
     NoResultError
-        When the brightness does not fall into two heaps.
+        When the brightness does not fall into two levels.
     """
-    low, high, noise = _heaps(value)
+    low, high, noise = _two_levels(value)
     least = max(_LEAST_STEP, _NOISES * noise)
     if high - low < least:
         raise NoResultError(
-            "no lamp goes on or off there",
+            "no LED goes on or off there",
             where=where,
             value=f"brightness changes by {high - low:.3g} grey levels",
             limit=f"at least {least:.3g}",
-            do="point at the lamp's middle in the first frame (led = [x, y]), or leave it out",
+            do="point at the LED's middle in the first frame (led = [x, y]), or leave it out",
         )
     lit = _steady(time_s, value > 0.5 * (low + high))
     at = np.flatnonzero(lit[1:] != lit[:-1]) + 1
     if len(at) == 0:
-        raise NoResultError("the lamp stays as it is through the film", where=where, do="leave led out")
+        raise NoResultError("the LED stays as it is through the film", where=where, do="leave led out")
     return LightEvents(time_s[at], lit[at], since_s=time_s[at - 1])
 
 
@@ -120,7 +120,7 @@ def _brightness(
     values: list[float] = []
     for frame in source:
         if frame.index % _TOLD_EVERY == 0:
-            progress("read the lamp", frame.index, max(source.frame_count or 0, frame.index))
+            progress("read the LED", frame.index, max(source.frame_count or 0, frame.index))
         if frame.luma is None or frame.damaged:
             continue
         near = frame.luma[max(y - _NEAR_PX, 0) : y + _NEAR_PX + 1, max(x - _NEAR_PX, 0) : x + _NEAR_PX + 1]
@@ -131,8 +131,8 @@ def _brightness(
     return np.array(times), np.array(values)
 
 
-def _heaps(value: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return the middles of two heaps of values, and the noise of one value."""
+def _two_levels(value: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the middles of two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
     parting = 0.5 * float(value.min() + value.max())

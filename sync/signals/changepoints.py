@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from sync.signals.heating_segments import Flank
+from sync.signals.heating_segments import HeatingSegment
 from sync.signals.strokes import Stroke
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -28,7 +28,7 @@ _POINTS: Final = 160
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corner:
+class Changepoint:
     """A corner of a temperature.
 
     Attributes
@@ -101,7 +101,7 @@ def _stages(lag_s: float, split: float) -> list[tuple[float, float]]:
     return [(first_s / (first_s - second_s), first_s), (-second_s / (first_s - second_s), second_s)]
 
 
-def fit_corner(
+def fit_changepoint(
     time_s: NDArray[np.float64],
     temp_c: NDArray[np.float64],
     *,
@@ -113,7 +113,7 @@ def fit_corner(
     decay_s: float | None = None,
     lag_s: float | None = None,
     split: float = 0.0,
-) -> Corner | None:
+) -> Changepoint | None:
     """Find a corner and its roundness by least squares over its time and the lag.
 
     ``near_s`` bounds its time; a polynomial holds before it, a lagged straight line is added behind it, and a lagged
@@ -194,7 +194,7 @@ def _losses(
 
 def _summary(
     loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
-) -> Corner:
+) -> Changepoint:
     """Return the best corner, with sigmas from how fast the loss grows around it."""
     i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
     lowest = float(loss[i, j])
@@ -203,7 +203,7 @@ def _summary(
     weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0)), 0.0)
     weight /= weight.sum()
     at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
-    return Corner(
+    return Changepoint(
         time_s=float(at[i]),
         time_sigma_s=float(np.sqrt(at_weight @ (at - at[i]) ** 2)),
         lag_s=float(lags[j]),
@@ -214,28 +214,28 @@ def _summary(
     )
 
 
-def cooling_corner(
+def cooling_start(
     log: TemperatureLog,
-    flank: Flank,
+    segment: HeatingSegment,
     *,
     noise: float,
     switch_s: NDArray[np.float64] | None = None,
     lag_s: float | None = None,
     split: float = 0.0,
-) -> Corner | None:
+) -> Changepoint | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 
     ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
     holds the lag fixed.
     """
-    temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
-    length_s = flank.end_s - flank.begin_s
-    inside = (log.time_s >= flank.begin_s) & (log.time_s <= flank.end_s) & np.isfinite(temp_c)
-    hot = temp_c[inside] >= flank.high_c - max(0.02 * (flank.high_c - flank.low_c), 4.0 * noise)
+    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    length_s = segment.end_s - segment.begin_s
+    inside = (log.time_s >= segment.begin_s) & (log.time_s <= segment.end_s) & np.isfinite(temp_c)
+    hot = temp_c[inside] >= segment.high_c - max(0.02 * (segment.high_c - segment.low_c), 4.0 * noise)
     if not hot.any():
         return None
     drop_s = float(log.time_s[inside][np.flatnonzero(hot)[-1]])
-    decay_s = _decay(log.time_s[inside], temp_c[inside], flank)
+    decay_s = _decay(log.time_s[inside], temp_c[inside], segment)
     if decay_s is None:
         return None
     near = (drop_s - float(np.clip(0.15 * decay_s, 0.5, 6.0)), drop_s)
@@ -243,7 +243,7 @@ def cooling_corner(
         closest = float(switch_s[int(np.argmin(np.abs(switch_s - drop_s)))])
         if abs(closest - drop_s) < 0.2 * length_s + 1.0:
             near = (closest, closest)
-    return fit_corner(
+    return fit_changepoint(
         log.time_s,
         temp_c,
         near_s=near,
@@ -257,10 +257,10 @@ def cooling_corner(
     )
 
 
-def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], flank: Flank) -> float | None:
+def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: HeatingSegment) -> float | None:
     """Return the time constant of a cooling from its later part, where a lag shows no more."""
-    rise = flank.high_c - flank.low_c
-    later = (temp_c < flank.low_c + 0.65 * rise) & (temp_c > flank.low_c + 0.12 * rise)
+    rise = segment.high_c - segment.low_c
+    later = (temp_c < segment.low_c + 0.65 * rise) & (temp_c > segment.low_c + 0.12 * rise)
     x, y = time_s[later], temp_c[later]
     if len(x) < 10 or x[-1] <= x[0]:
         return None
@@ -317,29 +317,29 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
 
 def heating_end(
     log: TemperatureLog,
-    flank: Flank,
-    cooling: Corner | None,
+    segment: HeatingSegment,
+    cooling: Changepoint | None,
     *,
     noise: float,
     lag_s: float | None,
     split: float,
-) -> Corner | None:
+) -> Changepoint | None:
     """Find the instant at which the temperature stopped rising at the end of a heating.
 
     ``lag_s`` is the roundness of the log's sharp corners, where it is known: with it this one has a roundness of its
     own. Where a hold follows, the end is the corner between the ramp and the hold; else it is the beginning of the
     cooling.
     """
-    temp_c = log.temp_a_c if flank.spring == "a" else log.temp_b_c
-    off_s = cooling.time_s if cooling is not None else flank.end_s
-    inside = (log.time_s >= flank.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
+    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    off_s = cooling.time_s if cooling is not None else segment.end_s
+    inside = (log.time_s >= segment.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
     if np.count_nonzero(inside) < 20:
         return None
     time_s, here_c = log.time_s[inside], temp_c[inside]
-    length_s = off_s - flank.begin_s
+    length_s = off_s - segment.begin_s
     # The ramp as a straight line over its upper part below the end, and where the temperature leaves it.
     top_c = float(np.max(here_c[here_c <= np.quantile(here_c, 0.99)]))
-    rise_c = top_c - flank.low_c
+    rise_c = top_c - segment.low_c
     ramp = (here_c > top_c - 0.35 * rise_c) & (here_c < top_c - 0.08 * rise_c)
     if np.count_nonzero(ramp) < 6:
         return None
@@ -348,13 +348,13 @@ def heating_end(
         return None
     reached_s = off_s + (top_c - level) / rate
     hold_s = off_s - reached_s
-    # Over a gap of the log a flank seems longer than its ramp.
+    # Over a gap of the log a segment seems longer than its ramp.
     length_s = min(length_s, rise_c / rate)
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
     reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0
     # A current that is set once leaves the corner to the sensor to round; a control law on the reading sharpens it.
-    corner = fit_corner(
+    changepoint = fit_changepoint(
         time_s,
         here_c,
         near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
@@ -365,4 +365,4 @@ def heating_end(
         lag_s=None if roundness_s > 0.0 else 0.0,
         split=split,
     )
-    return None if corner is None or corner.time_sigma_s > 2.0 else corner
+    return None if changepoint is None or changepoint.time_sigma_s > 2.0 else changepoint

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 _FEWEST: Final = 4
 _MOST: Final = 64
 _NOISE_PER_STEP: Final = 0.05
-"""More frames are taken together until noise moves the passing by less than this share of the time between frames."""
+"""More frames are taken together until noise moves the crossing by less than this share of the time between frames."""
 _STAMP_SHARE: Final = 0.02
 """Stamps of frames are not better than this share of the time between frames."""
 _UNSEEN: Final = 0.5
@@ -23,7 +23,7 @@ _UNSEEN: Final = 0.5
 _POWERS: Final = 2
 
 
-def passing(
+def crossing_time(
     time_s: NDArray[np.float64], travel_rad: NDArray[np.float64], level_rad: float, *, near_s: float, noise_rad: float
 ) -> tuple[float, float]:
     """Return the instant near ``near_s`` at which the way passes a level, and one sigma, s.

@@ -1,4 +1,4 @@
-"""Heating and cooling of the two springs in the log: flanks, and the direction in which each drives the actuator."""
+"""Heating and cooling of the two springs in the log: segments, and the direction in which each drives the actuator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Spring = Literal["a", "b"]
 
 
 @dataclass(frozen=True, slots=True)
-class Flank:
+class HeatingSegment:
     """One heating or cooling of one spring.
 
     Attributes
@@ -56,8 +56,8 @@ class Flank:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LogPicture:
-    """The log as even signals, with its flanks in the order of time.
+class LogSignals:
+    """The log as even signals, with its segments in the order of time.
 
     Attributes
     ----------
@@ -66,27 +66,27 @@ class LogPicture:
     heated : mapping
         The same, smoothed over a time that is short against a heating: noise of a reading is an error of the clock
         that differs from one offset to the next, and looks like evidence for the luckier one.
-    flanks : tuple of Flank
+    segments : tuple of HeatingSegment
         In order.
     """
 
     springs: dict[Spring, EvenSignal]
     heated: dict[Spring, EvenSignal]
-    flanks: tuple[Flank, ...]
+    segments: tuple[HeatingSegment, ...]
 
 
-def picture_log(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogPicture:
-    """Smooth both temperatures, their slopes over a window of its own, and find their flanks."""
+def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
+    """Smooth both temperatures, their slopes over a window of its own, and find their segments."""
     readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
     springs = _even(log, readings, window_s=_WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
     threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
-    flanks = [flank for name, signal in springs.items() for flank in _flanks(name, signal, threshold_c)]
-    heatings_s = [flank.end_s - flank.begin_s for flank in flanks if flank.heating]
+    segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
+    heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), _WINDOW_S, 20.0)) if heatings_s else _WINDOW_S
     heated = springs if window_s == _WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
-    return LogPicture(springs, heated, _until_the_next(sorted(flanks, key=lambda flank: flank.begin_s)))
+    return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
 
 
 def _even(
@@ -106,35 +106,35 @@ def _even(
     return {name: signal for name, signal in signals.items() if signal is not None}
 
 
-def _until_the_next(flanks: list[Flank]) -> tuple[Flank, ...]:
+def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...]:
     """End every cooling where the next heating begins: a rest turns anywhere."""
-    begins = [flank.begin_s for flank in flanks if flank.heating]
-    found: list[Flank] = []
-    for flank in flanks:
-        following = min((begin for begin in begins if begin > flank.begin_s), default=flank.until_s)
-        limit_s = flank.until_s if flank.heating else max(flank.end_s, min(flank.until_s, following))
-        found.append(replace(flank, until_s=limit_s))
+    begins = [segment.begin_s for segment in segments if segment.heating]
+    found: list[HeatingSegment] = []
+    for segment in segments:
+        following = min((begin for begin in begins if begin > segment.begin_s), default=segment.until_s)
+        limit_s = segment.until_s if segment.heating else max(segment.end_s, min(segment.until_s, following))
+        found.append(replace(segment, until_s=limit_s))
     return tuple(found)
 
 
-def lag_window_s(picture: LogPicture) -> float:
+def lag_window_s(signals: LogSignals) -> float:
     """Return the time over which a slope can be taken without rounding a cooling: a fifth of its time constant."""
-    lengths = [flank.end_s - flank.begin_s for flank in picture.flanks if not flank.heating]
+    lengths = [segment.end_s - segment.begin_s for segment in signals.segments if not segment.heating]
     return float(np.clip(np.median(lengths) / 16.0, 0.5, 8.0)) if lengths else 2.0
 
 
-def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flank]:
+def _segments(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[HeatingSegment]:
     value, time_s = signal.value, signal.time_s
     # A finer look than at fifty thousand points finds no other heating.
     turns = extremes(value, threshold_c, stride=max(1, len(value) // 50_000))
-    found: list[Flank] = []
+    found: list[HeatingSegment] = []
     for first, last in itertools.pairwise(turns):
         low, high = sorted((float(value[first]), float(value[last])))
         if high - low < threshold_c:
             continue
         heating = bool(value[last] > value[first])
         piece = value[first : last + 1]
-        # A turning point anywhere on a noisy rest says little: the flank begins and ends where 4 % of it are done.
+        # A turning point anywhere on a noisy rest says little: the segment begins and ends where 4 % of it are done.
         margin = 0.04 * (high - low)
         if heating:
             begin = first + int(np.flatnonzero(piece <= low + margin)[-1])
@@ -142,5 +142,7 @@ def _flanks(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[Flan
         else:
             begin = first
             end = first + int(np.flatnonzero(piece <= low + margin)[0])
-        found.append(Flank(spring, heating, float(time_s[begin]), float(time_s[end]), low, high, float(time_s[last])))
+        found.append(
+            HeatingSegment(spring, heating, float(time_s[begin]), float(time_s[end]), low, high, float(time_s[last]))
+        )
     return found

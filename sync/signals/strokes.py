@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.crossing_times import passing
+from sync.signals.crossing_times import crossing_time
 from sync.signals.even_signal import EvenSignal, even_signal
 from torsight.core.series import constant_runs
 from torsight.core.tracks import StickAngles
@@ -68,7 +68,7 @@ class Stroke:
         near_s = self.time_s[right - 1] + part * (self.time_s[right] - self.time_s[right - 1])
         found = np.full((2, len(level_rad)), np.nan)
         for index in np.flatnonzero(inside):
-            found[:, index] = passing(
+            found[:, index] = crossing_time(
                 self.frame_s,
                 self.frame_travel_rad,
                 float(level_rad[index]),

@@ -1,4 +1,4 @@
-"""A lamp in the film: pictures drawn here, whose lamp goes on and off at frames that are known."""
+"""A lamp in the film: pictures drawn here, whose LED goes on and off at frames that are known."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from sync import film_light_events, read_light_events
-from sync.led.led_brightness import lamp_events
+from sync.led.led_brightness import led_changes
 from torsight.cli.sync import sync_to_folder
 from torsight.core.errors import ConfigError, NoResultError
 
@@ -15,7 +15,7 @@ PLACE = (31, 22)
 
 
 def draw(folder, lit, *, gain=None):
-    """Write pictures with a lamp of three pixels' radius, some noise, and a room whose light changes."""
+    """Write pictures with an LED of three pixels' radius, some noise, and a room whose light changes."""
     rng = np.random.default_rng(3)
     folder.mkdir()
     for index, on in enumerate(lit):
@@ -46,21 +46,21 @@ def test_a_flicker_is_no_switching():
     time_s = np.arange(200) / 60.0
     lit = states(200, 50, 150)
     lit[100] = False
-    events = lamp_events(time_s, np.where(lit, 80.0, 5.0), where="lamp")
+    events = led_changes(time_s, np.where(lit, 80.0, 5.0), where="LED")
     assert events.time_s == pytest.approx(time_s[[50, 150]])
 
 
 def test_frames_that_could_not_be_read_widen_the_interval():
     time_s = np.delete(np.arange(100) / 10.0, np.arange(40, 52))
-    events = lamp_events(time_s, np.where(time_s >= 4.5, 90.0, 10.0), where="lamp")
+    events = led_changes(time_s, np.where(time_s >= 4.5, 90.0, 10.0), where="LED")
     assert events.time_s == pytest.approx([5.2])
     assert events.since_s == pytest.approx([3.9])
 
 
 @pytest.mark.parametrize("lit", [np.zeros(40, dtype=bool), np.ones(40, dtype=bool)])
-def test_a_lamp_that_never_changes(tmp_path, lit):
+def test_an_led_that_never_changes(tmp_path, lit):
     film = draw(tmp_path / "film", lit)
-    with pytest.raises(NoResultError, match="lamp") as caught:
+    with pytest.raises(NoResultError, match="LED") as caught:
         film_light_events(film, PLACE, fps=FPS)
     assert caught.value.exit_code == 4
 
@@ -72,7 +72,7 @@ def test_a_place_outside_the_picture(tmp_path):
 
 
 def write_pair(folder, *, offset_s):
-    """Write angles of ten seconds of film, and a log whose switch follows the lamp's changes at 2.02 s and 6.31 s."""
+    """Write angles of ten seconds of film, and a log whose switch follows the LED's changes at 2.02 s and 6.31 s."""
     film_s = np.arange(200) / FPS
     pd.DataFrame(
         {"frame": np.arange(200), "time_s": film_s, "angle_deg": 3.0, "angle_sigma_deg": 0.1, "valid": 1}
@@ -116,7 +116,7 @@ def test_a_place_that_is_none(tmp_path, led):
         )
 
 
-def test_a_lamp_needs_its_film(tmp_path):
+def test_an_led_needs_its_film(tmp_path):
     write_pair(tmp_path, offset_s=0.0)
     with pytest.raises(ConfigError, match="film"):
         sync_to_folder(tmp_path / "angle.csv", tmp_path / "temps.csv", settings={"led": [3, 4]}, out=tmp_path / "out")

@@ -5,7 +5,7 @@ import pytest
 
 from sync import estimate_clock
 from sync.signals.changepoints import lagged_decay, lagged_ramp
-from sync.signals.crossing_times import passing
+from sync.signals.crossing_times import crossing_time
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
@@ -35,7 +35,7 @@ def test_errors_are_what_their_sigmas_say(fps):
         level_rad = float(rng.uniform(8.0, 80.0)) * DEG
         true_s = when(level_rad, begin_s)
         near_s = true_s + float(rng.uniform(-0.4, 0.4)) / fps
-        at_s, sigma_s = passing(time_s, way, level_rad, near_s=near_s, noise_rad=NOISE_RAD)
+        at_s, sigma_s = crossing_time(time_s, way, level_rad, near_s=near_s, noise_rad=NOISE_RAD)
         errors.append(abs(at_s - true_s))
         misses.append(abs(at_s - true_s) / sigma_s)
     assert np.mean(np.array(misses) < 3.0) > 0.97
@@ -46,7 +46,7 @@ def test_errors_are_what_their_sigmas_say(fps):
 def test_an_onset_within_a_frame_is_known_to_be_unsure():
     time_s = np.arange(0.0, 4.0, 1.0 / 15.0)
     begin_s = 1.03
-    at_s, sigma_s = passing(time_s, onset(time_s, begin_s), 0.4 * DEG, near_s=1.05, noise_rad=NOISE_RAD)
+    at_s, sigma_s = crossing_time(time_s, onset(time_s, begin_s), 0.4 * DEG, near_s=1.05, noise_rad=NOISE_RAD)
     assert sigma_s > 0.005
     assert abs(at_s - when(0.4 * DEG, begin_s)) < 3.0 * sigma_s
 
@@ -54,7 +54,7 @@ def test_an_onset_within_a_frame_is_known_to_be_unsure():
 def test_where_nothing_passes_there_is_no_instant():
     time_s = np.arange(0.0, 4.0, 0.1)
     for way, near_s in ((np.zeros(40), 2.0), (-time_s, 2.0), (time_s, 0.0)):
-        assert np.isnan(passing(time_s, way, 0.5, near_s=near_s, noise_rad=1e-4)).all()
+        assert np.isnan(crossing_time(time_s, way, 0.5, near_s=near_s, noise_rad=1e-4)).all()
 
 
 @pytest.mark.parametrize(("lag_s", "split"), [(4.0, 0.0), (5.0, 0.2), (6.0, 0.45)])
