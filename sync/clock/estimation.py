@@ -13,9 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, ClockEstimate, Gaussian, value_and_interval
+from sync.clock.gaussian_mixture import Z95, ClockEstimate, Gaussian, value_and_interval
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
+from sync.clock.priors import PRIORS
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
 from sync.clock.sensor_lag import SHORT_LAG_S
 from sync.led.led_events import LightEvents
@@ -27,12 +28,10 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 
-_GIVEN_SIGMA_S: Final = 1e-6
-_BY_LIGHT_SIGMA_S: Final = 1.0
-_GIVEN_SIGMA_PPM: Final = 1e-3
+_EXACT: Final = 1e-6
+"""Standard deviation, s and ppm, of a value that is given: small against all others, and can be inverted."""
 _WIDE_S: Final = 1.0
-_VERY_WIDE_S: Final = 5.0
-_TOO_MANY_UNMATCHED: Final = 2
+"""A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
 _ADVICE: Final = (
     "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
     "at two clearly different rates with one heating cut short"
@@ -116,17 +115,17 @@ def find_clock(
     if likelihood is None:
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
-        interval = (-1.96 * DRIFT_SIGMA_PPM, 1.96 * DRIFT_SIGMA_PPM)
+        interval = (-Z95 * PRIORS.drift_sigma_ppm, Z95 * PRIORS.drift_sigma_ppm)
         notes = ("drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), weighed.reading)
-    if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched >= _TOO_MANY_UNMATCHED:
+    if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     mixture = likelihood.mixture
     if given_drift_ppm is not None:
         row = np.zeros(len(mixture[0].mean))
         row[1] = 1.0
-        mixture = tuple(b.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2) for b in mixture)
+        mixture = tuple(b.updated(row, given_drift_ppm * PPM, 0.0) for b in mixture)
     estimate = value_and_interval(mixture, middle_s=likelihood.middle_s)
     notes = (*_notes(likelihood, estimate), *_restart_notes(weighed))
     method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
@@ -145,7 +144,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, give
     if given_drift_ppm is not None:
         row = np.zeros(len(gaussian.mean))
         row[1] = 1.0
-        gaussian = gaussian.updated(row, given_drift_ppm * PPM, (_GIVEN_SIGMA_PPM * PPM) ** 2)
+        gaussian = gaussian.updated(row, given_drift_ppm * PPM, 0.0)
     if len(gaussian.mean) > len(("offset", "drift")):
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
@@ -202,26 +201,21 @@ def _joined_by_led(angles: StickAngles, reading: LogReading, light: LightEvents)
         return None
     after_s = float(reading.log.time_s[reading.restarts[unsure[0]].index - 1])
     missing_s = gap_by_led(light, angles.time_s, reading.log, after_s=after_s)
-    return None if missing_s is None else with_gap(reading, unsure[0], missing_s, _BY_LIGHT_SIGMA_S)
+    return None if missing_s is None else with_gap(reading, unsure[0], missing_s, PRIORS.gap_by_led_sigma_s)
 
 
 def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
     return tuple(
         f"the log's clock restarted at {float(weighed.reading.log.time_s[restart.index]):.6g} s and its rows from "
         f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
-        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {1.96 * restart.gap_sigma_s:.2g} s")
+        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {Z95 * restart.gap_sigma_s:.2g} s")
         for restart in weighed.reading.restarts
     )
 
 
-def _given(offset_s: float | None, drift_ppm: float | None) -> Gaussian:
-    offset_sigma = _GIVEN_SIGMA_S if offset_s is not None else 1e6
-    drift_sigma = _GIVEN_SIGMA_PPM if drift_ppm is not None else DRIFT_SIGMA_PPM
-    return Gaussian(
-        np.array([offset_s or 0.0, (drift_ppm or 0.0) * PPM]),
-        np.diag([offset_sigma**2, (drift_sigma * PPM) ** 2]),
-        0.0,
-    )
+def _given(offset_s: float, drift_ppm: float | None) -> Gaussian:
+    drift_sigma = PRIORS.drift_sigma_ppm if drift_ppm is None else _EXACT
+    return Gaussian(np.array([offset_s, (drift_ppm or 0.0) * PPM]), np.diag([_EXACT**2, (drift_sigma * PPM) ** 2]), 0.0)
 
 
 def _as_map(estimate: ClockEstimate, method: str, notes: Sequence[str]) -> ClockMap:
@@ -269,9 +263,7 @@ def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
             f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
     if high - low > _WIDE_S:
-        why = (
-            "the strokes that can be compared have about the same rates" if high - low > _VERY_WIDE_S else "few strokes"
-        )
+        why = "few strokes, or strokes at about the same rates"
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
     if likelihood.matched < likelihood.strokes:
         notes.append(
@@ -281,7 +273,9 @@ def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
     weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
     offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])
     likely = offsets[weights > weights.max() - 6.0]
-    if np.ptp(likely) > 30.0 and len(likelihood.ranges) > 1:
+    # Two ranges, further apart than either is wide.
+    first = likelihood.ranges[0]
+    if np.ptp(likely) > first.high_s - first.low_s and len(likelihood.ranges) > 1:
         notes.append("the programme repeats itself: shifts by whole cycles explain the motion about as well")
     if likelihood.swapped:
         notes.append("the motion fits better with the springs the other way round: check which channel is A")

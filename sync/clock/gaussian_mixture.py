@@ -9,12 +9,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from torsight.core.units import PPM
 
-DRIFT_SIGMA_PPM: Final = 100.0
-"""Quartz clocks of computers: 95 % within ±200 ppm of each other."""
+MOST_HYPOTHESES: Final = 12
+"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log."""
+NEGLIGIBLE_LOG: Final = 20.0
+"""Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
+Z95: Final = float(ndtri(0.975))
+"""Half a central 95 % interval of a normal variable, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +98,7 @@ def value_and_interval(mixture: Sequence[Gaussian], *, middle_s: float) -> Clock
 def _quantile(
     mean: NDArray[np.float64], sigma: NDArray[np.float64], weight: NDArray[np.float64], share: float
 ) -> float:
-    matters = weight > 1e-9
+    matters = weight > np.exp(-NEGLIGIBLE_LOG)
     mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())
     return float(brentq(lambda x: float(weight @ ndtr((x - mean) / sigma)) - share, low, high, xtol=1e-9))

@@ -16,21 +16,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Gaussian
+from sync.clock.gaussian_mixture import Z95, Gaussian
+from sync.clock.priors import PRIORS
 from sync.clock.unknown_gaps import UnknownGap
 from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import TemperatureLog
 from torsight.core.units import PPM
 
-_JITTER_S: Final = 1e-3
-_REPEATS: Final = 2.0
-"""Switchings that meet the frames at one phase repeat one error: two are taken to tell as much as one."""
-_ASTRAY: Final = 1e-3
 _GRID: Final = 161
-_HELD_SIGMAS: Final = 1.8
-"""An offset so many standard deviations off is within the 95 % interval."""
-_LARGEST_DRIFT: Final = 300.0 * PPM
+"""Points of the grid over ±4 sigma of offset and drift: twenty for each sigma."""
+_LARGEST_DRIFT: Final = 3.0 * PRIORS.drift_sigma_ppm * PPM
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +137,7 @@ def match_led(
     away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
     if gaps:
         behind = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
-        variance = _REPEATS * ((seen.step_s**2 + shown.step_s**2) / 12.0 + _JITTER_S**2)
+        variance = PRIORS.led_repeats * ((seen.step_s**2 + shown.step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
         gaussian = _with_gaps(away_s, offset_s, behind, variance, [gap.sigma_s for gap in gaps])
         return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1)
     gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
@@ -149,7 +145,7 @@ def match_led(
     if second_s is not None:
         second_s -= chosen
         covariance = gaussian.covariance.copy()
-        covariance[0, 0] += (second_s / _HELD_SIGMAS) ** 2
+        covariance[0, 0] += (second_s / Z95) ** 2
         gaussian = Gaussian(gaussian.mean, covariance, gaussian.log_weight)
     return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 
@@ -205,7 +201,7 @@ def _with_gaps(
     Rows behind a joint stand earlier than they belong by what is missing there.
     """
     # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
-    sigmas = [10.0, 2.0 * DRIFT_SIGMA_PPM * PPM, *gap_sigma_s]
+    sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
     mean = np.zeros(len(sigmas))
     mean[0] = float(np.median(offset_s))
     gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
@@ -222,21 +218,22 @@ def _intersected(
     log_step_s: NDArray[np.float64],
 ) -> Gaussian:
     """Return mean and covariance of offset and drift, every pair having an even error over its two intervals."""
-    wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, (2.0 * DRIFT_SIGMA_PPM * PPM) ** 2]), 0.0)
+    drift_sigma = 2.0 * PRIORS.drift_sigma_ppm * PPM
+    wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, drift_sigma**2]), 0.0)
     # Least squares say where to look; as if every pair were the only one, so that the grid is surely wide enough.
-    variance = len(away_s) * ((film_step_s**2 + log_step_s**2) / 12.0 + _JITTER_S**2)
+    variance = len(away_s) * ((film_step_s**2 + log_step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
     for away, offset, spread in zip(away_s, offset_s, variance, strict=True):
         wide = wide.updated(np.array([1.0, float(away)]), float(offset), float(spread))
     reach = 4.0 * np.sqrt(np.diag(wide.covariance))
     unit = np.linspace(-1.0, 1.0, _GRID)
     offset, drift = np.meshgrid(wide.mean[0] + reach[0] * unit, wide.mean[1] + reach[1] * unit, indexing="ij")
     # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
-    log_weight = -0.5 * (drift / (2.2 * DRIFT_SIGMA_PPM * PPM)) ** 8
+    log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
     for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
         error = np.abs(seen - offset - drift * away)
-        long, short = max(film_step, log_step) + _JITTER_S, min(film_step, log_step) + _JITTER_S
+        long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)
-        log_weight = log_weight + np.log(inside + _ASTRAY / (1.0 + error**2))
+        log_weight = log_weight + np.log(inside + PRIORS.led_astray / (1.0 + error**2))
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     mean = np.array([float((weight * offset).sum()), float((weight * drift).sum())])
@@ -294,7 +291,7 @@ def _pairs(film: _Changes, log: _Changes, offset_s: float) -> tuple[NDArray[np.i
         away = np.where(log.goes_on == film.goes_on[index], np.abs(log.time_s - at_s - offset_s), np.inf)
         partner = int(np.argmin(away))
         slack_s = film.step_s[index] + log.step_s[partner] + _LARGEST_DRIFT * float(np.ptp(film.time_s))
-        if away[partner] <= slack_s + 2.0 * _JITTER_S:
+        if away[partner] <= slack_s + 2.0 * PRIORS.led_jitter_s:
             found.append((index, partner))
     rows = np.array(found, dtype=np.int64).reshape(-1, 2)
     return rows[:, 0], rows[:, 1]

@@ -9,14 +9,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.clock.gaussian_mixture import DRIFT_SIGMA_PPM, Gaussian
-from sync.clock.offset_search import OffsetRange, assign, explained_share, find_ranges
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian
+from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
+from sync.clock.priors import PRIORS
 from sync.clock.sensor_lag import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
-from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
+from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan
 from sync.clock.unknown_gaps import UnknownGap
 from sync.log.outliers import noise_c
-from sync.merge.merged_table import longest_gap_s
+from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
 from sync.signals.strokes import Stroke, find_strokes
@@ -24,21 +25,8 @@ from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 
-_RANGES: Final = 12
 _STARTS: Final = 4
-_LEFT_OUT: Final = 8.0
-"""Logarithm of how much less likely it is that a stroke has no segment at all."""
-_TEMPER: Final = 0.2
-"""Crossings of one stroke are far from independent: their likelihoods count for less where answers are weighed."""
-_STOP_SIGMA_S: Final = 0.05
-_CORNER_PER_LAG: Final = 0.6
-_STOP_ASTRAY_S: Final = 3.0
-_STOP_ASTRAY_SHARE: Final = 0.05
-_STOP_MEANS_NOTHING: Final = 1e-4
-"""A stop that was given a heating of another cycle: a tenth of those astray, anywhere within some 1000 s."""
-_STOP_ACCOUNTS: Final = 6
-_UNLIKELY_STOPS: Final = 9.0
-_SWAPPED: Final = 0.12
+"""Local answers that are refined in one range of offsets, at least three steps of its scan apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +80,7 @@ def motion_likelihood(
     heated, or no offset explains the motion.
     """
     strokes = find_strokes(angles)
-    signals = log_signals(log, max_gap_s=longest_gap_s(log))
+    signals = log_signals(log, max_gap_s=longest_gap_s(log.time_s))
     if not strokes or not signals.segments:
         return None
     lag = _lag(log, signals)
@@ -100,7 +88,7 @@ def motion_likelihood(
     if lag.value_s is not None and lag.value_s > SHORT_LAG_S:
         window_s = lag_window_s(signals)
         signals = replace(
-            log_signals(log, max_gap_s=longest_gap_s(log), slope_window_s=window_s), segments=signals.segments
+            log_signals(log, max_gap_s=longest_gap_s(log.time_s), slope_window_s=window_s), segments=signals.segments
         )
     signals = replace(signals, segments=_begun_at_power_off(signals.segments, changepoints))
     span = (float(angles.time_s[0]), float(angles.time_s[-1]))
@@ -117,7 +105,9 @@ def motion_likelihood(
     if not ranges:
         return None
     inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps))
-    found = [part for offset_range in ranges[:_RANGES] if (part := _weigh(inputs, offset_range, prior)) is not None]
+    found = [
+        part for offset_range in ranges[:MOST_HYPOTHESES] if (part := _weigh(inputs, offset_range, prior)) is not None
+    ]
     if not found:
         return None
     best = max(found, key=lambda part: part.weight)
@@ -125,7 +115,7 @@ def motion_likelihood(
     mixture = [gaussian.moved(best.middle_s - part.middle_s) for part in found for gaussian in part.mixture]
     mirrored = [replace(segment, spring="b" if segment.spring == "a" else "a") for segment in signals.segments]
     offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
-    swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + _SWAPPED
+    swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + ALIKE
     return MotionLikelihood(
         mixture=tuple(mixture),
         middle_s=best.middle_s,
@@ -165,7 +155,7 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
     delays = _delays(inputs, crossings, offset_range, wide, lag_s=assumed_s)
     if not delays:
         return None
-    lost = _LEFT_OUT * (len(inputs.strokes) - matched)
+    lost = PRIORS.no_segment_log * (len(inputs.strokes) - matched)
     mixture: list[Gaussian] = []
     paired = _paired_stops(inputs, segments)
     later = np.zeros(len(wide.mean))
@@ -175,11 +165,11 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
             gaussian = Gaussian(
                 delay.mean - (lag_s - assumed_s) * later,
                 delay.covariance,
-                _TEMPER * delay.log_weight + float(log_weight) - lost,
+                PRIORS.crossing_temper * delay.log_weight + float(log_weight) - lost,
             )
             if prior is not None:
                 gaussian = _with_prior(gaussian, prior, crossings.middle_s)
-            mixture += _with_stops(gaussian, paired, inputs.gaps, crossings.middle_s)
+            mixture += _with_stops(gaussian, paired, inputs, crossings.middle_s)
     return _Weighed(mixture, crossings.middle_s, matched, len(paired))
 
 
@@ -197,29 +187,29 @@ def _possible(
     )
 
 
-def _with_stops(
-    gaussian: Gaussian, stops: Sequence[_PairedStop], gaps: Sequence[UnknownGap], middle_s: float
-) -> list[Gaussian]:
+def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Inputs, middle_s: float) -> list[Gaussian]:
     """Take the stops into account; any of them may have another cause.
 
     Where two contradict each other nothing tells which one is astray: both accounts are kept, by their weights.
     """
+    # A stop that was given a heating of another cycle may be anywhere on the film.
+    elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
     accounts = [gaussian]
     for stop in stops:
         # Rows behind a gap stand earlier than they belong by what is missing there.
-        behind = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in gaps]
+        behind = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
         design = np.array([1.0, stop.film_s - middle_s, *behind])
-        ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + _STOP_ASTRAY_S**2, stop.astray))
+        ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
         offset_s = stop.log_s - stop.film_s
         found = [
             _lighter(account.updated(design, offset_s, variance), share)
             for account in accounts
             for variance, share in ways
         ]
-        found += [_lighter(account, stop.astray * _STOP_MEANS_NOTHING) for account in accounts]
+        found += [_lighter(account, stop.astray * elsewhere) for account in accounts]
         most = max(account.log_weight for account in found)
         found.sort(key=lambda account: -account.log_weight)
-        accounts = [account for account in found[:_STOP_ACCOUNTS] if account.log_weight > most - _UNLIKELY_STOPS]
+        accounts = [account for account in found[:MOST_HYPOTHESES] if account.log_weight > most - NEGLIGIBLE_LOG]
     return accounts
 
 
@@ -231,7 +221,7 @@ def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) 
     """Return the Gaussian about offset, drift and gaps before the strokes speak."""
     sigmas = [
         0.5 * (offset_range.high_s - offset_range.low_s) + 1.0,
-        DRIFT_SIGMA_PPM * PPM,
+        PRIORS.drift_sigma_ppm * PPM,
         *(j.sigma_s for j in inputs.gaps),
     ]
     mean = np.zeros(len(sigmas))
@@ -305,11 +295,11 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
         if changepoint is None:
             continue
         # A corner looks the earlier, the later the sensor is taken to be.
-        lag_part = _CORNER_PER_LAG * (inputs.lag.sigma_s or 0.0)
-        variance = stop.time_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + _STOP_SIGMA_S**2
+        lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
+        variance = stop.time_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
         # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
-        whole = stroke.length_rad > 0.95 * max(heated)
-        pairs.append(_PairedStop(stop.time_s, changepoint.time_s, variance, 0.5 if whole else _STOP_ASTRAY_SHARE))
+        whole = stroke.length_rad > WHOLE_STROKE * max(heated)
+        pairs.append(_PairedStop(stop.time_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
     return pairs
 
 

@@ -14,13 +14,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.heating_segments import HeatingSegment, LogSignals
+from sync.clock.priors import PRIORS
+from sync.signals.heating_segments import WINDOW_S, HeatingSegment, LogSignals
 from sync.signals.strokes import Stroke
 from torsight.core.series import runs
 
-_STEP_S: Final = 0.5
-_NEAR_BEST: Final = 0.12
-_IDLE_WEIGHT: Final = 0.5
+_STEP_S: Final = 0.25 * WINDOW_S
+"""Step of the search: what is smoothed over a window is the same a quarter of it further on."""
+ALIKE: Final = 0.12
+"""Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has."""
+_LEAST_EXPLAINED: Final = 0.3
+"""Motion that no offset explains better is not the log's: by chance half of it lies in segments of its direction, less
+what idle heatings take off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +57,11 @@ def find_ranges(
     high = log_end - strokes[0].begin_s
     offset_s = np.arange(low, high + _STEP_S, _STEP_S)
     score = explained_share(strokes, signals.segments, offset_s)
-    score -= _IDLE_WEIGHT * _idle_share(strokes, signals.segments, offset_s, film_span_s)
+    score -= PRIORS.idle_heating_weight * _idle_share(strokes, signals.segments, offset_s, film_span_s)
     best = float(score.max())
-    if best <= 0.3:
+    if best <= _LEAST_EXPLAINED:
         return ()
-    good = score >= best - _NEAR_BEST
+    good = score >= best - ALIKE
     ranges = [
         OffsetRange(
             low_s=float(offset_s[begin]) - _STEP_S,

@@ -12,29 +12,31 @@ from typing import Final
 
 import numpy as np
 
-from sync.clock.gaussian_mixture import Gaussian
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian
 from sync.clock.motion_likelihood import MotionLikelihood, motion_likelihood
 from sync.clock.offset_search import best_share
 from sync.clock.unknown_gaps import UnknownGap
 from sync.log.repairs import LogReading
-from sync.merge.merged_table import longest_gap_s
+from sync.log.restart_gaps import LONGEST_GAP_S
+from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import log_signals
 from sync.signals.strokes import find_strokes
 from torsight.core.tracks import StickAngles
 
 SURE_GAP_S: Final = 0.01
-_LONGEST_AWAY_S: Final = 900.0
+"""A gap that is known better is no unknown of the clock: a fifth of how exactly a stop is known."""
 _AWAY_CELLS_S: Final = (
     (0.0, 10.0, 0.12),
     (10.0, 30.0, 0.08),
     (30.0, 80.0, 0.05),
     (80.0, 240.0, 0.03),
-    (240.0, 900.0, 0.02),
+    (240.0, LONGEST_GAP_S, 0.02),
 )
 """Ranges of the time away, and how likely each is: each is short enough for its middle to be a start for the search."""
-_MOST_ACCOUNTS: Final = 10
-_STEP_S: Final = 10.0
-_CLOCK_ONLY: Final = 0.7
+_STEP_S: Final = _AWAY_CELLS_S[0][1]
+"""The search goes in steps of the shortest range."""
+_CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
+"""How likely it is that the clock alone restarted: what the ranges leave."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +76,7 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
         ]
     accounts.sort(key=lambda account: -account[1])
     found: list[tuple[MotionLikelihood, LogReading, float]] = []
-    for account, weight in accounts[:_MOST_ACCOUNTS]:
+    for account, weight in accounts[:MOST_HYPOTHESES]:
         likelihood = motion_likelihood(angles, account.log, prior=prior, gaps=unknown_gaps(account))
         if likelihood is not None:
             found.append((likelihood, account, weight))
@@ -127,11 +129,11 @@ def moved_to(reading: LogReading, mixture: Sequence[Gaussian]) -> LogReading:
 def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
     """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
     strokes = find_strokes(angles)
-    segments = log_signals(reading.log, max_gap_s=longest_gap_s(reading.log)).segments
+    segments = log_signals(reading.log, max_gap_s=longest_gap_s(reading.log.time_s)).segments
     if not strokes or not segments:
         return []
     joint_s = float(reading.log.time_s[reading.restarts[number].index])
-    away_s = np.arange(0.0, _LONGEST_AWAY_S, _STEP_S)
+    away_s = np.arange(0.0, LONGEST_GAP_S, _STEP_S)
     share = np.array(
         [
             best_share(

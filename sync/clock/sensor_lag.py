@@ -1,4 +1,4 @@
-"""How late the sensor is: belief from the roundness of the corners in the log.
+"""How late the sensor is, from the roundness of the changepoints in the log.
 
 A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
 the power was cut at once, which is how these springs are driven; that gets most of the Gaussian, the rest is spread
@@ -14,18 +14,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
+from sync.clock.priors import PRIORS
 from sync.signals.changepoints import MAX_LAG_S, Changepoint
+from sync.signals.heating_segments import WINDOW_S
 from torsight.core.series import robust_sigma
 
-SHORT_LAG_S: Final = 0.2
-"""A lag that changes neither a slope over the two seconds of the smoothing nor, by more than stops are known to, the
-offset: it is left to the interval."""
-_SURE_SHARE: Final = 0.8
-_NO_LAG_SHARE: Final = 0.15
-"""Where no corner can be read, a sensor that is not late at all lies within the interval, not at its very end."""
-_UNLIKELY: Final = 7.0
-_MODEL_SHARE: Final = 0.05
-"""How far a real sensor is from a first-order lag, as a share of the lag."""
+SHORT_LAG_S: Final = 0.1 * WINDOW_S
+"""A shorter lag does not show in what is smoothed over the window."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,17 +56,19 @@ def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
     ]
     if not usable:
         some = np.arange(0.25, MAX_LAG_S, 0.5)
-        weight = np.concatenate([[_NO_LAG_SHARE], np.full(len(some), (1.0 - _NO_LAG_SHARE) / len(some))])
+        weight = np.concatenate([[PRIORS.no_lag], np.full(len(some), (1.0 - PRIORS.no_lag) / len(some))])
         return LagMixture(None, None, np.concatenate([[0.0], some]), np.log(weight))
     value, sigma = _pooled(usable)
-    sigma = float(np.sqrt(sigma**2 + (_MODEL_SHARE * value) ** 2 + 0.02**2))
+    sigma = float(np.sqrt(sigma**2 + (PRIORS.lag_model * value) ** 2 + 0.02**2))
     grid = np.unique(
         np.concatenate([np.linspace(0.0, value, 30), np.linspace(max(value - 4 * sigma, 0.0), value + 4 * sigma, 33)])
     )
     width = np.gradient(grid) if len(grid) > 1 else np.ones(1)
     peak = np.exp(-0.5 * ((grid - value) / sigma) ** 2) * width
     below = np.where(grid <= value + 1e-12, width, 0.0)
-    weight = _SURE_SHARE * peak / peak.sum() + (1.0 - _SURE_SHARE) * below / max(float(below.sum()), 1e-12)
+    weight = PRIORS.lag_is_roundness * peak / peak.sum() + (1.0 - PRIORS.lag_is_roundness) * below / max(
+        float(below.sum()), 1e-12
+    )
     return LagMixture(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
 
 
@@ -85,7 +83,9 @@ def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
     chosen = mixture[best]
     if chosen.value_s is None:
         return chosen
-    likely = [split for split in fits if fits[split] > fits[best] - _UNLIKELY and mixture[split].value_s is not None]
+    likely = [
+        split for split in fits if fits[split] > fits[best] - NEGLIGIBLE_LOG and mixture[split].value_s is not None
+    ]
     total = float(np.log(sum(np.exp(fits[split] - fits[best]) for split in likely)))
     weights = [mixture[split].log_weight + fits[split] - fits[best] - total for split in likely]
     grid = np.concatenate([mixture[split].grid_s for split in likely])

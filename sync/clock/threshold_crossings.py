@@ -9,29 +9,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.clock.priors import PRIORS
 from sync.signals.heating_segments import HeatingSegment
 from sync.signals.strokes import Stroke
 from torsight.core.units import DEG
 
 _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94])
 """Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
-_WHOLE: Final = 0.955
+WHOLE_STROKE: Final = 0.955
 _CUT_SHORT: Final = 0.85
 """Shares of a stroke that are used: of a whole one, and of one that was cut short, whose end falls on a corner of the
 temperature if the motion is a little late."""
-_CURVE_SIGMA_C: Final = 60.0
-_STRESS_SIGMA_C_PER_DEG: Final = 0.04
-_SHAPE_SIGMA_C_PER_DEG: Final = 0.04
-_FAR_SCATTER_C_PER_DEG: Final = 0.003
-_SCATTER_REACH: Final = 0.2
-_SCATTER_SHAPE: Final = 0.7
-_NEAR_SCATTER_C_PER_DEG: Final = (0.2, 0.03)
-_NEAR_DEG: Final = 3.0
-"""Near a usual start the way there matters (how far a heating had come): another scatter for a cooling, a heating."""
-_TREND: Final = 1.0
-"""A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke."""
-_FARTHEST_DEG: Final = 40.0
-"""Strokes that begin further from the others of their kind pass their levels under another stress: not comparable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,10 +90,10 @@ def collect_crossings(
         for index in members:
             stroke = strokes[index]
             far_deg = (stroke.sign * stroke.start_rad - usual_rad) / DEG
-            if abs(far_deg) > _FARTHEST_DEG:
+            if abs(far_deg) > PRIORS.farthest_deg:
                 continue
             at_s, sigma_s = stroke.crossing_s(level_rad)
-            share = _WHOLE if stroke.length_rad > _WHOLE * longest_rad else _CUT_SHORT
+            share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _CUT_SHORT
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
             count = len(usable)
             rows.time_s.append(at_s[usable])
@@ -132,15 +120,17 @@ def _with_covariances(rows: _Rows) -> ThresholdCrossings:
     tilt = 2.0 * share - 1.0
     # Both springs are of one make: where a stroke begins matters alike for both, and beyond that for each level anew.
     stress = (heating[:, None] == heating[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
-    common = _CURVE_SIGMA_C**2 * same_cell
-    common += far_both * (_STRESS_SIGMA_C_PER_DEG**2 * stress + _SHAPE_SIGMA_C_PER_DEG**2 * same_cell)
+    common = PRIORS.curve_sigma_c**2 * same_cell
+    common += far_both * PRIORS.start_sigma_c_per_deg**2 * (stress + same_cell)
     # A stroke misses the curve of its kind as a whole, and smoothly along its way.
-    along = np.exp(-0.5 * ((share[:, None] - share[None, :]) / _SCATTER_REACH) ** 2)
+    along = np.exp(-0.5 * ((share[:, None] - share[None, :]) / PRIORS.scatter_reach) ** 2)
     same_stroke = stroke[:, None] == stroke[None, :]
-    scatter = same_stroke * (1.0 + _SCATTER_SHAPE**2 * along)
+    scatter = same_stroke * (1.0 + PRIORS.scatter_shape**2 * along)
     when = 2.0 * (time_s - time_s.min()) / max(float(np.ptp(time_s)), 1e-9) - 1.0
     trend = (kind[:, None] == kind[None, :]) * (when[:, None] * when[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
-    near_c = np.minimum(np.abs(far_deg), _NEAR_DEG) * np.take(_NEAR_SCATTER_C_PER_DEG, heating.astype(np.int64))
+    near_c = np.minimum(np.abs(far_deg), PRIORS.near_deg) * np.take(
+        PRIORS.near_scatter_c_per_deg, heating.astype(np.int64)
+    )
     common += near_c[:, None] * near_c[None, :] * scatter
     return ThresholdCrossings(
         time_s=time_s,
@@ -151,8 +141,9 @@ def _with_covariances(rows: _Rows) -> ThresholdCrossings:
         kind=kind,
         cell=cell,
         shared=same_cell.sum(axis=1),
-        common_c2=common + _FAR_SCATTER_C_PER_DEG**2 * far_both * scatter,
-        scatter=scatter + _TREND**2 * trend,
+        common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
+        # A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke.
+        scatter=scatter + trend,
         middle_s=float(0.5 * (time_s.min() + time_s.max())),
     )
 

@@ -26,25 +26,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from sync.clock.gaussian_mixture import Gaussian
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian
+from sync.clock.priors import PRIORS
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
-_TYPICAL_SCATTER_C: Final = 0.05
 _FEWEST: Final = 6
-_WITH_RATE: Final = 2.0
-_ORDINARY_SCATTER_C: Final = 0.03
-"""Thresholds that scatter by more than this have a cause that nobody knows. It may go with the rate of heating, as a
-friction does that grows with speed, and an offset does the same: a scatter that goes with the rate, up to this many
-times as large as the rest of it, is then allowed."""
-_RATE_POINTS: Final = 40
+"""Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
 _RATE_POWERS: Final = 3
-_NOISE_FACTOR: Final = 1.5
-"""Rates come from one polynomial per stroke: noise in a rate would look like an error of the clock that differs from
-level to level, and hide the one that does not."""
+_RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
+"""A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +94,7 @@ def _shrunk(
     for kind in np.unique(crossings.kind):
         rows = crossings.kind == kind
         spread, noise = float(np.mean(away[rows] ** 2)), float(np.mean(rate_sigma[rows] ** 2))
-        kept[rows] = max(0.0, 1.0 - _NOISE_FACTOR * noise / spread) * away[rows] if spread > 0 else 0.0
+        kept[rows] = max(0.0, 1.0 - PRIORS.rate_noise * noise / spread) * away[rows] if spread > 0 else 0.0
     return usual + kept
 
 
@@ -217,8 +211,8 @@ def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDAr
 
 def _cause(scatter_c: float) -> float:
     """Return how much of a scatter may go with the rate, as a multiple of the rest."""
-    beyond = (scatter_c / _ORDINARY_SCATTER_C) ** 4
-    return _WITH_RATE * beyond / (1.0 + beyond)
+    beyond = (scatter_c / PRIORS.ordinary_scatter_c) ** 4
+    return PRIORS.with_rate * beyond / (1.0 + beyond)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +237,7 @@ def _half(
     factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
     solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
     log_det = len(rows) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
-    belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / _TYPICAL_SCATTER_C) ** 2))
+    belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
     return _Half(
         information=design[rows].T @ solved[:, :-1],
         right=-(design[rows].T @ solved[:, -1]),
@@ -266,7 +260,7 @@ def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight:
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
     weight = np.array([sum(half.log_weight for half in pair) for pair in pairs])
     total = log_weight + weight - 0.5 * (fit + log_det)
-    likely = np.flatnonzero(total > total.max() - 40.0)
+    likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
     return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
 
 

@@ -23,14 +23,18 @@ if TYPE_CHECKING:
     from tracker.source import FrameSource
 
 _NEAR_PX: Final = 6
-_AROUND_PX: Final = 20
+"""How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels."""
+_AROUND_PX: Final = 3 * _NEAR_PX
+"""How far the picture around it reaches: nine times the area, so that the median is not the LED's."""
 _BRIGHTEST: Final = 9
+"""Pixels of which the mean is taken: three by three, the smallest LED that a film shows."""
 _LEAST_STEP: Final = 8.0
-"""Least change of brightness, grey levels."""
+"""Least change of brightness, grey levels: 3 % of what eight bits hold."""
 _NOISES: Final = 6.0
+"""The change is larger than so many sigma of the noise: chance reaches six once in 10⁹ frames."""
 _FLICKER_FRAMES: Final = 3
 _FLICKER_S: Final = 0.1
-_TOLD_EVERY: Final = 500
+"""A state of fewer frames and less time is a flicker: heatings last for seconds."""
 
 
 def film_light_events(
@@ -52,7 +56,7 @@ def film_light_events(
     fps, timestamps
         As the film was tracked with.
     progress : Progress
-        Told about every few hundred frames.
+        Told about every frame.
 
     Raises
     ------
@@ -119,8 +123,7 @@ def _brightness(
     times: list[float] = []
     values: list[float] = []
     for frame in source:
-        if frame.index % _TOLD_EVERY == 0:
-            progress("read the LED", frame.index, max(source.frame_count or 0, frame.index))
+        progress("read the LED", frame.index, max(source.frame_count or 0, frame.index))
         if frame.luma is None or frame.damaged:
             continue
         near = frame.luma[max(y - _NEAR_PX, 0) : y + _NEAR_PX + 1, max(x - _NEAR_PX, 0) : x + _NEAR_PX + 1]

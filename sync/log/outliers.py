@@ -6,6 +6,7 @@ a corner of the temperature can make, or when a constant run ends in a jump. Wha
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -18,14 +19,19 @@ from torsight.core.series import constant_runs, robust_sigma, scatter
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
+"""A smaller spike is within the ±1.5 °C to which a thermocouple of class 1 is made (IEC 60584-1)."""
 _STUCK_S: Final = 2.0
 _STUCK_ROWS: Final = 8
-_FROZEN_ROWS: Final = 30
+"""A reading that stands still for less time or for fewer rows may be a slow instrument's."""
+_ALIKE_SHARE: Final = 0.4
+"""Of readings that noise moves less than this share equal the one before."""
+_FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
+"""Thirty such readings in a row: 0.4³⁰ = 10⁻¹², no chance in any log."""
 _FROZEN_RUNS: Final = 4
 _FROZEN_SHARE: Final = 0.3
+"""Where there are more of such runs, or they make up more of the log, the sensor is a quiet one."""
 _TO_AND_FRO: Final = 0.25
-_ALIKE_SHARE: Final = 0.4
-"""Of readings that noise moves less than this share equal the one before: thirty in a row are no chance."""
+"""White noise turns two steps of three back; a sensor that only follows its spring turns few."""
 
 
 def clean_channel(

@@ -21,7 +21,9 @@ from sync.log.timestamps import usual_step_s
 from torsight.core.series import robust_sigma
 
 _WINDOW_S: Final = 10.0
-_LONGEST_GAP_S: Final = 900.0
+"""Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
+LONGEST_GAP_S: Final = 900.0
+"""A logger that was away for longer than a quarter of an hour is another record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ def _gap(
             continue
         gap = (right[0] - left[0]) / rate
         sigma = math.hypot(math.hypot(left[2], right[2]) / abs(rate), abs(gap) * (0.5 * bend + rate_sigma) / abs(rate))
-        if -3.0 * sigma - step_s < gap < _LONGEST_GAP_S:
+        if -3.0 * sigma - step_s < gap < LONGEST_GAP_S:
             weight += 1.0 / sigma**2
             total += gap / sigma**2
     if weight == 0.0:

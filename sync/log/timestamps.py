@@ -22,6 +22,8 @@ from sync.log.repairs import Repair
 
 _RESTART_ROWS: Final = 20
 """Fewer rows than these behind a step back are mended one by one."""
+_BRIDGED_S: Final = 2.0
+"""A straight line over so long misses a cooling by A (2 s / τ)² / 8: 0.03 °C for 60 °C with a time constant of 30 s."""
 _CLOCK_SET_S: Final = 6 * 3600.0
 """A step forward longer than this is a clock that was set, not a pause in logging."""
 
@@ -102,6 +104,11 @@ def usual_step_s(time_s: NDArray[np.float64]) -> float:
     step = np.diff(time_s)
     step = step[step > 0]
     return float(np.median(step)) if len(step) else float("nan")
+
+
+def longest_gap_s(time_s: NDArray[np.float64]) -> float:
+    """Return the longest gap between samples that is bridged by default: two seconds, or five usual steps if longer."""
+    return max(_BRIDGED_S, 5.0 * float(np.median(np.diff(time_s))))
 
 
 def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -24,9 +24,7 @@ _CLOCK: Final = r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[
 _DATE: Final = r"(\d{1,4})([./-])(\d{1,2})[./-](\d{1,4})"
 _STAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
 _MONTH_NAMES: Final = ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d %b %Y %H:%M:%S", "%b %d, %Y %H:%M:%S")
-_DAY_S: Final = 86400.0
-_MOST: Final = 0.5
-"""Stamps are of a form where more than this share of them is; the rest are fields that were damaged."""
+_DAY_S: Final = timedelta(days=1).total_seconds()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,17 +111,18 @@ def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamp
         return Stamps(column.to_numpy(np.float64), numeric=True)
     if pd.api.types.is_datetime64_any_dtype(column):
         return _since_first(pd.to_datetime(column, utc=True))
+    # A column is of a form where most of its fields are; the others are damaged.
     text = column.astype("string").str.strip()
     given = int(text.notna().sum())
     numbers = pd.to_numeric(text.str.replace(r"(?<=\d),(?=\d)", ".", regex=True), errors="coerce")
-    if numbers.notna().sum() > _MOST * given:
+    if numbers.notna().sum() > 0.5 * given:
         return Stamps(numbers.to_numpy(np.float64, na_value=np.nan), numeric=True)
     dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
-    if dates.notna().sum() > _MOST * given:
+    if dates.notna().sum() > 0.5 * given:
         return _since_first(dates)
     for read in (_clock_stamps, _date_stamps, _named_months):
         stamps = read(text)
-        if stamps is not None and np.isfinite(stamps.time_s).sum() > _MOST * given:
+        if stamps is not None and np.isfinite(stamps.time_s).sum() > 0.5 * given:
             return stamps
     wrong = int(np.flatnonzero((numbers.isna() & dates.isna() & text.notna()).to_numpy())[0]) if given else 0
     raise InputError(
@@ -197,7 +196,7 @@ def _named_months(text: pd.Series[Any]) -> Stamps | None:
 
     for form in _MONTH_NAMES:
         dates = pd.to_datetime(text, errors="coerce", utc=True, format=form)
-        if dates.notna().mean() > _MOST:
+        if dates.notna().mean() > 0.5:
             return _since_first(dates)
     return None
 

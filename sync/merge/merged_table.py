@@ -9,17 +9,13 @@ the logger did. Where the readings around are further apart than the longest gap
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import StickAngles
-
-DEFAULT_MAX_GAP_S: Final = 2.0
-"""Longest gap between readings that is bridged unless another is asked for, or five usual steps where that is more."""
 
 
 def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_s: float | None = None) -> SyncedTable:
@@ -42,7 +38,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         One row per frame, film clock; NaN outside the log and in longer gaps.
     """
     instant_s = clock.to_temperature_time(angles.time_s)
-    gap_s = longest_gap_s(log) if max_gap_s is None else max_gap_s
+    gap_s = longest_gap_s(log.time_s) if max_gap_s is None else max_gap_s
     last = np.searchsorted(log.time_s, instant_s, side="right") - 1
     covered = (last >= 0) & (instant_s <= log.time_s[-1])
     row = np.maximum(last, 0)
@@ -79,11 +75,6 @@ def require_overlap(
         limit=f"the log's {log.time_s[0]:.6g} to {log.time_s[-1]:.6g} s",
         do="check the offset and that both files belong to one experiment",
     )
-
-
-def longest_gap_s(log: TemperatureLog) -> float:
-    """Return the longest gap that is bridged by default for this log, s."""
-    return max(DEFAULT_MAX_GAP_S, 5.0 * float(np.median(np.diff(log.time_s))))
 
 
 def at_instants(

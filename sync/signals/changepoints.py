@@ -9,6 +9,7 @@ where the power is cut at once.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,9 +23,11 @@ from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
+"""Longest lag that is looked for: a thermocouple in a thick sleeve in still air."""
 SPLITS: Final = (0.0, 0.2, 0.45)
 """Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
 _POINTS: Final = 160
+"""Readings around a changepoint are averaged down to fewer than twice as many: the grid search costs in proportion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +91,7 @@ def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float, split: 
     left = np.zeros_like(x)
     for weight, stage_s in _stages(lag_s, split):
         # Where both times are equal the fraction has a limit; a thousandth beside it will do.
-        own_s = stage_s if abs(stage_s / decay_s - 1.0) > 1e-3 else 1.002 * stage_s
+        own_s = 1.002 * stage_s if math.isclose(stage_s, decay_s, rel_tol=1e-3) else stage_s
         left += weight / (decay_s - own_s) * (decay_s * np.exp(-x / decay_s) - own_s * np.exp(-x / own_s))
     return np.asarray(1.0 - left)
 
@@ -125,7 +128,7 @@ def fit_changepoint(
     if np.count_nonzero(window) < 12:
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
-    at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] - near_s[0] < 1e-6 else 13)
+    at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
     lags = np.array([lag_s]) if lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
         loss = _losses(x, y, at, lags, powers_before, decay_s, split)

@@ -12,15 +12,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-_FEWEST: Final = 4
-_MOST: Final = 64
+_POWERS: Final = 2
+"""Degree of the polynomial through the frames: a speed that changes evenly."""
+_FEWEST: Final = _POWERS + 2
+_MOST: Final = _FEWEST * 2**4
+"""Frames that are taken together: one more than the coefficients need, doubled at most four times."""
 _NOISE_PER_STEP: Final = 0.05
 """More frames are taken together until noise moves the crossing by less than this share of the time between frames."""
 _STAMP_SHARE: Final = 0.02
 """Stamps of frames are not better than this share of the time between frames."""
-_UNSEEN: Final = 0.5
-"""Share of the difference between a straight line and a parabola that counts as error."""
-_POWERS: Final = 2
 
 
 def crossing_time(
@@ -61,7 +61,10 @@ def _with(
     noise_rad: float,
     count: int,
 ) -> tuple[float, float, float, float] | None:
-    """Return instant, its error from noise, its error from what lies between frames, and the frames' distance."""
+    """Return instant, its error from noise, its error from what lies between frames, and the frames' distance.
+
+    What the frames do not show is half of the difference between a straight line and a parabola through them.
+    """
     right = int(np.searchsorted(time_s, near_s))
     first, last = right - count // 2, right + count // 2
     if first < 0 or last > len(time_s):
@@ -80,7 +83,7 @@ def _with(
         return None
     straight_s = float(np.clip(-line[1] / line[0], -reach_s, reach_s))
     gain = float(np.sqrt((np.linalg.inv(powers.T @ powers))[0, 0]))
-    return near_s + root_s, noise_rad * gain / speed, _UNSEEN * abs(straight_s - root_s), step_s
+    return near_s + root_s, noise_rad * gain / speed, 0.5 * abs(straight_s - root_s), step_s
 
 
 def _root(coefficient: NDArray[np.floating[Any]], reach: float) -> float:

@@ -14,10 +14,13 @@ from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
 
 _MIN_RISE_C: Final = 12.0
+"""A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
 _MIN_SHARE: Final = 0.3
 """A rise smaller than this share of the largest one is the other spring's warmth."""
-_WINDOW_S: Final = 2.0
+WINDOW_S: Final = 2.0
+"""Time over which a log is smoothed: eight rows at 4 Hz."""
 _HEATING_SHARE: Final = 0.03
+"""Share of a heating over which its temperature is smoothed for the thresholds: 3 % of the way does not bend it."""
 
 Spring = Literal["a", "b"]
 
@@ -78,14 +81,14 @@ class LogSignals:
 def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
     """Smooth both temperatures, their slopes over a window of its own, and find their segments."""
     readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
-    springs = _even(log, readings, window_s=_WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
+    springs = _even(log, readings, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
     threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
     segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
-    window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), _WINDOW_S, 20.0)) if heatings_s else _WINDOW_S
-    heated = springs if window_s == _WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
+    window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
+    heated = springs if window_s == WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
 
 

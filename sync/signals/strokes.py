@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.log.timestamps import longest_gap_s
 from sync.signals.crossing_times import crossing_time
 from sync.signals.even_signal import EvenSignal, even_signal
 from torsight.core.series import constant_runs
@@ -15,8 +16,9 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
+_LONGEST_PAUSE_S: Final = 5.0
 _PAUSE_SHARE: Final = 0.15
-"""A pause shorter than this share of the motion around it does not end a stroke (stick-slip)."""
+"""A pause that is shorter, or shorter than this share of the motion around it, does not end a stroke (stick-slip)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,8 +90,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     time_s, angle = angles.time_s[usable], angles.angle_rad[usable]
     if len(time_s) < 20:
         return ()
-    usual_s = float(np.median(np.diff(time_s)))
-    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=max(2.0, 5.0 * usual_s))
+    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=longest_gap_s(time_s))
     if signal is None:
         return ()
     low, high = np.quantile(signal.value, [0.005, 0.995])
@@ -125,7 +126,7 @@ def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: fl
             pause = begin - earlier[1]
             shorter = min(end - begin, earlier[1] - earlier[0])
             longer = max(end - begin, earlier[1] - earlier[0])
-            if pause <= max(_PAUSE_SHARE * longer, 2) and (pause * step_s < 5.0 or shorter > 2 * pause):
+            if pause <= max(_PAUSE_SHARE * longer, 2) and (pause * step_s < _LONGEST_PAUSE_S or shorter > 2 * pause):
                 joined[-1] = (earlier[0], end)
                 continue
         joined.append((begin, end))
