@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 
 _MARKERS: Final = ("moving_inner", "moving_outer")
 _CERTAIN_GAP: Final = 10.0
+"""χ² by which the tilt's mirror image must fit worse to be excluded: about 3 sigma."""
 _WORST_MISFIT: Final = 5.0
+"""Paths that are further from circles, in the markers' own sigmas, have another cause than noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

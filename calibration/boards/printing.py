@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import inch, milli
 
 from calibration.boards.board import Board
 from torsight.core.errors import ConfigError
@@ -29,11 +30,44 @@ PAGES_MM: Final = {
 }
 """Width and height of a page on its long side."""
 
-MARGIN_MM: Final = 8.0
-_FOOT_MM: Final = 10.0
-_BAR_MM: Final = 100.0
-_TEXT_MM: Final = 3.2
-_POINTS_PER_MM: Final = 72.0 / 25.4
+_MM_PER_INCH: Final = inch / milli
+_POINTS_PER_MM: Final = 72.0 / _MM_PER_INCH
+"""A point of PDF is the 72nd part of an inch (ISO 32000-1, 8.3.2.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Sizes of what stands on a page around the pattern, mm.
+
+    Attributes
+    ----------
+    margin_mm : float
+        Rim that no printer reaches: larger than the 6.4 mm of ordinary ones.
+    foot_mm : float
+        Room for the words and the bar below a pattern.
+    bar_mm : float
+        Bar to check the scale: 0.5 mm on a ruler are half a percent.
+    text_mm : float
+        Size of the letters, 9 points.
+    line_mm : float
+        From one line of text to the next.
+    tick_mm, tick_width_mm : float
+        Length and width of the ticks along which tags are cut.
+    tag_border : float
+        White border of a tag in its modules, up to where it is cut: the detector and the fit need one.
+    """
+
+    margin_mm: float = 8.0
+    foot_mm: float = 10.0
+    bar_mm: float = 100.0
+    text_mm: float = 3.2
+    line_mm: float = 6.0
+    tick_mm: float = 4.0
+    tick_width_mm: float = 0.2
+    tag_border: float = 1.5
+
+
+LAYOUT: Final = Layout()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +108,7 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
     """
     width_mm, height_mm = PAGES_MM[page]
     across, down = (count * board.square_mm for count in board.squares)
-    room = width_mm - 2.0 * MARGIN_MM, height_mm - 2.0 * MARGIN_MM - _FOOT_MM
+    room = width_mm - 2.0 * LAYOUT.margin_mm, height_mm - 2.0 * LAYOUT.margin_mm - LAYOUT.foot_mm
     if across > room[0] or down > room[1]:
         largest = min(room[0] / board.squares[0], room[1] / board.squares[1])
         raise ConfigError(
@@ -84,8 +118,8 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
             limit=f"{room[0]:g} × {room[1]:g} mm: squares of up to {np.floor(largest * 10) / 10:g} mm",
             do="take a larger --page, smaller or fewer squares",
         )
-    left, top = 0.5 * (width_mm - across), 0.5 * (height_mm - _FOOT_MM - down)
-    foot = height_mm - MARGIN_MM
+    left, top = 0.5 * (width_mm - across), 0.5 * (height_mm - LAYOUT.foot_mm - down)
+    foot = height_mm - LAYOUT.margin_mm
     bar, words = check_bar(page)
     return Drawing(
         page_mm=(width_mm, height_mm),
@@ -94,7 +128,9 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
             bar,
         ),
         texts=(
-            Text(MARGIN_MM, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"),
+            Text(
+                LAYOUT.margin_mm, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"
+            ),
             words,
         ),
     )
@@ -143,9 +179,9 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
     On a page that is too narrow the bar is shorter, and says so.
     """
     width_mm, height_mm = PAGES_MM[page]
-    foot = height_mm - MARGIN_MM
-    bar = min(_BAR_MM, float(np.floor((width_mm - 2.0 * MARGIN_MM) / 10.0) * 10.0))
-    left = width_mm - MARGIN_MM - bar
+    foot = height_mm - LAYOUT.margin_mm
+    bar = min(LAYOUT.bar_mm, float(np.floor((width_mm - 2.0 * LAYOUT.margin_mm) / 10.0) * 10.0))
+    left = width_mm - LAYOUT.margin_mm - bar
     return Rectangle(left, foot - 1.0, bar, 1.0), Text(left, foot - 2.0, f"{bar:g} mm: measure it on the print")
 
 
@@ -157,7 +193,7 @@ def svg_text(drawing: Drawing) -> str:
         for item in drawing.rectangles
     )
     words = "".join(
-        f'<text x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" font-family="sans-serif" font-size="{_TEXT_MM}">'
+        f'<text x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" font-family="sans-serif" font-size="{LAYOUT.text_mm}">'
         f"{escape(item.words)}</text>\n"
         for item in drawing.texts
     )
@@ -179,7 +215,7 @@ def pdf_bytes(drawing: Drawing) -> bytes:
     for item in drawing.texts:
         words = item.words.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
         # The page's y axis points down here: text is turned back upright.
-        lines.append(f"BT /F1 {_TEXT_MM} Tf 1 0 0 -1 {item.x_mm:.4f} {item.y_mm:.4f} Tm ({words}) Tj ET")
+        lines.append(f"BT /F1 {LAYOUT.text_mm} Tf 1 0 0 -1 {item.x_mm:.4f} {item.y_mm:.4f} Tm ({words}) Tj ET")
     stream = "\n".join(lines).encode("cp1252", "replace")
     objects = [
         b"<< /Type /Catalog /Pages 2 0 R >>",
@@ -204,7 +240,7 @@ def pdf_bytes(drawing: Drawing) -> bytes:
 
 def raster(drawing: Drawing, *, dpi: float) -> NDArray[np.uint8]:
     """Return the page as a grey picture; a pixel that a shape covers in part is grey in proportion."""
-    scale = dpi / 25.4
+    scale = dpi / _MM_PER_INCH
     width, height = (round(side * scale) for side in drawing.page_mm)
     ink = np.zeros((height, width))
     for item in drawing.rectangles:
@@ -252,7 +288,7 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
 def usual_board(kind: str, *, page: str = "a4") -> Board:
     """Return a board that fills a page well: 9 × 6 inner corners, or ChArUco of 10 × 7 squares."""
     width_mm, height_mm = PAGES_MM[page]
-    room = min((width_mm - 2.0 * MARGIN_MM) / 10.0, (height_mm - 2.0 * MARGIN_MM - _FOOT_MM) / 7.0)
+    room = min((width_mm - 2.0 * LAYOUT.margin_mm) / 10.0, (height_mm - 2.0 * LAYOUT.margin_mm - LAYOUT.foot_mm) / 7.0)
     square_mm = float(np.floor(room))
     if kind == "chessboard":
         return Board("chessboard", columns=9, rows=6, square_mm=square_mm)

@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from calibration.boards.printing import MARGIN_MM, PAGES_MM, Drawing, Rectangle, Text, check_bar, draw_tag
+from calibration.boards.printing import LAYOUT, PAGES_MM, Drawing, Rectangle, Text, check_bar, draw_tag
 from torsight.core.errors import ConfigError
 
-_BORDER: Final = 1.5
-"""White border in modules up to the line along which to cut: the detector and the fit need one."""
-_TICK_MM: Final = 4.0
-_LINE_MM: Final = 0.2
-_WORDS_MM: Final = 6.0
 _STICKS: Final = ("base", "moving")
 
 
@@ -84,9 +79,12 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
         When they are larger than the page.
     """
     width_mm, height_mm = PAGES_MM[page]
-    border_mm = _BORDER * pair.side_mm / _modules(pair)
+    border_mm = LAYOUT.tag_border * pair.side_mm / _modules(pair)
     whole_mm = pair.side_mm + 2.0 * border_mm
-    room_mm = 0.5 * width_mm - MARGIN_MM - 2.0 * _TICK_MM, height_mm - 2.0 * MARGIN_MM - 4.0 * _WORDS_MM
+    room_mm = (
+        0.5 * width_mm - LAYOUT.margin_mm - 2.0 * LAYOUT.tick_mm,
+        height_mm - 2.0 * LAYOUT.margin_mm - 4.0 * LAYOUT.line_mm,
+    )
     if whole_mm > min(room_mm):
         raise ConfigError(
             f"the tags do not fit on a page {page}",
@@ -97,16 +95,16 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
         )
     shapes: list[Rectangle] = []
     words: list[Text] = []
-    top = MARGIN_MM + 2.0 * _TICK_MM
+    top = LAYOUT.margin_mm + 2.0 * LAYOUT.tick_mm
     for place, (stick, number) in enumerate(zip(_STICKS, pair.ids, strict=True)):
-        left = MARGIN_MM + _TICK_MM + place * 0.5 * width_mm
+        left = LAYOUT.margin_mm + LAYOUT.tick_mm + place * 0.5 * width_mm
         shapes += draw_tag(f"DICT_{pair.family}", number, left + border_mm, top + border_mm, side_mm=pair.side_mm)
         shapes += _ticks(left, top, whole_mm)
-        below = top + whole_mm + _TICK_MM + _WORDS_MM
+        below = top + whole_mm + LAYOUT.tick_mm + LAYOUT.line_mm
         words.append(Text(left, below, f"{stick} stick: {pair.family}, number {number}"))
-        words.append(Text(left, below + _WORDS_MM, "left edge towards the axis, top edge along the stick"))
+        words.append(Text(left, below + LAYOUT.line_mm, "left edge towards the axis, top edge along the stick"))
     bar, said = check_bar(page)
-    foot = Text(MARGIN_MM, height_mm - MARGIN_MM, f"black squares of {pair.side_mm:g} mm; print at 100 %")
+    foot = Text(LAYOUT.margin_mm, height_mm - LAYOUT.margin_mm, f"black squares of {pair.side_mm:g} mm; print at 100 %")
     return Drawing((width_mm, height_mm), (*shapes, bar), (*words, foot, said))
 
 
@@ -121,8 +119,8 @@ def _ticks(left_mm: float, top_mm: float, whole_mm: float) -> list[Rectangle]:
     found: list[Rectangle] = []
     for x in (left_mm, left_mm + whole_mm):
         for y in (top_mm, top_mm + whole_mm):
-            out_x = x - _TICK_MM if x == left_mm else x
-            out_y = y - _TICK_MM if y == top_mm else y
-            found.append(Rectangle(out_x, y - 0.5 * _LINE_MM, _TICK_MM, _LINE_MM))
-            found.append(Rectangle(x - 0.5 * _LINE_MM, out_y, _LINE_MM, _TICK_MM))
+            out_x = x - LAYOUT.tick_mm if x == left_mm else x
+            out_y = y - LAYOUT.tick_mm if y == top_mm else y
+            found.append(Rectangle(out_x, y - 0.5 * LAYOUT.tick_width_mm, LAYOUT.tick_mm, LAYOUT.tick_width_mm))
+            found.append(Rectangle(x - 0.5 * LAYOUT.tick_width_mm, out_y, LAYOUT.tick_width_mm, LAYOUT.tick_mm))
     return found

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma
+from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, groups_of, jackknife_sigma, worst_view
 from calibration.views.detect import View
 from torsight.core.camera import Intrinsics, RightCamera
 from torsight.core.errors import NoResultError
@@ -21,10 +21,9 @@ from torsight.core.threads import one_thread
 Floats = NDArray[np.float64]
 
 FEWEST_PAIRS: Final = 3
-_WORSE_THAN_MEDIAN: Final = 3.0
-_NEVER_BAD_PX: Final = 0.3
-_MOST_GROUPS: Final = 20
+"""One pair determines the second camera's place; with three the one that disagrees shows."""
 _FEWEST_COMMON_CORNERS: Final = 6
+"""Corners of one board that both cameras must see: two more than determine its pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,9 +85,10 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
     with one_thread():
         while True:
             motion, rms_px, error = _fit(pairs, *lenses)
-            worst, median = int(np.argmax(error)), float(np.median(error))
-            if len(pairs) <= FEWEST_PAIRS or error[worst] <= max(_WORSE_THAN_MEDIAN * median, _NEVER_BAD_PX):
+            worst = worst_view(error) if len(pairs) > FEWEST_PAIRS else None
+            if worst is None:
                 break
+            median = float(np.median(error))
             aside.append(
                 SetAside(
                     pairs.pop(worst).index,
@@ -161,10 +161,10 @@ def _jackknife(
     pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats, *, progress: Progress
 ) -> tuple[Floats, float]:
     """Leave groups of pairs out of everything, the lenses too: their uncertainty is the larger part."""
-    groups = min(len(pairs), _MOST_GROUPS)
+    groups = groups_of(len(pairs))
     left_out = []
-    for group in range(groups):
-        gone = {pair.index for place, pair in enumerate(pairs) if place % groups == group}
+    for done, group in enumerate(groups, start=1):
+        gone = {pairs[place].index for place in group}
         lenses = [
             fit_lens(
                 [camera.views[view] for view in camera.kept if camera.views[view].index not in gone],
@@ -173,7 +173,7 @@ def _jackknife(
             for camera in (left, right)
         ]
         left_out.append(_fit([pair for pair in pairs if pair.index not in gone], lenses[0], lenses[1])[0])
-        progress("pair without some views", group + 1, groups)
+        progress("pair without some views", done, len(groups))
     values = np.array(left_out)
     baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     whole = np.array([np.linalg.norm(motion[3:])])

@@ -12,16 +12,28 @@ from numpy.typing import NDArray
 
 from calibration.boards.board import Board
 from calibration.views.detect import View, board_normals, find_board, goes_on, other_boards_seen
-from calibration.views.picture_files import Picture, expand, film_step, is_film, read_pictures, require_same_camera
+from calibration.views.picture_files import (
+    MOST_FILM_VIEWS,
+    Picture,
+    expand,
+    film_step,
+    is_film,
+    read_pictures,
+    require_same_camera,
+)
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 
-_MOST_FILM_VIEWS: Final = 30
 _BLURRED: Final = 1.5
+"""Frames whose edges are so many times as wide as those of the sharpest fifth are passed over."""
+_LEAST_DIFFERENCE: Final = 0.05
+"""A frame that differs less from those chosen adds nothing: a twentieth of the picture's width, or 3° of tilt."""
 _LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
+"""Pictures in which another board is looked for, some seconds each, before the board is said not to be found."""
 _BEYOND_THE_BOARD: Final = 0.25
+"""Share of the views in which a chessboard may seem to go on: what stands behind it can look like squares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +186,9 @@ def _chosen(views: Sequence[View]) -> list[View]:
     sharp = [view for view in views if view.edge_px <= _BLURRED * np.quantile(edges, 0.2)]
     traits = _traits(sharp)
     chosen = [int(np.argmin([view.edge_px for view in sharp]))]
-    while len(chosen) < min(_MOST_FILM_VIEWS, len(sharp)):
+    while len(chosen) < min(MOST_FILM_VIEWS, len(sharp)):
         distance = np.linalg.norm(traits[:, None] - traits[chosen], axis=2).min(axis=1)
-        if distance.max() < 0.05:
+        if distance.max() < _LEAST_DIFFERENCE:
             break
         chosen.append(int(np.argmax(distance)))
     return [sharp[place] for place in sorted(chosen)]

@@ -23,12 +23,22 @@ Grey = NDArray[np.uint8]
 
 _DETECTION_SIDE_PX: Final = 1600
 _QUICK_SIDE_PX: Final = 640
+"""Longer side to which pictures and frames of a film are shrunk to find the board: the corners are then measured in the
+full picture."""
 _NARROW_SHARE: Final = 0.3
 _WIDE_SHARE: Final = 0.5
+"""Half side of the narrow and of the wide window, as shares of the smallest square; half a square reaches the next
+edges where the board is seen askew."""
 _WIDEST_PX: Final = 11
+"""Half side of the window that is customary with OpenCV's calibration sample."""
 _NARROWEST_PX: Final = 2
+"""A smaller window has no gradients on both sides of a corner."""
 _WINDOW_PER_EDGE: Final = 3.0
+"""Half side of the window in widths of the edge: the whole slope with level ground on both sides."""
 _FEWEST_CHARUCO_CORNERS: Final = 8
+"""Twice the corners that determine a plane's pose."""
+_MOST_ALIKE: Final = 0.7
+"""Share of the places beyond the rim that must look like corners: a shadow makes some of them, no row."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -245,7 +255,7 @@ def _are_corners(grey: Grey, points_mm: Floats, matrix: NDArray[np.float64], squ
     same = grey[row, column].astype(np.float64).reshape(-1, 4)
     contrast = np.abs(same[:, :2].mean(axis=1) - same[:, 2:].mean(axis=1))
     unlike = np.maximum(np.abs(same[:, 0] - same[:, 1]), np.abs(same[:, 2] - same[:, 3]))
-    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > 0.7)
+    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > _MOST_ALIKE)
 
 
 def other_boards_seen(grey: Grey, board: Board) -> str | None:

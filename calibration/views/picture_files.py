@@ -14,7 +14,10 @@ from torsight.core.errors import InputError
 from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file
 from torsight.core.provenance import file_hash
 
-_FILM_CANDIDATES: Final = 150
+MOST_FILM_VIEWS: Final = 30
+"""Frames of a film that a lens is fitted to: beyond, its sigma falls by less than a tenth with every five more."""
+_FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
+"""Frames of a film that are looked at, to choose among."""
 _EXIF_MAKE, _EXIF_MODEL, _EXIF_PART, _EXIF_FOCAL, _EXIF_SERIAL = 271, 272, 34665, 37386, 42033
 
 
