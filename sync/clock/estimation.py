@@ -263,7 +263,9 @@ def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
             f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
     if high - low > _WIDE_S:
-        why = "few strokes, or strokes at about the same rates"
+        # Few strokes still differ in their rates; where none do, nothing pins the offset within seconds.
+        alike = "the strokes that can be compared have about the same rates"
+        why = alike if high - low > 5.0 * _WIDE_S else "few strokes"
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
     if likelihood.matched < likelihood.strokes:
         notes.append(

@@ -1,4 +1,4 @@
-"""Beliefs about a clock as mixtures of Gaussians, and the value and 95 % interval that they come to."""
+"""Offset, drift and gaps of a clock as a mixture of Gaussians, and its value and 95 % interval."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Gaussian:
         )
 
     def moved(self, by_s: float) -> Gaussian:
-        """Return the same Gaussian with its offset told ``by_s`` later on the film."""
+        """Return the same Gaussian with its offset at an instant ``by_s`` later on the film."""
         change = np.eye(len(self.mean))
         change[0, 1] = by_s
         return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)

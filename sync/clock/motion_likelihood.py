@@ -1,4 +1,4 @@
-"""All that motion and temperature say together about a clock: coarse range, thresholds, stops, roundness of corners."""
+"""The likelihood of a clock from motion and temperature: offset search, thresholds, stops, the sensor's lag."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STARTS: Final = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLikelihood:
-    """Belief about the clock from motion and temperature.
+    """What motion and temperature say about the clock.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class MotionLikelihood:
         A mixture.
     middle_s : float
         Film time at which its offsets hold.
-    lag : LagBelief
+    lag : LagMixture
         What is known about the sensor's lag.
     strokes, matched, stops : int
-        How many strokes the film has, how many have a segment, how many abrupt stops were paired with a corner.
+        How many strokes the film has, how many have a segment, how many abrupt stops were paired with a changepoint.
     ranges : tuple of OffsetRange
-        Ranges that the coarse search left.
+        Ranges of offset that the search left.
     swapped : bool
         Whether the motion fits better with the springs the other way round.
     """
@@ -111,7 +111,7 @@ def motion_likelihood(
     if not found:
         return None
     best = max(found, key=lambda part: part.weight)
-    # Offsets of all parts are told at one instant of the film.
+    # Offsets of all parts refer to one instant of the film.
     mixture = [gaussian.moved(best.middle_s - part.middle_s) for part in found for gaussian in part.mixture]
     mirrored = [replace(segment, spring="b" if segment.spring == "a" else "a") for segment in signals.segments]
     offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
@@ -190,11 +190,11 @@ def _possible(
 def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Inputs, middle_s: float) -> list[Gaussian]:
     """Take the stops into account; any of them may have another cause.
 
-    Where two contradict each other nothing tells which one is astray: both accounts are kept, by their weights.
+    Where two contradict each other nothing says which one is wrong: both hypotheses are kept, by their weights.
     """
     # A stop that was given a heating of another cycle may be anywhere on the film.
     elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
-    accounts = [gaussian]
+    hypotheses = [gaussian]
     for stop in stops:
         # Rows behind a gap stand earlier than they belong by what is missing there.
         behind = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
@@ -202,15 +202,17 @@ def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Input
         ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
         offset_s = stop.log_s - stop.film_s
         found = [
-            _lighter(account.updated(design, offset_s, variance), share)
-            for account in accounts
+            _lighter(hypothesis.updated(design, offset_s, variance), share)
+            for hypothesis in hypotheses
             for variance, share in ways
         ]
-        found += [_lighter(account, stop.astray * elsewhere) for account in accounts]
-        most = max(account.log_weight for account in found)
-        found.sort(key=lambda account: -account.log_weight)
-        accounts = [account for account in found[:MOST_HYPOTHESES] if account.log_weight > most - NEGLIGIBLE_LOG]
-    return accounts
+        found += [_lighter(hypothesis, stop.astray * elsewhere) for hypothesis in hypotheses]
+        most = max(hypothesis.log_weight for hypothesis in found)
+        found.sort(key=lambda hypothesis: -hypothesis.log_weight)
+        hypotheses = [
+            hypothesis for hypothesis in found[:MOST_HYPOTHESES] if hypothesis.log_weight > most - NEGLIGIBLE_LOG
+        ]
+    return hypotheses
 
 
 def _lighter(gaussian: Gaussian, share: float) -> Gaussian:
@@ -218,7 +220,7 @@ def _lighter(gaussian: Gaussian, share: float) -> Gaussian:
 
 
 def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> Gaussian:
-    """Return the Gaussian about offset, drift and gaps before the strokes speak."""
+    """Return the prior of offset, drift and gaps in one range of offsets."""
     sigmas = [
         0.5 * (offset_range.high_s - offset_range.low_s) + 1.0,
         PRIORS.drift_sigma_ppm * PPM,
@@ -241,13 +243,13 @@ def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussia
 def _delays(
     inputs: _Inputs, crossings: ThresholdCrossings, offset_range: OffsetRange, wide: Gaussian, *, lag_s: float
 ) -> list[Gaussian]:
-    """Return the distinct local answers of the thresholds on a plateau, from a scan over it."""
+    """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
-    evidence = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-    if not np.isfinite(evidence).any():
+    log_likelihood = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
+    if not np.isfinite(log_likelihood).any():
         return []
-    order = np.argsort(evidence)[::-1]
+    order = np.argsort(log_likelihood)[::-1]
     starts: list[float] = []
     for index in order[: max(20, len(order) // 4)]:
         if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < _STARTS:
@@ -294,7 +296,7 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
         )
         if changepoint is None:
             continue
-        # A corner looks the earlier, the later the sensor is taken to be.
+        # A changepoint is dated the earlier, the later the sensor is taken to be.
         lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
         variance = stop.time_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
         # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
@@ -304,7 +306,7 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
 
 
 def _lag(log: TemperatureLog, signals: LogSignals) -> LagMixture:
-    """Read the sensor's lag from the corners; whether it has two stages is asked only where it shows at all."""
+    """Return the sensor's lag from the changepoints; a second stage is looked for only where a lag shows."""
     simple = [changepoint for _, changepoint in _changepoints(log, signals, None)]
     lag = lag_mixture(simple)
     if lag.value_s is None or lag.value_s < SHORT_LAG_S:

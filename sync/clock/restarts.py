@@ -1,7 +1,7 @@
 """Clock and restarts of the log together: the motion tells how long a logger was away where the log cannot.
 
-For a restart during a rest two accounts are weighed: the clock alone restarted (the usual step passed), or the logger
-was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.
+For a restart during a rest two hypotheses are compared: the clock alone restarted (the usual step passed), or the
+logger was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeighedRestarts:
-    """Motion's evidence, and the log with its restarts moved to where the motion says.
+    """The likelihood of the motion, and the log with its restarts moved to where the motion puts them.
 
     Attributes
     ----------
     likelihood : MotionLikelihood or None
         None where nothing moves or nothing fits.
     reading : LogReading
-        The log, restarts settled.
+        The log, its restarts moved.
     """
 
     likelihood: MotionLikelihood | None
@@ -57,29 +57,29 @@ class WeighedRestarts:
 
 def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian | None) -> WeighedRestarts:
     """Weigh the motion, with the gaps of the log's restarts as unknowns."""
-    accounts = [(reading, 0.0)]
+    hypotheses = [(reading, 0.0)]
     for number, restart in enumerate(reading.restarts):
         if np.isfinite(restart.gap_sigma_s):
             continue
         step_s = float(np.median(np.diff(reading.log.time_s)))
         away = _time_away(angles, reading, number)
-        accounts = [
+        hypotheses = [
             option
-            for account, weight in accounts
+            for hypothesis, weight in hypotheses
             for option in (
-                (with_gap(account, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
+                (with_gap(hypothesis, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
                 *(
-                    (with_gap(account, number, middle_s, half_s), weight + float(np.log(share)))
+                    (with_gap(hypothesis, number, middle_s, half_s), weight + float(np.log(share)))
                     for middle_s, half_s, share in away
                 ),
             )
         ]
-    accounts.sort(key=lambda account: -account[1])
+    hypotheses.sort(key=lambda hypothesis: -hypothesis[1])
     found: list[tuple[MotionLikelihood, LogReading, float]] = []
-    for account, weight in accounts[:MOST_HYPOTHESES]:
-        likelihood = motion_likelihood(angles, account.log, prior=prior, gaps=unknown_gaps(account))
+    for hypothesis, weight in hypotheses[:MOST_HYPOTHESES]:
+        likelihood = motion_likelihood(angles, hypothesis.log, prior=prior, gaps=unknown_gaps(hypothesis))
         if likelihood is not None:
-            found.append((likelihood, account, weight))
+            found.append((likelihood, hypothesis, weight))
     if not found:
         return WeighedRestarts(None, reading)
     likelihood, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].mixture))

@@ -1,8 +1,8 @@
 """How late the sensor is, from the roundness of the changepoints in the log.
 
-A corner cannot be sharper than the sensor's lag allows: its roundness is an upper limit. It is the lag itself where
-the power was cut at once, which is how these springs are driven; that gets most of the Gaussian, the rest is spread
-evenly below, because something else may have rounded the corner.
+A changepoint cannot be sharper than the sensor's lag allows: its roundness is an upper limit of the lag. It is the lag
+itself where the power was cut at once, which is how these springs are driven; that gets most of the weight, and the
+rest is spread evenly below, because something else may have rounded the changepoint.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LagMixture:
     Attributes
     ----------
     value_s, sigma_s : float or None
-        Roundness of the corners; None where no corner could be read.
+        Roundness of the changepoints; None where none could be measured.
     grid_s : (n,) float64
         Lags.
     log_weight : (n,) float64
@@ -48,7 +48,7 @@ class LagMixture:
 
 
 def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
-    """Pool the corners of a log."""
+    """Return what the changepoints of a log say together."""
     usable = [
         changepoint
         for changepoint in changepoints
@@ -73,9 +73,9 @@ def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
 
 
 def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
-    """Return the Gaussian over lags in one stage and in two, by how well each describes the corners.
+    """Return the weights of lags in one stage and in two, by how well each describes the changepoints.
 
-    ``options`` holds the corners of a log as they were fitted with each share of a second stage.
+    ``options`` holds the changepoints of a log as they were fitted with each share of a second stage.
     """
     mixture = {split: lag_mixture(changepoints) for split, changepoints in options.items()}
     fits = {split: sum(changepoint.log_fit for changepoint in changepoints) for split, changepoints in options.items()}
@@ -93,7 +93,7 @@ def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
 
 
 def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
-    """Return the lag that all corners share, from their likelihoods, with one sigma; corners far off are left out."""
+    """Return the lag that all changepoints share, with one sigma, from their likelihoods; outliers are left out."""
     middle = float(np.median([changepoint.lag_s for changepoint in changepoints]))
     typical = float(np.median([changepoint.lag_sigma_s for changepoint in changepoints]))
     spread = robust_sigma(np.array([changepoint.lag_s - middle for changepoint in changepoints]))
@@ -111,7 +111,7 @@ def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
             changepoint.lag_log_likelihood.max()
         )
         total += np.maximum(np.where(inside, known, outside), -30.0)
-    # Corners that scatter by more than their own sigmas count for less.
+    # Changepoints that scatter by more than their own sigmas count for less.
     scale = max(1.0, spread / max(typical, 1e-9)) ** 2
     weight = np.exp((total - total.max()) / scale)
     weight /= weight.sum()

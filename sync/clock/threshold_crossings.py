@@ -1,4 +1,4 @@
-"""Crossings of common angles by strokes of one kind: when, on the film, and how they hang together statistically."""
+"""Crossings of common angles by strokes of one kind: when, on the film, and how they are correlated."""
 
 from __future__ import annotations
 

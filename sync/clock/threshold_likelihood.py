@@ -160,8 +160,8 @@ def scan(
     lag_s: float,
     gaps: Sequence[UnknownGap] = (),
 ) -> NDArray[np.float64]:
-    """Return the logarithm of the evidence at some offsets, each held fixed; minus infinity where nothing is known."""
-    evidence = np.full(len(offset_s), -np.inf)
+    """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
+    log_likelihood = np.full(len(offset_s), -np.inf)
     covariance = prior.covariance.copy()
     covariance[0, :] = covariance[:, 0] = 0.0
     covariance[0, 0] = 1e-4
@@ -171,8 +171,8 @@ def scan(
         wire = _wire(crossings, signals, point, gaps, lag_s)
         if np.count_nonzero(wire.known) >= _FEWEST:
             held = Gaussian(point, covariance, 0.0)
-            evidence[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
-    return evidence
+            log_likelihood[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
+    return log_likelihood
 
 
 def _linear(
@@ -237,12 +237,12 @@ def _half(
     factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
     solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
     log_det = len(rows) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
-    belief_in_scatter = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
+    scatter_log_prior = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
     return _Half(
         information=design[rows].T @ solved[:, :-1],
         right=-(design[rows].T @ solved[:, -1]),
         square=float(data[rows] @ solved[:, -1]),
-        log_weight=belief_in_scatter - 0.5 * log_det,
+        log_weight=scatter_log_prior - 0.5 * log_det,
     )
 
 
@@ -280,8 +280,8 @@ def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[n
 
 def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
     """Return one Gaussian with the mean and covariance of a weighted mixture."""
-    evidence = np.array([part.log_weight for part in parts])
-    weight = np.exp(evidence - evidence.max())
+    log_likelihood = np.array([part.log_weight for part in parts])
+    weight = np.exp(log_likelihood - log_likelihood.max())
     total = float(weight.sum())
     weight /= total
     size = len(parts[0].mean)
@@ -292,4 +292,4 @@ def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
     for w, part in zip(weight, parts, strict=True):
         away = part.mean - mean
         covariance += w * (part.covariance + np.outer(away, away))
-    return Gaussian(mean, covariance, float(evidence.max() + np.log(total)))
+    return Gaussian(mean, covariance, float(log_likelihood.max() + np.log(total)))

@@ -327,12 +327,12 @@ def columns_note(columns: Mapping[str, LogColumn]) -> str | None:
     converted = [role for role, column in columns.items() if is_converted(column)]
     if not guessed and not converted:
         return None
-    told = []
+    words = []
     for role, column in columns.items():
         unit = "" if column.unit is None or not is_converted(column) else f", {column.unit.name} converted"
-        told.append(f"{_spoken(role).removeprefix('the ')} from '{column.name}'{unit}")
+        words.append(f"{_spoken(role).removeprefix('the ')} from '{column.name}'{unit}")
     where = "; guessed from the names, --columns or [temperature] columns say otherwise" if guessed else ""
-    return f"columns of the log: {', '.join(told)}{where}"
+    return f"columns of the log: {', '.join(words)}{where}"
 
 
 def is_converted(column: LogColumn) -> bool:

@@ -197,14 +197,14 @@ def _whole_rows(
             limit=f"{columns} fields parted by {delimiter!r}",
             do="decimal commas need ';' between the fields, or quotes",
         )
-    for kind, told in (
+    for kind, words in (
         ("malformed_row", "rows with too many fields were dropped"),
         ("short_row", "rows with too few fields were read as far as they go"),
         ("blank_row", "blank rows were passed over"),
     ):
         rows = found[kind]
         if rows:
-            repairs.append(Repair(kind, len(rows), f"{len(rows)} {told}, the first on line {rows[0] + first_line}"))
+            repairs.append(Repair(kind, len(rows), f"{len(rows)} {words}, the first on line {rows[0] + first_line}"))
     return body
 
 

@@ -73,7 +73,7 @@ def _fits(names: Sequence[str], rows: Sequence[str]) -> bool:
 
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names that differ: a column without one, or with that of another, is told by its place."""
+    """Return names that differ: a column without a name, or with that of another, is named by its place."""
     named = [name or f"column_{index + 1}" for index, name in enumerate(names)]
     return tuple(
         name if named.index(name) == index else f"{name} (column {index + 1})" for index, name in enumerate(named)

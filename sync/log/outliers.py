@@ -46,7 +46,7 @@ def clean_channel(
     temp_c : (n,) float64
         Readings; NaN where there is none.
     name : str
-        The column, for the account.
+        The column, for the list of repairs.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Temperature logs as they come, mended into one strictly increasing record, with an account of every change."""
+"""Temperature logs as instruments write them, repaired into one strictly increasing record with a list of repairs."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def read_temperature_log(
     joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]])
     temperatures: dict[str, NDArray[np.float64]] = {}
     for name in NEEDED_NAMES[1:]:
-        temperatures[name], told = clean_channel(joined.time_s, merged.numbers[name], name=name)
-        repairs += told
+        temperatures[name], found = clean_channel(joined.time_s, merged.numbers[name], name=name)
+        repairs += found
         if not np.isfinite(temperatures[name]).any():
             raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
     require_units(joined.time_s, temperatures, where=str(path))
@@ -230,7 +230,7 @@ def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
 
 
 def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Repair]) -> dict[str, NDArray[np.bool_]]:
-    """Return the switches that the log has; a column without any state that can be read is told and left out."""
+    """Return the switches that the log has; a column without any readable state is reported and left out."""
     switches: dict[str, NDArray[np.bool_]] = {}
     for name in _SWITCHES:
         if name not in numbers:

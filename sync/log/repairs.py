@@ -1,4 +1,4 @@
-"""What a log as it came looks like after mending, and the account of what was mended."""
+"""A log after its repair, and the list of what was repaired."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> Ordere
     stamp_s : (n,) float64
         Stamps as they stand in the file; NaN where there is none.
     first_line : int
-        Line of the file on which row 0 stands, for the account.
+        Line of the file on which row 0 stands, for the list of repairs.
     """
     repairs: list[Repair] = []
     row = np.flatnonzero(np.isfinite(stamp_s))

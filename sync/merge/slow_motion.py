@@ -1,4 +1,4 @@
-"""Whether a film plays slower than it was filmed: told by a film that is longer than its log by a power of two."""
+"""Whether a film plays slower than it was filmed: it is then longer than its log by a power of two."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``sync.json``: the clock, the evidence that it rests on, and what was mended in the log."""
+"""``sync.json``: the clock, what it rests on, and what was repaired in the log."""
 
 from __future__ import annotations
 

@@ -1,15 +1,14 @@
-"""Corners: instants that a lag of the sensor rounds but does not move, in the log, and abrupt stops on the film.
+"""Changepoints of the log, which a sensor's lag rounds but does not move, and abrupt stops on the film.
 
-When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the corner at the
-same instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at which the
-wire stops getting warmer. So a corner in the log and a stop on the film are one event, whatever the lag; and the
-roundness of the log's corners is an upper limit of the lag (a larger one would have rounded them more), and its size
-where the power is cut at once.
+When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the changepoint
+at the same instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at
+which the wire stops getting warmer. So a changepoint in the log and a stop on the film are one event, whatever the lag.
+The roundness of the log's changepoints is an upper limit of the lag (a larger one would have rounded them more), and
+equals the lag where the power is cut at once.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from sync.signals.heating_segments import HeatingSegment
+from sync.signals.sensor_response import lagged_decay, lagged_ramp
 from sync.signals.strokes import Stroke
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -32,7 +32,7 @@ _POINTS: Final = 160
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changepoint:
-    """A corner of a temperature.
+    """An instant at which the rate of a temperature jumps.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Changepoint:
     lags_s, lag_log_likelihood : (n,) float64
         The likelihood of the lag around its best value.
     log_fit : float
-        Logarithm of how well the corner is described at all, up to a constant of its readings.
+        Logarithm of how well the changepoint is described at all, up to a constant of its readings.
     """
 
     time_s: float
@@ -72,73 +72,58 @@ class Stop:
     time_sigma_s: float
 
 
-def lagged_ramp(x_s: NDArray[np.float64], lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
-    """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``."""
-    x = np.maximum(x_s, 0.0)
-    if lag_s <= 0.0:
-        return x
-    late = np.zeros_like(x)
-    for weight, stage_s in _stages(lag_s, split):
-        late += weight * stage_s * np.exp(-x / stage_s)
-    return np.asarray(x - lag_s + late)
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What a temperature does around a changepoint.
 
+    Attributes
+    ----------
+    powers_before : int
+        Degree of the polynomial that holds before it.
+    decay_s : float or None
+        Time constant of a decay that begins there beside a straight line; None: a straight line alone.
+    lag_s : float or None
+        Lag of the sensor, where it is known.
+    split : float
+        Share of the lag's second stage.
+    """
 
-def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
-    """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
-    x = np.maximum(x_s, 0.0)
-    if lag_s <= 0.0:
-        return np.asarray(1.0 - np.exp(-x / decay_s))
-    left = np.zeros_like(x)
-    for weight, stage_s in _stages(lag_s, split):
-        # Where both times are equal the fraction has a limit; a thousandth beside it will do.
-        own_s = 1.002 * stage_s if math.isclose(stage_s, decay_s, rel_tol=1e-3) else stage_s
-        left += weight / (decay_s - own_s) * (decay_s * np.exp(-x / decay_s) - own_s * np.exp(-x / own_s))
-    return np.asarray(1.0 - left)
-
-
-def _stages(lag_s: float, split: float) -> list[tuple[float, float]]:
-    """Return two first-order lags in a row as a weighted sum of both: weights and times, the weights adding up to 1."""
-    if split <= 0.0:
-        return [(1.0, lag_s)]
-    first_s, second_s = (1.0 - split) * lag_s, split * lag_s
-    return [(first_s / (first_s - second_s), first_s), (-second_s / (first_s - second_s), second_s)]
+    powers_before: int
+    decay_s: float | None = None
+    lag_s: float | None = None
+    split: float = 0.0
 
 
 def fit_changepoint(
     time_s: NDArray[np.float64],
     temp_c: NDArray[np.float64],
+    shape: Shape,
     *,
     near_s: tuple[float, float],
     before_s: float,
     after_s: float,
     noise: float,
-    powers_before: int,
-    decay_s: float | None = None,
-    lag_s: float | None = None,
-    split: float = 0.0,
 ) -> Changepoint | None:
-    """Find a corner and its roundness by least squares over its time and the lag.
+    """Find a changepoint and its roundness by least squares over its time and the lag.
 
-    ``near_s`` bounds its time; a polynomial holds before it, a lagged straight line is added behind it, and a lagged
-    decay with the time ``decay_s`` where one is given. ``lag_s`` holds the lag fixed; ``split`` is the share of its
-    second stage.
-    ``None`` where there are too few readings or no corner stands out.
+    ``near_s`` bounds its time; ``before_s`` and ``after_s`` are how far readings count on either side.
+    ``None`` where there are too few readings or none stands out.
     """
     window = (time_s >= near_s[0] - before_s) & (time_s <= near_s[1] + after_s) & np.isfinite(temp_c)
     if np.count_nonzero(window) < 12:
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
     at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
-    lags = np.array([lag_s]) if lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
+    lags = np.array([shape.lag_s]) if shape.lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
-        loss = _losses(x, y, at, lags, powers_before, decay_s, split)
+        loss = _losses(x, y, at, lags, shape)
         if not np.isfinite(loss).any():
             return None
         i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
         # Everything that could still be the answer stays inside the next, finer grid.
         likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
         at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
-    return _summary(_losses(x, y, at, lags, powers_before, decay_s, split), at, lags, spread, len(x))
+    return _summary(_losses(x, y, at, lags, shape), at, lags, spread, len(x))
 
 
 def _zoomed(
@@ -173,21 +158,19 @@ def _losses(
     y: NDArray[np.float64],
     at: NDArray[np.float64],
     lags: NDArray[np.float64],
-    powers_before: int,
-    decay_s: float | None,
-    split: float,
+    shape: Shape,
 ) -> NDArray[np.float64]:
     """Return the mean square that is left, for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
-    for i, corner_s in enumerate(at):
-        away = x - corner_s
-        if np.count_nonzero(away < 0) < powers_before + 2 or np.count_nonzero(away > 0) < 5:
+    for i, change_s in enumerate(at):
+        away = x - change_s
+        if np.count_nonzero(away < 0) < shape.powers_before + 2 or np.count_nonzero(away > 0) < 5:
             continue
-        steady = [away**power for power in range(powers_before + 1)]
+        steady = [away**power for power in range(shape.powers_before + 1)]
         for j, lag_s in enumerate(lags):
-            rising = [lagged_ramp(away, float(lag_s), split)]
-            if decay_s is not None:
-                rising.append(lagged_decay(away, decay_s, float(lag_s), split))
+            rising = [lagged_ramp(away, float(lag_s), shape.split)]
+            if shape.decay_s is not None:
+                rising.append(lagged_decay(away, shape.decay_s, float(lag_s), shape.split))
             design = np.stack([*steady, *rising], axis=1)
             basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
             left = y - basis @ (basis.T @ y)
@@ -198,7 +181,7 @@ def _losses(
 def _summary(
     loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
 ) -> Changepoint:
-    """Return the best corner, with sigmas from how fast the loss grows around it."""
+    """Return the best changepoint, with sigmas from how fast the loss grows around it."""
     i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
     lowest = float(loss[i, j])
     # What the curves cannot follow counts as noise too.
@@ -249,14 +232,11 @@ def cooling_start(
     return fit_changepoint(
         log.time_s,
         temp_c,
+        Shape(powers_before=2, decay_s=decay_s, lag_s=lag_s, split=split),
         near_s=near,
         before_s=float(np.clip(0.1 * decay_s, 0.5, 4.0)),
         after_s=float(np.clip(0.6 * decay_s, 1.0, 30.0)),
         noise=noise,
-        powers_before=2,
-        decay_s=decay_s,
-        lag_s=lag_s,
-        split=split,
     )
 
 
@@ -329,9 +309,9 @@ def heating_end(
 ) -> Changepoint | None:
     """Find the instant at which the temperature stopped rising at the end of a heating.
 
-    ``lag_s`` is the roundness of the log's sharp corners, where it is known: with it this one has a roundness of its
-    own. Where a hold follows, the end is the corner between the ramp and the hold; else it is the beginning of the
-    cooling.
+    ``lag_s`` is the roundness of the log's sharp changepoints, where it is known: with it this one has a roundness of
+    its own. Where a hold follows, the end is the changepoint between the ramp and the hold; else it is the beginning of
+    the cooling.
     """
     temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
     off_s = cooling.time_s if cooling is not None else segment.end_s
@@ -356,16 +336,14 @@ def heating_end(
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
     reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0
-    # A current that is set once leaves the corner to the sensor to round; a control law on the reading sharpens it.
+    # A current that is set once leaves the rounding to the sensor; a control law on the reading sharpens it.
     changepoint = fit_changepoint(
         time_s,
         here_c,
+        Shape(powers_before=1, lag_s=None if roundness_s > 0.0 else 0.0, split=split),
         near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
         before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
         after_s=hold_s + reach_s,
         noise=noise,
-        powers_before=1,
-        lag_s=None if roundness_s > 0.0 else 0.0,
-        split=split,
     )
     return None if changepoint is None or changepoint.time_sigma_s > 2.0 else changepoint

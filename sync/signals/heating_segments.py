@@ -68,7 +68,7 @@ class LogSignals:
         Each spring's temperature.
     heated : mapping
         The same, smoothed over a time that is short against a heating: noise of a reading is an error of the clock
-        that differs from one offset to the next, and looks like evidence for the luckier one.
+        that differs from one offset to the next, and favours one of them by chance.
     segments : tuple of HeatingSegment
         In order.
     """
