@@ -1,4 +1,10 @@
-"""Boards to cameras: lenses with uncertainty, stereo pairs, the pose of the rotation axis."""
+"""Boards to cameras: lenses with uncertainty, stereo pairs, the pose of the rotation axis.
+
+In: pictures or films of a board of known size (mm). Out: a :class:`~torsight.core.camera.Camera` (px, rad, mm) with the
+uncertainty of every value, and a verdict on it. :mod:`calibration.boards` describes and prints boards,
+:mod:`calibration.views` finds their corners in pictures, :mod:`calibration.cameras` fits lenses and pairs,
+:mod:`calibration.axis` the rotation axis, :mod:`calibration.quality` says how good it is; ``stage`` runs all of it.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +13,17 @@ from typing import Final
 from torsight.core.lazy import lazily
 
 _HOMES: Final = {
-    "Board": "board",
-    "read_board": "board",
+    "Board": "boards.board",
+    "read_board": "boards.board",
     "Calibration": "stage",
     "calibrate_one": "stage",
     "calibrate_two": "stage",
     "camera_of": "stage",
     "measure_axis": "stage",
-    "pose_from_tracks": "circles",
-    "draw_board": "printing",
-    "usual_board": "printing",
-    "write_board": "printing",
+    "pose_from_tracks": "axis.marker_circles",
+    "draw_board": "boards.printing",
+    "usual_board": "boards.printing",
+    "write_board": "boards.printing",
 }
 
 __getattr__, __dir__ = lazily(__name__, _HOMES)

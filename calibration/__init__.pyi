@@ -1,11 +1,11 @@
 # The names of calibration for editors and type checkers; they are imported on first use.
 
-from calibration.board import Board as Board
-from calibration.board import read_board as read_board
-from calibration.circles import pose_from_tracks as pose_from_tracks
-from calibration.printing import draw_board as draw_board
-from calibration.printing import usual_board as usual_board
-from calibration.printing import write_board as write_board
+from calibration.axis.marker_circles import pose_from_tracks as pose_from_tracks
+from calibration.boards.board import Board as Board
+from calibration.boards.board import read_board as read_board
+from calibration.boards.printing import draw_board as draw_board
+from calibration.boards.printing import usual_board as usual_board
+from calibration.boards.printing import write_board as write_board
 from calibration.stage import Calibration as Calibration
 from calibration.stage import calibrate_one as calibrate_one
 from calibration.stage import calibrate_two as calibrate_two

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from calibration.board import Board
-from calibration.detect import View
-from calibration.disk import DiskPose, pose_on_disk
-from calibration.lens import LensCalibration, calibrate_lens
-from calibration.pair import PairCalibration, calibrate_pair
-from calibration.pictures import expand, is_film
-from calibration.verdict import GOOD, Verdict, judge_lens, judge_pair, worst_of
-from calibration.views import Seen, find_views
+from calibration.axis.board_on_disk import DiskPose, pose_on_disk
+from calibration.boards.board import Board
+from calibration.cameras.lens import LensCalibration, calibrate_lens
+from calibration.cameras.stereo_pair import PairCalibration, calibrate_pair
+from calibration.quality.calibration_verdict import GOOD, Verdict, judge_lens, judge_pair, worst_of
+from calibration.views.board_views import Seen, find_views
+from calibration.views.detect import View
+from calibration.views.picture_files import expand, is_film
 from torsight.core.camera import Camera, Intrinsics, require_size
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.paths import AnyPath

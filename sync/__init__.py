@@ -1,11 +1,24 @@
-"""Film and temperature log on one clock: logs as they come, offset and drift with intervals, the merged table."""
+"""Film and temperature log on one clock.
 
-from sync.clock import Found, estimate_clock, find_clock
-from sync.lamp import film_light_events
-from sync.light import LightEvents, read_light_events
-from sync.merge import merge
-from sync.reading import read_temperature_log
-from sync.repairs import LogReading, Repair, Restart
+In: stick angles on the film's clock (rad, s), a temperature log as an instrument wrote it (its own columns, units and
+clock), and, where there is one, an LED on the film that shows the heating switch. Out: the log with every row on one
+increasing clock (s, °C), offset (s) and drift (ppm) between both clocks with 95 % intervals, and the merged table.
+
+Rooms, in the order in which the data pass them:
+
+- :mod:`sync.log`: a log's file to one strictly increasing record;
+- :mod:`sync.signals`: strokes of the film, heating segments and changepoints of the log;
+- :mod:`sync.led`: changes of an LED on the film;
+- :mod:`sync.clock`: offset and drift from all of these;
+- :mod:`sync.merge`: temperatures at the film's instants, and ``sync.json``.
+"""
+
+from sync.clock.estimation import Found, estimate_clock, find_clock
+from sync.led.led_brightness import film_light_events
+from sync.led.led_events import LightEvents, read_light_events
+from sync.log.read_log import read_temperature_log
+from sync.log.repairs import LogReading, Repair, Restart
+from sync.merge.merged_table import merge
 
 __all__ = [
     "Found",

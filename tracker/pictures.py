@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import require_content
-from tracker.source import DEFAULT_FPS, PICTURE_SUFFIXES, Damage, Frame, note_rows_left, time_from_table
+from torsight.core.paths import PICTURE_SUFFIXES, require_content
+from tracker.source import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
 """Bits per pixel of cameras."""

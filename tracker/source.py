@@ -17,16 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.paths import AnyPath, missing_file, require_content
+from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
 
 if TYPE_CHECKING:
     from tracker.film import FilmSource
     from tracker.pictures import PictureSource
-
-PICTURE_SUFFIXES: Final = (
-    ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",
-)  # fmt: skip
-"""Files of a folder that count as pictures; others are passed over."""
 
 DEFAULT_FPS: Final = 30.0
 """Frame rate of pictures for which none is given."""

@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 from ways import angles_by_way, error_deg
 
-from calibration.board import Board
-from calibration.detect import View
-from calibration.disk import pose_on_disk
-from calibration.lens import calibrate_lens
-from calibration.pair import calibrate_pair
+from calibration.axis.board_on_disk import pose_on_disk
+from calibration.boards.board import Board
+from calibration.cameras.lens import calibrate_lens
+from calibration.cameras.stereo_pair import calibrate_pair
+from calibration.views.detect import View
 from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera
 from torsight.core.geometry import project, rotation_matrix, rotation_vector
 

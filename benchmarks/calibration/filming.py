@@ -20,7 +20,7 @@ from ways import error_deg
 
 from torsight.core.errors import NoResultError
 from torsight.core.storage import read_table
-from torsight.synthetic import optics
+from torsight.synthetic.filming import optics
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
 

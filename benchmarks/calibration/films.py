@@ -22,8 +22,8 @@ from torsight.core.errors import NoResultError
 from torsight.core.geometry import rotation_vector
 from torsight.core.storage import read_table
 from torsight.core.tracks import MarkerTracks
-from torsight.synthetic import optics
-from torsight.synthetic.camera_work import marker_points
+from torsight.synthetic.filming import optics
+from torsight.synthetic.filming.camera_work import marker_points
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
 from tracker.hints import MarkerHints

@@ -12,8 +12,8 @@ from cases import LIBRARY, Draw
 from shown import shown
 
 from torsight.core.units import DEG, MNM
-from torsight.synthetic.laws import RigLaw, draw_law, factor_for
-from torsight.synthetic.values import declared_from, rig_values
+from torsight.synthetic.effects.random_laws import RigLaw, draw_law, factor_for
+from torsight.synthetic.rig.values import declared_from, rig_values
 
 Key = tuple[str, str]
 

@@ -19,11 +19,11 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
-from torsight.synthetic.hidden import HIDDEN, ClockOffset
-from torsight.synthetic.mechanisms import HiddenEffect
-from torsight.synthetic.protocol import HalfCycle, Protocol
-from torsight.synthetic.rig import RigRecord, Sensor, reading_angle, simulate_rig
-from torsight.synthetic.values import RigValues, declared_from, draw_values
+from torsight.synthetic.effects.hidden import HIDDEN, ClockOffset
+from torsight.synthetic.effects.mechanisms import HiddenEffect
+from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, reading_angle, simulate_rig
+from torsight.synthetic.rig.protocol import HalfCycle, Protocol
+from torsight.synthetic.rig.values import RigValues, declared_from, draw_values
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator], dict[str, object]]

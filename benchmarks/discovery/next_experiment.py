@@ -41,10 +41,10 @@ from torsight.discovery.discover import discover
 from torsight.discovery.engine import Findings, find_missing
 from torsight.discovery.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.settings import Settings
-from torsight.report.panels import Axis, Panel
-from torsight.report.still import still
+from torsight.report.plots.panels import Axis, Panel
+from torsight.report.plots.still import still
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.values import declared_from
+from torsight.synthetic.rig.values import declared_from
 
 ROOM_C = 23.4
 

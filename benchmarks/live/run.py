@@ -27,9 +27,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.viewer.live.feed import Feed
-from torsight.viewer.live.intake import Picture
-from torsight.viewer.live.latency import Latency
+from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.screen.feed import Feed
+from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.live.session import Session
 from torsight.viewer.pictures import viewer_without_screen
 from torsight.viewer.program import free_port
@@ -124,7 +124,7 @@ def plain_loop(film: str, fps: float, counts: Any, ended: Any) -> None:
 @contextlib.contextmanager
 def yardstick(film: Path, fps: float) -> Iterator[Latency]:
     """Run the plain loop in a process of its own while the block lasts, and give its latency."""
-    from torsight.viewer.live.latency import CELLS
+    from torsight.viewer.live.screen.latency import CELLS
 
     context = get_context("spawn")
     counts, ended = context.RawArray("q", CELLS), context.Event()
@@ -178,7 +178,7 @@ def main() -> None:
 def model_of(actuator: Path, stack: contextlib.ExitStack) -> Any:
     """Return a model that is computed beside; it ends with the stack."""
     from torsight.actuator.spec import read_actuator
-    from torsight.viewer.live.model import ModelWatch
+    from torsight.viewer.live.measure.model import ModelWatch
 
     watch = ModelWatch(read_actuator(actuator))
     stack.callback(watch.close)

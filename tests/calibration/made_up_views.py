@@ -9,8 +9,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.board import Board
-from calibration.detect import View
+from calibration.boards.board import Board
+from calibration.views.detect import View
 from torsight.core.camera import Intrinsics
 
 CHESSBOARD = Board("chessboard", columns=9, rows=6, square_mm=10.0)

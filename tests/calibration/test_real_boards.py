@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.board import Board
+from calibration.boards.board import Board
 from calibration.stage import calibrate_two
 
 PUBLISHED_RMS_PX, PUBLISHED_FOCAL_PX = 0.3926, 535.92
@@ -52,7 +52,7 @@ def test_pair_is_a_side_by_side_rig(stereo):
 
 
 def test_halves_of_the_pictures_agree_within_their_sigma(stereo):
-    from calibration.lens import calibrate_lens
+    from calibration.cameras.lens import calibrate_lens
 
     views = [stereo.left.lens.views[place] for place in stereo.left.lens.kept]
     halves = [calibrate_lens(views[start::2], (640, 480)) for start in (0, 1)]

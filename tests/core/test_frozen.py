@@ -72,8 +72,8 @@ def test_it_is_pickled_and_written_as_a_dict_is() -> None:
 
 def frozen_with_mappings() -> Iterator[type]:
     for package in (torsight.core, torsight.actuator, torsight.synthetic, sync, tracker, calibration):
-        for found in pkgutil.iter_modules(package.__path__):
-            module = importlib.import_module(f"{package.__name__}.{found.name}")
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            module = importlib.import_module(found.name)
             for _, one in inspect.getmembers(module, inspect.isclass):
                 own = one.__module__ == module.__name__ and is_dataclass(one)
                 if own and one.__dataclass_params__.frozen and any("apping[" in str(f.type) for f in fields(one)):

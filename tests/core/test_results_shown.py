@@ -13,10 +13,10 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from calibration.board import Board
+from calibration.boards.board import Board
 from calibration.stage import Calibration
 from sync import Found, LightEvents, LogReading
-from sync.repairs import Repair, Restart
+from sync.log.repairs import Repair, Restart
 from tests.core.test_paths import public_functions
 from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
 from torsight.actuator.characterised import Characterisation, Step

@@ -24,7 +24,7 @@ from torsight.discovery.programme import HalfCyclePlan, Heat, Leg, Programme
 from torsight.discovery.programme_menu import Habits, menu
 from torsight.discovery.separation import Rival, least_gain, linear_gains, refitted_gains
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.values import declared_from
+from torsight.synthetic.rig.values import declared_from
 
 NAMES = ("a", "b", "c")
 PRIOR = (1.0, 0.5, 2.0)

@@ -27,7 +27,7 @@ from torsight.discovery.fitting import Fitter
 from torsight.discovery.several import SeveralRecords
 from torsight.discovery.together import discover_together
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.values import declared_from
+from torsight.synthetic.rig.values import declared_from
 
 VISCOUS = "viscous_mnm_s_per_rad"
 TRUE = 3.0

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 
-from calibration.printing import usual_board
+from calibration.boards.printing import usual_board
 from tests.actuator.spring_bench import write_bench
 from tests.calibration.made_up_views import in_right, poses
 from tests.docs.documented import ROOT

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.board import read_board
-from calibration.circles import _read as read_circles
+from calibration.axis.marker_circles import _read as read_circles
+from calibration.boards.board import read_board
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS
 from torsight.actuator.doubt import Alternative, Doubt

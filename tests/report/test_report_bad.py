@@ -15,9 +15,9 @@ from made_up_run import LOST_S, discovery, write_made_up_run
 from report_words import figures_of, words_of
 
 from torsight.report import write_report
-from torsight.report.export import NAMES, write_figures
-from torsight.report.panels import Band
-from torsight.report.still import still
+from torsight.report.figures.export import NAMES, write_figures
+from torsight.report.plots.panels import Band
+from torsight.report.plots.still import still
 
 TABLES = ("angle", "markers", "merged", "curves")
 

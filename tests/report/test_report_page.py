@@ -16,7 +16,7 @@ from report_words import words_of
 
 from torsight.core.errors import InputError
 from torsight.report import write_report
-from torsight.report.residuals import driver_columns, slope
+from torsight.report.figures.residuals import driver_columns, slope
 
 ACTUATOR = """
 [material]

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_pairs import Rig, make_pair, programme
 
 from tests.command_line import leave
+from tests.sync.made_up_pairs import Rig, make_pair, programme
 from torsight.cli.sync import sync_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.tables import read_merged

@@ -33,7 +33,7 @@ def frames(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
 
 def direction_deg(picture: np.ndarray, scene, view) -> float:
     """Return the moving stick's direction less the base stick's, by matching pictures without noise (brute force)."""
-    from torsight.synthetic.studio import Studio
+    from torsight.synthetic.filming.studio import Studio
 
     studio = Studio(scene, view, purpose="0")
     tried = np.arange(-180.0, 180.0, 1.0)
@@ -66,7 +66,7 @@ def test_film_log_and_files_belong_together(tmp_path: Path, small_scene: dict) -
 
 
 def test_picture_shows_the_angle_of_the_truth(tmp_path: Path, small_scene: dict) -> None:
-    from torsight.synthetic.optics import views
+    from torsight.synthetic.filming.optics import views
 
     scene = scene_from(small_scene)
     render_scene(scene, out=tmp_path)
@@ -185,7 +185,7 @@ def test_failure_leaves_the_older_film(tmp_path: Path, small_scene: dict, monkey
         msg = "disk full"
         raise OSError(msg)
 
-    monkeypatch.setattr("torsight.synthetic.film._Encoder._encode", broken)
+    monkeypatch.setattr("torsight.synthetic.filming.film_writer._Encoder._encode", broken)
     with pytest.raises(OutputError, match="disk full"):
         render_scene(scene_from({**small_scene, "seed": 8}), out=tmp_path)
     assert (tmp_path / "film.mp4").read_bytes() == before

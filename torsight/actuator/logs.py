@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.log_columns import chosen_columns
-from sync.log_table import NEEDED_NAMES, read_log_table
+from sync.log.column_names import chosen_columns
+from sync.log.log_table import NEEDED_NAMES, read_log_table
 from torsight.core.errors import InputError
 from torsight.core.paths import AnyPath
 from torsight.core.plausible import require_units

@@ -11,7 +11,7 @@ from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from calibration.printing import Drawing
+    from calibration.boards.printing import Drawing
 
 
 def board(
@@ -43,8 +43,8 @@ def board(
     """
     import tomli_w
 
-    from calibration.board import KINDS, read_board
-    from calibration.printing import PAGES_MM, draw_board, usual_board
+    from calibration.boards.board import KINDS, read_board
+    from calibration.boards.printing import PAGES_MM, draw_board, usual_board
     from torsight.cli.console import say
 
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
@@ -68,7 +68,7 @@ def _tags(
     """Write a pair of tags."""
     import tomli_w
 
-    from calibration.tags import draw_tags, tag_pair
+    from calibration.boards.tags import draw_tags, tag_pair
     from torsight.cli.console import say
 
     if description is not None:
@@ -94,7 +94,7 @@ def _tags(
 
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:
     """Write a page, its picture, and what describes it; return the files."""
-    from calibration.printing import write_board
+    from calibration.boards.printing import write_board
     from torsight.core.storage import write_text
 
     write_board(out, drawing, dpi=dpi)

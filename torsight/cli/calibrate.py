@@ -14,7 +14,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from calibration.board import Board
+    from calibration.boards.board import Board
     from calibration.stage import Calibration
     from torsight.core.camera import Camera
 
@@ -136,9 +136,9 @@ def calibrate_to_file(
 
     import tomli_w
 
-    from calibration.account import account, summary
-    from calibration.board import read_board
-    from calibration.coverage import draw_coverage
+    from calibration.boards.board import read_board
+    from calibration.quality.camera_report import account, summary
+    from calibration.quality.coverage import draw_coverage
     from calibration.stage import camera_of
     from torsight.core.camera import camera_content, read_camera
     from torsight.core.paths import require_apart
@@ -174,7 +174,7 @@ def add_circles(
 
     import tomli_w
 
-    from calibration.circles import pose_from_tracks
+    from calibration.axis.marker_circles import pose_from_tracks
     from torsight.core.camera import camera_content, read_camera
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_text

@@ -35,7 +35,7 @@ def said(columns: str | None, units: str | None) -> Said:
     ConfigError
         When one of them is no list of ``KEY=NAME``, or has a key or a unit that is not known.
     """
-    from sync.log_columns import chosen_columns, parse_entries
+    from sync.log.column_names import chosen_columns, parse_entries
 
     found = Said(
         columns=parse_entries(columns, option="--columns"),

@@ -199,7 +199,7 @@ def _write(report: DiscoveryReport, out: Path) -> None:
     """Write what was found; curves of further records that an earlier discovery has left go."""
     from torsight.actuator.fitted import write_model
     from torsight.core.storage import write_json, write_table
-    from torsight.report.laws import write_laws
+    from torsight.report.figures.law_plots import write_laws
 
     for stale in out.glob("curves_[0-9]*.csv"):
         stale.unlink()

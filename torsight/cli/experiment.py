@@ -214,7 +214,7 @@ def _named_as_ever(content: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
     """Return what is said of the log's columns, checked."""
-    from sync.log_columns import chosen_columns
+    from sync.log.column_names import chosen_columns
 
     said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}
     chosen_columns(**said, where=where)

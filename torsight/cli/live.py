@@ -18,9 +18,9 @@ from torsight.core.errors import InputError
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
     from torsight.core.camera import Camera
-    from torsight.viewer.live.feed import Feed
-    from torsight.viewer.live.model import ModelWatch
-    from torsight.viewer.live.outcome import Outcome
+    from torsight.viewer.live.measure.model import ModelWatch
+    from torsight.viewer.live.record.outcome import Outcome
+    from torsight.viewer.live.screen.feed import Feed
     from tracker.hints import MarkerHints
 
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
@@ -69,13 +69,13 @@ def live(
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
-    from sync.log_columns import chosen_columns
+    from sync.log.column_names import chosen_columns
     from torsight.cli.console import say
     from torsight.core.storage import read_json
-    from torsight.viewer.live.account import write_experiment
-    from torsight.viewer.live.feed import Feed
+    from torsight.viewer.live.frames.sources import film_of, open_pictures
+    from torsight.viewer.live.record.live_report import write_experiment
+    from torsight.viewer.live.screen.feed import Feed
     from torsight.viewer.live.session import Session
-    from torsight.viewer.live.sources import film_of, open_pictures
     from torsight.viewer.program import chosen_port
 
     named = said(columns, units)
@@ -130,7 +130,7 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
     if spec is None:
         yield None
         return
-    from torsight.viewer.live.model import ModelWatch
+    from torsight.viewer.live.measure.model import ModelWatch
 
     with contextlib.closing(ModelWatch(spec)) as watch:
         yield watch

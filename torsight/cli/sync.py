@@ -125,9 +125,10 @@ def sync_to_folder(
     import numpy as np
 
     from sync import find_clock, merge, read_temperature_log
-    from sync.merge import longest_gap_s, require_overlap
-    from sync.report import sync_content
-    from sync.slow_motion import slow_motion_text
+    from sync.log.timestamps import longest_gap_s
+    from sync.merge.merged_table import require_overlap
+    from sync.merge.slow_motion import slow_motion_text
+    from sync.merge.sync_report import sync_content
     from torsight.cli.console import say
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json
@@ -155,7 +156,7 @@ def sync_to_folder(
     )
     clock, reading = found.clock, found.reading
     progress("one clock", 2.0, steps)
-    max_gap_s = longest_gap_s(reading.log) if values["max_gap_s"] is None else values["max_gap_s"]
+    max_gap_s = longest_gap_s(reading.log.time_s) if values["max_gap_s"] is None else values["max_gap_s"]
     merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
     require_overlap(merged, angles, reading.log, clock, where=str(temperature))
     progress("one clock", 3.0, steps)

@@ -33,7 +33,8 @@ def _sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
     while new:
         found |= new
         names = {name.decode() for content in new.values() for name in _IMPORT.findall(content)}
-        paths = {root.joinpath(*name.split(".")).with_suffix(".py") for name in names}
+        modules = {root.joinpath(*name.split(".")) for name in names}
+        paths = {module.with_suffix(".py") for module in modules} | {module / "__init__.py" for module in modules}
         new = {path: path.read_bytes() for path in paths if path not in found and path.is_file()}
     return found
 

@@ -15,6 +15,11 @@ from torsight.core.errors import ConfigError, InputError
 AnyPath = str | os.PathLike[str]
 """A path as people give it: text, or an object."""
 
+PICTURE_SUFFIXES: Final = (
+    ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",
+)  # fmt: skip
+"""Files that are read as pictures; another file is taken as a film, or passed over in a folder."""
+
 
 def missing_file(path: Path) -> InputError:
     """Return the error for a file that is not there, naming the nearest name in its folder."""

@@ -73,9 +73,9 @@ def _lines(results: RunResults) -> list[str]:
 
 def _pictures(results: RunResults) -> list[tuple[str, str]]:
     """Return the small pictures of one experiment: their words, and an address that holds each of them."""
-    from torsight.report.figures import ANGLE, RESIDUAL, TIME, column
-    from torsight.report.panels import Axis, Panel
-    from torsight.report.still import picture_data, still
+    from torsight.report.figures.motion import ANGLE, RESIDUAL, TIME, column
+    from torsight.report.plots.panels import Axis, Panel
+    from torsight.report.plots.still import picture_data, still
 
     if results.curves is None:
         return []

@@ -18,8 +18,8 @@ from torsight.core.wording import verdict_sentence
 if TYPE_CHECKING:
     import pandas as pd
 
-    from torsight.report.figures import Figure
-    from torsight.report.interactive import Drawing
+    from torsight.report.figures.motion import Figure
+    from torsight.report.plots.interactive import Drawing
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 _PARTS: Final = 6
@@ -54,9 +54,9 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     OutputError
         When the page cannot be written.
     """
-    from torsight.report.export import write_figures
-    from torsight.report.interactive import drawing
-    from torsight.report.still import still
+    from torsight.report.figures.export import write_figures
+    from torsight.report.plots.interactive import drawing
+    from torsight.report.plots.still import still
 
     progress("report", 0, _PARTS)
     results = read_results(folder)
@@ -87,10 +87,10 @@ def page(
     """
     import jinja2
 
-    from torsight.report.export import FOLDER, data_link
-    from torsight.report.interactive import library
-    from torsight.report.palette import LIGHT, at_night
-    from torsight.report.still import picture_data
+    from torsight.report.figures.export import FOLDER, data_link
+    from torsight.report.plots.interactive import library
+    from torsight.report.plots.palette import LIGHT, at_night
+    from torsight.report.plots.still import picture_data
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -111,35 +111,35 @@ def page(
 
 def page_style() -> str:
     """Return the style sheet of a page, colours first."""
-    from torsight.report.palette import style_variables
+    from torsight.report.plots.palette import style_variables
 
     return style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.report import parameters, sections
-    from torsight.report.doubts import doubts
-    from torsight.report.next_steps import next_steps
+    from torsight.report.sections import parameter_table, tables
+    from torsight.report.sections.limitations import doubts
+    from torsight.report.sections.next_steps import next_steps
 
     shown: dict[str, Any] = {
         "style": page_style(),
         "name": results.folder.resolve().name,
         "headline": headline(results),
-        "lead": sections.lead(results),
-        "tiles": sections.tiles(results),
-        "facts": sections.facts(results),
+        "lead": tables.lead(results),
+        "tiles": tables.tiles(results),
+        "facts": tables.facts(results),
         "next_steps": next_steps(results),
-        "missing": sections.missing(results),
+        "missing": tables.missing(results),
         "figures": _figures(results, progress=progress),
-        "parameters": parameters.parameter_table(results),
-        "fit": parameters.fit_lines(results),
-        "tracking": sections.tracking(results),
-        "track_picture": sections.track_picture(results),
-        "clocks": sections.clocks(results),
+        "parameters": parameter_table.parameter_table(results),
+        "fit": parameter_table.fit_lines(results),
+        "tracking": tables.tracking(results),
+        "track_picture": tables.track_picture(results),
+        "clocks": tables.clocks(results),
         "unsure": doubts(results),
-        "origin": sections.origin(results),
-        "files": sections.files(results.folder),
+        "origin": tables.origin(results),
+        "files": tables.files(results.folder),
     }
     return shown | {"parts": _parts(shown)}
 
@@ -189,15 +189,15 @@ def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figur
 
 def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of the motion and of the residual, from the best table that is there."""
-    from torsight.report import figures
+    from torsight.report.figures import motion
 
     for table, source in ((results.curves, "curves.csv"), (results.merged, "merged.csv")):
         if table is None or not drawable(table):
             continue
         found: dict[str, list[Figure | None]] = {
-            "time": [figures.angle_over_time(table, source=source)],
-            "loops": [figures.angle_over_temperature(table, spring, source=source) for spring in ("a", "b")],
-            "temperatures": [figures.temperatures_over_time(table, source=source)],
+            "time": [motion.angle_over_time(table, source=source)],
+            "loops": [motion.angle_over_temperature(table, spring, source=source) for spring in ("a", "b")],
+            "temperatures": [motion.temperatures_over_time(table, source=source)],
         }
         if source == "curves.csv":
             found |= _residual(table, (results.discovery or {}).get("noise_floor_deg"))
@@ -206,7 +206,7 @@ def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
-    from torsight.report import evidence, residuals
+    from torsight.report.figures import evidence, residuals
 
     against = [
         residuals.residual_against(curves, name, values) for name, values in residuals.driver_columns(curves).items()
@@ -220,7 +220,7 @@ def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[F
 
 
 def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
-    from torsight.report import measured
+    from torsight.report.figures import measured
 
     found: dict[str, list[Figure | None]] = {}
     if results.angle is not None and drawable(results.angle):
@@ -235,8 +235,8 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
-    from torsight.report import evidence, planned
-    from torsight.report.priors import priors
+    from torsight.report.figures import evidence, planned
+    from torsight.report.sections.priors import priors
 
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
@@ -257,14 +257,14 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
     if not (results.discovery or {}).get("laws"):
         return {}
     from torsight.discovery.measured_law import read_laws
-    from torsight.report.laws import law_figure
+    from torsight.report.figures.law_plots import law_figure
 
     return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
 
 
 def drawable(table: pd.DataFrame) -> bool:
     """Return whether a table holds enough known times and angles to be drawn."""
-    from torsight.report.figures import column
+    from torsight.report.figures.motion import column
 
     return (
         len(table) > 1

@@ -1,4 +1,9 @@
-"""A rig with its own integrator and a camera that films it: experiments with known answers."""
+"""A rig with its own integrator and a camera that films it: experiments with known answers.
+
+In: a scene (``SCENE.toml``). Out: a film, a temperature log and the truth of both. :mod:`torsight.synthetic.rig` moves
+the rig, :mod:`torsight.synthetic.effects` says what the plain model lacks of it, :mod:`torsight.synthetic.filming`
+films it; ``experiment`` plays a scene, ``render`` writes it.
+"""
 
 from __future__ import annotations
 

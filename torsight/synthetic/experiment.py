@@ -14,9 +14,9 @@ from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
 from torsight.core.shown import Shown
 from torsight.core.units import DEG, PPM
-from torsight.synthetic.hidden import ClockOffset
-from torsight.synthetic.mechanisms import HiddenEffect
-from torsight.synthetic.rig import RigRecord, between_samples, reading_angle, simulate_rig
+from torsight.synthetic.effects.hidden import ClockOffset
+from torsight.synthetic.effects.mechanisms import HiddenEffect
+from torsight.synthetic.rig.moving_rig import RigRecord, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 
 Floats = NDArray[np.float64]

@@ -17,12 +17,12 @@ from torsight.core.progress import Progress, silent
 from torsight.core.storage import write_table, write_text
 from torsight.core.tables import write_merged
 from torsight.core.units import DEG
-from torsight.synthetic.camera_work import Occluders, frame_ticks, light_gain, shake_path
 from torsight.synthetic.experiment import Played, clock, log_columns, make_record, play_scene
-from torsight.synthetic.film import SUFFIXES, TICKS, open_film
-from torsight.synthetic.optics import camera_of, views
+from torsight.synthetic.filming.camera_work import Occluders, frame_ticks, light_gain, shake_path
+from torsight.synthetic.filming.film_writer import SUFFIXES, TICKS, open_film
+from torsight.synthetic.filming.optics import camera_of, views
+from torsight.synthetic.filming.studio import Studio
 from torsight.synthetic.scene import Scene
-from torsight.synthetic.studio import Studio
 
 Floats = NDArray[np.float64]
 

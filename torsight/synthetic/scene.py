@@ -15,12 +15,12 @@ from torsight.core.errors import ConfigError
 from torsight.core.frozen import Frozen
 from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
-from torsight.synthetic.hidden import read_hidden
+from torsight.synthetic.effects.hidden import read_hidden
+from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import key, read_section
-from torsight.synthetic.mechanisms import HiddenEffect
-from torsight.synthetic.protocol import Protocol, read_protocol
-from torsight.synthetic.rig import Mechanics, Sensor, Thermal
-from torsight.synthetic.values import Declared, RigValues, declared_from, draw_values
+from torsight.synthetic.rig.moving_rig import Mechanics, Sensor, Thermal
+from torsight.synthetic.rig.protocol import Protocol, read_protocol
+from torsight.synthetic.rig.values import Declared, RigValues, declared_from, draw_values
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sync.slow_motion import slow_motion_text
+from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.film import check_film
 from torsight.cli.checkup.finding import Finding, refusal

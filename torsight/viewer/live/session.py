@@ -12,30 +12,30 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sync.log_columns import NOTHING_CHOSEN, ChosenColumns
+from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns
 from torsight.core.errors import NoResultError
 from torsight.core.storage import write_json
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.wording import estimate
 from torsight.viewer import layout
-from torsight.viewer.live.account import write_track_account
-from torsight.viewer.live.clock import LogClock
-from torsight.viewer.live.disk import Recorder, finish
-from torsight.viewer.live.following import LogFollower
-from torsight.viewer.live.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
-from torsight.viewer.live.latency import Latency
-from torsight.viewer.live.outcome import Outcome
+from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
+from torsight.viewer.live.measure.growing_log import LogFollower
+from torsight.viewer.live.measure.log_clock import LogClock
+from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
-from torsight.viewer.live.standing import standing
-from torsight.viewer.live.tracking import LiveTracker, Seen, warm_up
+from torsight.viewer.live.record.live_files import Recorder, finish
+from torsight.viewer.live.record.live_report import write_track_account
+from torsight.viewer.live.record.outcome import Outcome
+from torsight.viewer.live.record.status_table import standing
+from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.overlay import overlay
 from tracker.detect import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
-    from torsight.viewer.live.feed import Feed
-    from torsight.viewer.live.model import ModelNews, ModelWatch
+    from torsight.viewer.live.measure.model import ModelNews, ModelWatch
+    from torsight.viewer.live.screen.feed import Feed
     from tracker.hints import MarkerHints
 
 PICTURES_HZ: Final = 15.0

@@ -1,0 +1,229 @@
+"""The pose of the rotation axis from a board that lies on the disk.
+
+One picture gives the disk's plane, and the axis where ``axis_mm`` in ``BOARD.toml`` says (the board's middle by
+itself). In several pictures with the disk turned in between, the axis is the line about which the board turned: neither
+its place on the disk nor whether it lies flat matters then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.boards.board import Board
+from calibration.views.detect import View
+from torsight.core.camera import Intrinsics, Pose
+from torsight.core.circles import axis_basis
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
+from torsight.core.minimise import least_squares
+from torsight.core.threads import one_thread
+
+Floats = NDArray[np.float64]
+
+_SMALLEST_TURN_DEG: Final = 15.0
+"""With a smaller turn an error of 0.1° in a board's pose tilts the axis by 0.1° / (15° in rad) = 0.4° and more."""
+_LARGEST_ERROR_PX: Final = 1.5
+"""A camera that fits gives a tenth of it; a changed focus or another zoom gives many."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DiskPose:
+    """The rotation axis as a board on the disk shows it.
+
+    Attributes
+    ----------
+    pose : Pose
+        Camera from world; the origin is where the axis meets the board's face.
+    tilt_deg : float
+        Angle between the axis and the line of sight to the origin.
+    direction_sigma_deg : float
+        Standard deviation of the axis' direction, from the scatter of the corners.
+    place_sigma_mm : float
+        Standard deviation of the axis' place across its direction; 0 where ``axis_mm`` gives the place.
+    error_px : float
+        Root mean square distance between measured and computed corners.
+    turned_deg : tuple of float
+        By how much the disk was turned in each picture, against the first.
+    wobble_deg : float
+        Angle between the board's face and the plane across the axis.
+    """
+
+    pose: Pose
+    tilt_deg: float
+    direction_sigma_deg: float
+    place_sigma_mm: float
+    error_px: float
+    turned_deg: tuple[float, ...]
+    wobble_deg: float
+
+
+def pose_on_disk(
+    views: Sequence[View],
+    intrinsics: Intrinsics,
+    board: Board,
+    *,
+    base_z_mm: float = 0.0,
+    moving_z_mm: float = 0.0,
+) -> DiskPose:
+    """Find the rotation axis.
+
+    Parameters
+    ----------
+    views : sequence of View
+        The board on the disk, in one or several positions of the disk; the camera stands still.
+    intrinsics : Intrinsics
+        The camera.
+    board : Board
+        The board.
+    base_z_mm, moving_z_mm : float
+        Heights of the two sticks' markers above the board's face, towards the camera.
+
+    Raises
+    ------
+    InputError
+        When the corners do not fit the camera: it is another one, or its focus or zoom was changed.
+    NoResultError
+        When several pictures show the disk in nearly the same position.
+    """
+    poses = [_board_pose(view, intrinsics) for view in views]
+    solved = _fixed_place(views[0], intrinsics, poses[0], board)
+    if len(views) > 1:
+        solved = _turned(views, intrinsics, poses)
+    direction, origin, wobble, turned, error_px, sigma_rad, place_mm = solved
+    if error_px > _LARGEST_ERROR_PX:
+        raise InputError(
+            "the board on the disk does not fit this camera",
+            where=", ".join(view.name for view in views),
+            value=f"its corners are {error_px:.1f} px off",
+            limit=f"{_LARGEST_ERROR_PX:g} px",
+            do="take it with the calibrated camera, focus and zoom untouched; between turns move only the disk",
+        )
+    u, v = axis_basis(direction)
+    toward = -origin / np.linalg.norm(origin)
+    return DiskPose(
+        pose=Pose(
+            rvec=rotation_vector(np.stack((u, v, direction), axis=1)),
+            tvec_mm=origin,
+            base_z_mm=base_z_mm,
+            moving_z_mm=moving_z_mm,
+        ),
+        tilt_deg=float(np.degrees(np.arccos(np.clip(toward @ direction, -1.0, 1.0)))),
+        direction_sigma_deg=float(np.degrees(sigma_rad)),
+        place_sigma_mm=place_mm,
+        error_px=error_px,
+        turned_deg=tuple(float(value) for value in np.degrees(turned)),
+        wobble_deg=wobble,
+    )
+
+
+_Solved = tuple[Floats, Floats, float, Floats, float, float, float]
+
+
+def _board_pose(view: View, intrinsics: Intrinsics) -> Floats:
+    """Return rvec and tvec (6,) of the board: the better of the plane's two candidate poses, refined."""
+    ray, _ = ray_from_pixel(view.corners_px, intrinsics)
+    with one_thread():
+        _, rvecs, tvecs, _ = cv2.solvePnPGeneric(
+            view.points_mm, ray.reshape(-1, 1, 2), np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE
+        )
+    refined = [
+        least_squares(
+            lambda values: _error(view, intrinsics, values[:3], values[3:]),
+            np.concatenate((np.asarray(rvec).reshape(3), np.asarray(tvec).reshape(3))),
+        )
+        for rvec, tvec in zip(rvecs, tvecs, strict=True)
+    ]
+    return min(refined, key=lambda item: item[2])[0]
+
+
+def _error(view: View, intrinsics: Intrinsics, rvec: Floats, tvec_mm: Floats) -> Floats:
+    return (project(view.points_mm, intrinsics, rvec=rvec, tvec_mm=tvec_mm) - view.corners_px).ravel()
+
+
+def _fixed_place(view: View, intrinsics: Intrinsics, pose: Floats, board: Board) -> _Solved:
+    _, covariance, chi_squared = least_squares(lambda values: _error(view, intrinsics, values[:3], values[3:]), pose)
+    rotation = rotation_matrix(pose[:3])
+    origin = rotation @ np.array([*board.axis_mm, 0.0]) + pose[3:]
+    points = len(view.points_mm)
+    variance = chi_squared / (2 * points - 6)
+    # Small turns about the board's own two axes tilt its face: take them out of the rotation vector's covariance.
+    jacobian = _turn_jacobian(pose[:3])
+    tilts = (rotation.T @ jacobian @ covariance[:3, :3] @ jacobian.T @ rotation)[:2, :2] * variance
+    sigma = float(np.sqrt(np.linalg.eigvalsh(tilts)[-1]))
+    return -rotation[:, 2], origin, 0.0, np.zeros(1), float(np.sqrt(chi_squared / points)), sigma, 0.0
+
+
+def _turn_jacobian(rvec: Floats) -> Floats:
+    """Return the small turn (3, 3) in camera coordinates for a small change of the rotation vector."""
+    columns = []
+    for axis in range(3):
+        step = np.zeros(3)
+        step[axis] = 1e-6
+        change = rotation_matrix(rvec + step) @ rotation_matrix(rvec - step).T
+        columns.append(rotation_vector(change) / 2e-6)
+    return np.stack(columns, axis=1)
+
+
+def _turned(views: Sequence[View], intrinsics: Intrinsics, poses: Sequence[Floats]) -> _Solved:
+    direction, point, turned = _first_guess(poses)
+    frame = np.stack((*axis_basis(direction), direction))
+
+    def unpacked(values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        tilted = values[0] * frame[0] + values[1] * frame[1] + frame[2]
+        place = point + values[2] * frame[0] + values[3] * frame[1]
+        turns = np.concatenate((np.zeros(1), values[10:]))
+        return tilted / np.linalg.norm(tilted), place, values[4:7], values[7:10], turns
+
+    def residuals(values: Floats) -> Floats:
+        tilted, place, rvec, tvec, turns = unpacked(values)
+        first = rotation_matrix(rvec)
+        errors = []
+        for view, turn in zip(views, turns, strict=True):
+            rotation = rotation_matrix(tilted * turn)
+            points = (view.points_mm @ first.T + tvec - place) @ rotation.T + place
+            errors.append((project(points, intrinsics) - view.corners_px).ravel())
+        return np.concatenate(errors)
+
+    start = np.concatenate((np.zeros(4), poses[0], turned[1:]))
+    values, covariance, chi_squared = least_squares(residuals, start)
+    tilted, place, rvec, tvec, turns = unpacked(values)
+    count = residuals(values).size
+    covariance = covariance * chi_squared / (count - len(values))
+    face = rotation_matrix(rvec)[:, 2]
+    origin = place + tilted * float(face @ (tvec - place)) / float(face @ tilted)
+    wobble = float(np.degrees(np.arccos(np.clip(abs(face @ tilted), -1.0, 1.0))))
+    sigma, place_sigma = (
+        float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(0, 2), slice(2, 4))
+    )
+    return tilted, origin, wobble, turns, float(np.sqrt(2.0 * chi_squared / count)), sigma, place_sigma
+
+
+def _first_guess(poses: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Return direction, a point of the axis and the turns, from the motion between the first and every other pose."""
+    first, start = rotation_matrix(poses[0][:3]), poses[0][3:]
+    turns = [rotation_matrix(pose[:3]) @ first.T for pose in poses]
+    vectors = np.array([rotation_vector(turn) for turn in turns])
+    largest = vectors[np.argmax(np.linalg.norm(vectors, axis=1))]
+    if np.degrees(np.linalg.norm(largest)) < _SMALLEST_TURN_DEG:
+        raise NoResultError(
+            "the disk is in nearly the same position in all pictures of the board on it",
+            value=f"turned by {np.degrees(np.linalg.norm(largest)):.1f}°",
+            limit=f"at least {_SMALLEST_TURN_DEG:g}°",
+            do="turn the disk in between, or give one picture and axis_mm in BOARD.toml",
+        )
+    summed = np.sum(vectors * np.sign(vectors @ largest)[:, None], axis=0)
+    direction = summed / np.linalg.norm(summed)
+    if direction @ start > 0.0:
+        direction = -direction
+    system = np.concatenate([np.eye(3) - turn for turn in turns])
+    right = np.concatenate([pose[3:] - turn @ start for pose, turn in zip(poses, turns, strict=True)])
+    point = np.linalg.lstsq(system, right, rcond=1e-6)[0]
+    # Along the axis any point will do: take the one nearest to the board.
+    point = point + direction * float(direction @ (start - point))
+    return direction, point, vectors @ direction

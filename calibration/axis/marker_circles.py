@@ -1,0 +1,137 @@
+"""The pose of the rotation axis from the markers' own circles, as a track of one camera shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
+from torsight.core.camera import Camera, Pose
+from torsight.core.errors import ConfigError, InputError
+from torsight.core.paths import AnyPath
+from torsight.core.provenance import file_hash
+from torsight.core.storage import read_table
+
+Floats = NDArray[np.float64]
+
+_MARKERS: Final = ("moving_inner", "moving_outer")
+_CERTAIN_GAP: Final = 10.0
+"""χ² by which the tilt's mirror image must fit worse to be excluded: about 3 sigma."""
+_WORST_MISFIT: Final = 5.0
+"""Paths that are further from circles, in the markers' own sigmas, have another cause than noise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CirclesPose:
+    """The rotation axis as the moving stick's markers show it.
+
+    Attributes
+    ----------
+    pose : Pose
+        Camera from world; the origin is where the axis meets the moving markers' plane.
+    axis : Axis
+        The fit, in units of the markers' distance.
+    notes : tuple of str
+        What a person should know.
+    """
+
+    pose: Pose
+    axis: Axis
+    notes: tuple[str, ...]
+
+    def account(self, path: Path) -> dict[str, Any]:
+        """Return the table ``[calibration.axis]``."""
+        return {
+            "tracks": path.name,
+            "sha256": file_hash(path),
+            "tilt_deg": float(np.degrees(self.axis.tilt_rad)),
+            "direction_sigma_deg": float(np.degrees(self.axis.direction_sigma_rad)),
+            "turned_deg": float(np.degrees(self.axis.arc_rad)),
+            "misfit": self.axis.misfit,
+            "notes": list(self.notes),
+            "made": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        }
+
+
+def pose_from_tracks(
+    path: AnyPath, camera: Camera, *, stick_mm: float | None = None, base_above_moving_mm: float = 0.0
+) -> CirclesPose:
+    """Find the rotation axis from ``markers.csv`` of a film of one camera.
+
+    Parameters
+    ----------
+    path : str or Path
+        The table of marker positions.
+    camera : Camera
+        The camera that filmed it.
+    stick_mm : float, optional
+        Distance of the moving stick's two markers; without it lengths are in units of that distance.
+    base_above_moving_mm : float
+        Height of the base stick's markers above the moving stick's, towards the camera.
+
+    Raises
+    ------
+    ConfigError
+        When the camera is a stereo pair.
+    InputError
+        When the table lacks a column, or its positions lie outside the camera's picture or do not fit the camera.
+    NoResultError
+        When the markers are seen too seldom or turn too little.
+    """
+    path = Path(path)
+    if camera.right is not None:
+        raise ConfigError(
+            "takes no --tracks for a stereo pair",
+            where="torsight calibrate",
+            do="leave it away: the axis of a pair is found from the tracks",
+        )
+    position, covariance = _read(path)
+    size = np.array(camera.intrinsics.size_px)
+    beyond = (position < -0.5) | (position > size - 0.5)
+    if beyond.any():
+        raise InputError(
+            "has markers outside the camera's picture",
+            where=str(path),
+            value=f"up to {np.nanmax(position[..., 0]):.0f}, {np.nanmax(position[..., 1]):.0f} px",
+            limit=f"{size[0]} × {size[1]}",
+            do="take the camera that filmed it",
+        )
+    axis = axis_in_picture(position, covariance, camera.intrinsics)
+    notes = _notes(axis)
+    if stick_mm is None:
+        notes += ("lengths are in units of the moving stick's marker distance: --stick-mm gives them in mm",)
+    pose = pose_from_axis(axis, length_mm=stick_mm or 1.0, base_z_mm=base_above_moving_mm)
+    return CirclesPose(pose, axis, notes)
+
+
+def _notes(axis: Axis) -> tuple[str, ...]:
+    notes = []
+    if axis.mirror_gap < _CERTAIN_GAP:
+        notes.append("perspective is too weak to tell this tilt from its mirror image; the angle hardly depends on it")
+    if axis.misfit > _WORST_MISFIT:
+        notes.append(
+            f"the paths are {axis.misfit:.1f} times as far from circles as the markers' sigmas say; "
+            "check that neither the camera nor a marker moved"
+        )
+    return tuple(notes)
+
+
+def _read(path: Path) -> tuple[Floats, Floats]:
+    """Return positions (n, 2, 2) and covariances (n, 2, 2, 2) of the moving stick's markers, NaN where not valid."""
+    columns = [f"{marker}_{part}" for marker in _MARKERS for part in ("x_px", "y_px", "sigma_px", "valid")]
+    table = read_table(path, required=columns)
+    position = np.full((len(table), 2, 2), np.nan)
+    covariance = np.full((len(table), 2, 2, 2), np.nan)
+    for place, marker in enumerate(_MARKERS):
+        x, y, sigma, valid = (
+            table[f"{marker}_{part}"].to_numpy(np.float64) for part in ("x_px", "y_px", "sigma_px", "valid")
+        )
+        good = (valid > 0.5) & (sigma > 0.0)
+        position[:, place] = np.where(good[:, None], np.stack((x, y), axis=1), np.nan)
+        covariance[:, place] = np.where(good, sigma, np.nan)[:, None, None] ** 2 * np.eye(2)
+    return position, covariance

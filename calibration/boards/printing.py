@@ -1,0 +1,302 @@
+"""Boards to print: true scale as SVG or PDF, and as a picture.
+
+A drawing is a list of black rectangles and lines of text on a page, in mm from its top left corner. A bar of 100 mm
+below the board shows whether the printer has kept the scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from xml.sax.saxutils import escape
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import inch, milli
+
+from calibration.boards.board import Board
+from torsight.core.errors import ConfigError
+from torsight.core.paths import AnyPath
+from torsight.core.storage import atomic_path, write_text
+
+PAGES_MM: Final = {
+    "a5": (210.0, 148.0),
+    "a4": (297.0, 210.0),
+    "a3": (420.0, 297.0),
+    "a2": (594.0, 420.0),
+    "letter": (279.4, 215.9),
+    "tabloid": (431.8, 279.4),
+}
+"""Width and height of a page on its long side."""
+
+_MM_PER_INCH: Final = inch / milli
+_POINTS_PER_MM: Final = 72.0 / _MM_PER_INCH
+"""A point of PDF is the 72nd part of an inch (ISO 32000-1, 8.3.2.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Sizes of what stands on a page around the pattern, mm.
+
+    Attributes
+    ----------
+    margin_mm : float
+        Rim that no printer reaches: larger than the 6.4 mm of ordinary ones.
+    foot_mm : float
+        Room for the words and the bar below a pattern.
+    bar_mm : float
+        Bar to check the scale: 0.5 mm on a ruler are half a percent.
+    text_mm : float
+        Size of the letters, 9 points.
+    line_mm : float
+        From one line of text to the next.
+    tick_mm, tick_width_mm : float
+        Length and width of the ticks along which tags are cut.
+    tag_border : float
+        White border of a tag in its modules, up to where it is cut: the detector and the fit need one.
+    """
+
+    margin_mm: float = 8.0
+    foot_mm: float = 10.0
+    bar_mm: float = 100.0
+    text_mm: float = 3.2
+    line_mm: float = 6.0
+    tick_mm: float = 4.0
+    tick_width_mm: float = 0.2
+    tag_border: float = 1.5
+
+
+LAYOUT: Final = Layout()
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A black rectangle; mm from the page's top left corner."""
+
+    x_mm: float
+    y_mm: float
+    width_mm: float
+    height_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A line of text; its left end and base line in mm from the page's top left corner."""
+
+    x_mm: float
+    y_mm: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A page with what is on it."""
+
+    page_mm: tuple[float, float]
+    rectangles: tuple[Rectangle, ...]
+    texts: tuple[Text, ...]
+
+
+def draw_board(board: Board, *, page: str = "a4") -> Drawing:
+    """Return the board in the middle of a page, with a caption and a bar of 100 mm to check the scale.
+
+    Raises
+    ------
+    ConfigError
+        When the board with its white border is larger than the page.
+    """
+    width_mm, height_mm = PAGES_MM[page]
+    across, down = (count * board.square_mm for count in board.squares)
+    room = width_mm - 2.0 * LAYOUT.margin_mm, height_mm - 2.0 * LAYOUT.margin_mm - LAYOUT.foot_mm
+    if across > room[0] or down > room[1]:
+        largest = min(room[0] / board.squares[0], room[1] / board.squares[1])
+        raise ConfigError(
+            f"the board does not fit on a page {page}",
+            where="square_mm",
+            value=f"{across:g} × {down:g} mm",
+            limit=f"{room[0]:g} × {room[1]:g} mm: squares of up to {np.floor(largest * 10) / 10:g} mm",
+            do="take a larger --page, smaller or fewer squares",
+        )
+    left, top = 0.5 * (width_mm - across), 0.5 * (height_mm - LAYOUT.foot_mm - down)
+    foot = height_mm - LAYOUT.margin_mm
+    bar, words = check_bar(page)
+    return Drawing(
+        page_mm=(width_mm, height_mm),
+        rectangles=(
+            *(Rectangle(left + item.x_mm, top + item.y_mm, item.width_mm, item.height_mm) for item in _pattern(board)),
+            bar,
+        ),
+        texts=(
+            Text(
+                LAYOUT.margin_mm, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"
+            ),
+            words,
+        ),
+    )
+
+
+def _pattern(board: Board) -> list[Rectangle]:
+    across, down = board.squares
+    side = board.square_mm
+    # The first square is black; OpenCV's older ChArUco pattern starts with a marker where the rows are even.
+    start = 1 if board.legacy and down % 2 == 0 else 0
+    squares = [(row, column) for row in range(down) for column in range(across)]
+    black = [place for place in squares if (sum(place) + start) % 2 == 0]
+    shapes = [Rectangle(column * side, row * side, side, side) for row, column in black]
+    if board.kind == "charuco":
+        white = [place for place in squares if (sum(place) + start) % 2 == 1]
+        for number, (row, column) in enumerate(white):
+            shapes += _marker(board, number, column * side, row * side)
+    return shapes
+
+
+def _marker(board: Board, number: int, x_mm: float, y_mm: float) -> list[Rectangle]:
+    """Return one marker in its white square."""
+    border = 0.5 * (board.square_mm - board.marker_mm)
+    return draw_tag(board.dictionary, number, x_mm + border, y_mm + border, side_mm=board.marker_mm)
+
+
+def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:
+    """Return a tag whose black square has its top left corner at a place; runs of black modules are joined per row."""
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary_name))
+    modules = dictionary.markerSize + 2
+    bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) == 0
+    module = side_mm / modules
+    shapes = []
+    for row, cells in enumerate(bits):
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], cells, [False]))))
+        for start, end in edges.reshape(-1, 2):
+            shapes.append(Rectangle(x_mm + start * module, y_mm + row * module, float(end - start) * module, module))
+    return shapes
+
+
+def check_bar(page: str) -> tuple[Rectangle, Text]:
+    """Return a bar of 100 mm in the lower right corner of a page, to check the printer's scale, and what is said to it.
+
+    On a page that is too narrow the bar is shorter, and says so.
+    """
+    width_mm, height_mm = PAGES_MM[page]
+    foot = height_mm - LAYOUT.margin_mm
+    bar = min(LAYOUT.bar_mm, float(np.floor((width_mm - 2.0 * LAYOUT.margin_mm) / 10.0) * 10.0))
+    left = width_mm - LAYOUT.margin_mm - bar
+    return Rectangle(left, foot - 1.0, bar, 1.0), Text(left, foot - 2.0, f"{bar:g} mm: measure it on the print")
+
+
+def svg_text(drawing: Drawing) -> str:
+    """Return the page as SVG, sized in mm."""
+    width, height = drawing.page_mm
+    shapes = "".join(
+        f'<rect x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" width="{item.width_mm:.5g}" height="{item.height_mm:.5g}"/>\n'
+        for item in drawing.rectangles
+    )
+    words = "".join(
+        f'<text x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" font-family="sans-serif" font-size="{LAYOUT.text_mm}">'
+        f"{escape(item.words)}</text>\n"
+        for item in drawing.texts
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" '
+        f'viewBox="0 0 {width:g} {height:g}">\n<rect width="{width:g}" height="{height:g}" fill="white"/>\n'
+        f'<g shape-rendering="crispEdges">\n{shapes}</g>\n{words}</svg>\n'
+    )
+
+
+def pdf_bytes(drawing: Drawing) -> bytes:
+    """Return the page as a PDF with vector shapes at true scale."""
+    width, height = (side * _POINTS_PER_MM for side in drawing.page_mm)
+    lines = [f"{_POINTS_PER_MM:.6f} 0 0 {-_POINTS_PER_MM:.6f} 0 {height:.4f} cm"]
+    lines += [
+        f"{item.x_mm:.4f} {item.y_mm:.4f} {item.width_mm:.4f} {item.height_mm:.4f} re" for item in drawing.rectangles
+    ]
+    lines.append("f")
+    for item in drawing.texts:
+        words = item.words.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
+        # The page's y axis points down here: text is turned back upright.
+        lines.append(f"BT /F1 {LAYOUT.text_mm} Tf 1 0 0 -1 {item.x_mm:.4f} {item.y_mm:.4f} Tm ({words}) Tj ET")
+    stream = "\n".join(lines).encode("cp1252", "replace")
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.4f} {height:.4f}] /Contents 4 0 R "
+        "/Resources << /Font << /F1 5 0 R >> >> >>".encode(),
+        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream),
+        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
+    ]
+    content = b"%PDF-1.4\n"
+    offsets = []
+    for number, body in enumerate(objects, start=1):
+        offsets.append(len(content))
+        content += b"%d 0 obj\n%s\nendobj\n" % (number, body)
+    table = b"".join(b"%010d 00000 n \n" % offset for offset in offsets)
+    return (
+        content
+        + b"xref\n0 %d\n0000000000 65535 f \n%s" % (len(objects) + 1, table)
+        + b"trailer\n<< /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (len(objects) + 1, len(content))
+    )
+
+
+def raster(drawing: Drawing, *, dpi: float) -> NDArray[np.uint8]:
+    """Return the page as a grey picture; a pixel that a shape covers in part is grey in proportion."""
+    scale = dpi / _MM_PER_INCH
+    width, height = (round(side * scale) for side in drawing.page_mm)
+    ink = np.zeros((height, width))
+    for item in drawing.rectangles:
+        columns = _covered(item.x_mm * scale, (item.x_mm + item.width_mm) * scale, width)
+        rows = _covered(item.y_mm * scale, (item.y_mm + item.height_mm) * scale, height)
+        (first_row, row_shares), (first_column, column_shares) = rows, columns
+        part = ink[first_row : first_row + len(row_shares), first_column : first_column + len(column_shares)]
+        part += np.outer(row_shares, column_shares)
+    return np.asarray(np.round(255.0 * (1.0 - np.minimum(ink, 1.0))), np.uint8)
+
+
+def _covered(start: float, end: float, size: int) -> tuple[int, NDArray[np.float64]]:
+    """Return the first pixel that an interval touches, and the share of each pixel from there that it covers."""
+    first, last = max(int(np.floor(start)), 0), min(int(np.ceil(end)), size)
+    edges = np.arange(first, last + 1, dtype=np.float64)
+    return first, np.diff(np.clip(edges, start, end))
+
+
+def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
+    """Write the page; the suffix (svg, pdf or png) decides the format.
+
+    Raises
+    ------
+    ConfigError
+        For another suffix.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".svg":
+        write_text(path, svg_text(drawing))
+    elif suffix == ".pdf":
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(pdf_bytes(drawing))
+    elif suffix == ".png":
+        from PIL import Image
+
+        with atomic_path(path) as temporary:
+            Image.fromarray(raster(drawing, dpi=dpi)).save(temporary, format="PNG", dpi=(dpi, dpi))
+    else:
+        raise ConfigError(
+            "is no format for a board", where=str(path), value=suffix or "no suffix", limit=".svg, .pdf, .png"
+        )
+
+
+def usual_board(kind: str, *, page: str = "a4") -> Board:
+    """Return a board that fills a page well: 9 × 6 inner corners, or ChArUco of 10 × 7 squares."""
+    width_mm, height_mm = PAGES_MM[page]
+    room = min((width_mm - 2.0 * LAYOUT.margin_mm) / 10.0, (height_mm - 2.0 * LAYOUT.margin_mm - LAYOUT.foot_mm) / 7.0)
+    square_mm = float(np.floor(room))
+    if kind == "chessboard":
+        return Board("chessboard", columns=9, rows=6, square_mm=square_mm)
+    return Board(
+        "charuco",
+        columns=10,
+        rows=7,
+        square_mm=square_mm,
+        marker_mm=round(0.7 * square_mm, 1),
+        dictionary="DICT_5X5_50",
+    )

@@ -1,0 +1,306 @@
+"""One camera from the views of a board: intrinsics with uncertainty, and the views that do not belong.
+
+A view is set aside when its error is more than three times the median of all views (and above 0.3 px), worst first,
+each time with a new fit. This is done twice: with corners measured in the wide window, where a view shows whose corners
+are not certain, then with the narrow window, which gives the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.views.detect import View, board_normals
+from torsight.core.camera import Intrinsics
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import project, rotation_matrix
+from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
+
+Floats = NDArray[np.float64]
+
+FEWEST_VIEWS: Final = 4
+"""Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
+(2000) 1330): four give twice as many as the focal lengths and the centre need."""
+SMALLEST_SPREAD_DEG: Final = 8.0
+"""Below this the board was always held the same way, and the focal length is not determined."""
+PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
+"""Order of the intrinsics' standard deviations."""
+
+_WORSE_THAN_MEDIAN: Final = 3.0
+_NEVER_BAD_PX: Final = 0.3
+"""A view or pair is set aside where its error is more than so many times the median, and more than what a hand-held
+board with ordinary light gives: three times the 0.1 px to which corners are measured."""
+_MOST_GROUPS: Final = 20
+"""Fits of the jackknife: its sigma then has a standard error of 1 / √(2 · 19) = 16 %."""
+_LARGEST_FOCAL_SIGMA: Final = 0.05
+"""At a distance of 20 sticks 5 % of the focal length are a stick's length of depth: no plane is measured with that."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """A view that was left out: its index among the views, and why."""
+
+    view: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One fit of a lens to views.
+
+    Attributes
+    ----------
+    intrinsics : Intrinsics
+        The lens.
+    sigma : (9,) float64
+        Standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all corners).
+    error_px : (n,) float64
+        Root mean square distance between measured and computed corners, per view.
+    rvec, tvec_mm : (n, 3) float64
+        Camera from board, per view.
+    residual_px : tuple of (m, 2) float64
+        Measured less computed, per view.
+    """
+
+    intrinsics: Intrinsics
+    sigma: Floats
+    error_px: Floats
+    rvec: Floats
+    tvec_mm: Floats
+    residual_px: tuple[Floats, ...]
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance over all corners (what OpenCV returns)."""
+        return float(np.sqrt(np.mean(np.sum(np.concatenate(self.residual_px) ** 2, axis=1))))
+
+    @property
+    def mean_px(self) -> float:
+        """Mean distance over all corners."""
+        return float(np.mean(np.linalg.norm(np.concatenate(self.residual_px), axis=1)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LensCalibration:
+    """A camera with what it rests on.
+
+    Attributes
+    ----------
+    fit : Fit
+        The result, over the views in ``kept``.
+    views : tuple of View
+        Every view of the board.
+    kept : (n,) int64
+        Indices of the views that the fit uses.
+    aside : tuple of SetAside
+        The others.
+    first : Fit
+        All views, corners in the wide window: how the calibration would have come out without any care.
+    between_views : (9,) float64
+        Standard deviations from leaving out views (jackknife): larger than ``fit.sigma`` where errors are correlated
+        within a view, as on a board that is not flat.
+    """
+
+    fit: Fit
+    views: tuple[View, ...]
+    kept: NDArray[np.int64]
+    aside: tuple[SetAside, ...]
+    first: Fit
+    between_views: Floats
+
+    @property
+    def sigma(self) -> Floats:
+        """The larger of both standard deviations, in the order of :data:`PARAMETERS`."""
+        return np.maximum(self.fit.sigma, self.between_views)
+
+
+def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
+    """Calibrate one camera.
+
+    Parameters
+    ----------
+    views : sequence of View
+        The board in every picture in which it was found.
+    size_px : (int, int)
+        Width and height of the pictures.
+    progress : Progress
+        Told after every fit that leaves some of the views out.
+
+    Raises
+    ------
+    NoResultError
+        When there are too few views, or all are from the same side.
+    """
+    require_views(len(views))
+    _require_spread(spread_deg(board_normals(views)), len(views))
+    with one_thread():
+        first = fit_lens(views, size_px, window="wide")
+        kept, aside = _without_bad(views, size_px, list(range(len(views))), window="wide")
+        kept, more = _without_bad(views, size_px, kept, window="narrow")
+        chosen = [views[index] for index in kept]
+        fit = fit_lens(chosen, size_px)
+        _require_determined(fit)
+        return LensCalibration(
+            fit=fit,
+            views=tuple(views),
+            kept=np.array(kept, np.int64),
+            aside=(*aside, *more),
+            first=first,
+            between_views=_jackknife(chosen, size_px, fit, progress=progress),
+        )
+
+
+def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal["narrow", "wide"] = "narrow") -> Fit:
+    """Fit focal lengths, centre and five distortion coefficients to views of a board.
+
+    Raises
+    ------
+    NoResultError
+        When the fit does not come out with finite numbers.
+    """
+    corners = [view.corners_px if window == "narrow" else view.wide_px for view in views]
+    try:
+        _, matrix, distortion, rvec, tvec, sigma, _, _ = cv2.calibrateCameraExtended(
+            [view.points_mm.astype(np.float32) for view in views],
+            [corner.astype(np.float32).reshape(-1, 1, 2) for corner in corners],
+            size_px,
+            np.eye(3),
+            np.zeros(5),
+            flags=0,
+            criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
+        )
+    except cv2.error as error:
+        raise _no_lens(len(views)) from error
+    intrinsics = Intrinsics(size_px, np.asarray(matrix, np.float64), np.asarray(distortion, np.float64).reshape(-1)[:5])
+    rvecs, tvecs = (np.array([np.asarray(item).reshape(3) for item in items]) for items in (rvec, tvec))
+    residuals = tuple(
+        corner - project(view.points_mm, intrinsics, rvec=turn, tvec_mm=move)
+        for view, corner, turn, move in zip(views, corners, rvecs, tvecs, strict=True)
+    )
+    if not all(np.isfinite(residual).all() for residual in residuals):
+        raise _no_lens(len(views))
+    return Fit(
+        intrinsics=intrinsics,
+        sigma=np.asarray(sigma, np.float64).reshape(-1)[: len(PARAMETERS)],
+        error_px=np.array([np.sqrt(np.mean(np.sum(residual**2, axis=1))) for residual in residuals]),
+        rvec=rvecs,
+        tvec_mm=tvecs,
+        residual_px=residuals,
+    )
+
+
+def lens_values(intrinsics: Intrinsics) -> Floats:
+    """Return the nine values in the order of :data:`PARAMETERS`."""
+    matrix = intrinsics.matrix
+    return np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *intrinsics.distortion])
+
+
+def _without_bad(
+    views: Sequence[View], size_px: tuple[int, int], kept: list[int], *, window: Literal["narrow", "wide"]
+) -> tuple[list[int], list[SetAside]]:
+    aside: list[SetAside] = []
+    while len(kept) > FEWEST_VIEWS:
+        error = fit_lens([views[index] for index in kept], size_px, window=window).error_px
+        worst = worst_view(error)
+        if worst is None:
+            break
+        median = float(np.median(error))
+        view = views[kept[worst]]
+        shift = float(np.sqrt(np.mean(np.sum((view.wide_px - view.corners_px) ** 2, axis=1))))
+        why = f"its corners are {error[worst]:.2f} px off, the median of the views is {median:.2f} px"
+        if window == "wide" and shift > 0.5 * error[worst]:
+            why += f"; they move by {shift:.2f} px with the window in which they are measured"
+        aside.append(SetAside(kept.pop(worst), why))
+    return kept, aside
+
+
+def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, progress: Progress) -> Floats:
+    """Return standard deviations from fits that leave out one group of views each."""
+    groups = groups_of(len(views))
+    if len(views) - max(map(len, groups)) < FEWEST_VIEWS:
+        return np.zeros(len(PARAMETERS))
+    left_out = []
+    for done, group in enumerate(groups, start=1):
+        rest = [view for place, view in enumerate(views) if place not in group]
+        left_out.append(lens_values(fit_lens(rest, size_px).intrinsics))
+        progress("lens without some views", done, len(groups))
+    return jackknife_sigma(np.array(left_out), lens_values(fit.intrinsics))
+
+
+def worst_view(error_px: Floats) -> int | None:
+    """Return the place of the largest of the errors (n,) of views or pairs; None where it does not stand out."""
+    worst = int(np.argmax(error_px))
+    limit_px = max(_WORSE_THAN_MEDIAN * float(np.median(error_px)), _NEVER_BAD_PX)
+    return worst if error_px[worst] > limit_px else None
+
+
+def groups_of(count: int) -> list[range]:
+    """Return groups of places to leave out in turn, for a jackknife over so many views or pairs."""
+    groups = min(count, _MOST_GROUPS)
+    return [range(first, count, groups) for first in range(groups)]
+
+
+def jackknife_sigma(left_out: Floats, whole: Floats) -> Floats:
+    """Return standard deviations from the values (g, p) without each of g groups and the value with all."""
+    groups = len(left_out)
+    return np.asarray(np.sqrt((groups - 1) / groups * np.sum((left_out - whole) ** 2, axis=0)))
+
+
+def spread_deg(normals: Floats) -> float:
+    """Return the largest angle between two of the board's orientations."""
+    return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)).max()))
+
+
+def require_views(count: int) -> None:
+    """Refuse too few views.
+
+    Raises
+    ------
+    NoResultError
+        Below :data:`FEWEST_VIEWS`.
+    """
+    if count < FEWEST_VIEWS:
+        raise NoResultError(
+            "too few views of the board",
+            value=f"the board in {count} {'picture' if count == 1 else 'pictures'}",
+            limit=f"at least {FEWEST_VIEWS}; 10 to 20 are good",
+            do="take more pictures, the board tilted to all sides and in every part of the picture",
+        )
+
+
+def _require_determined(fit: Fit) -> None:
+    """Refuse a fit that the views do not determine, as its own numbers show."""
+    normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in fit.rvec])
+    _require_spread(spread_deg(normals), len(normals))
+    share = float(fit.sigma[0] / fit.intrinsics.matrix[0, 0])
+    if share > _LARGEST_FOCAL_SIGMA:
+        raise NoResultError(
+            "the views do not determine the focal length",
+            value=f"known to {100.0 * share:.0f} % only",
+            limit=f"{100.0 * _LARGEST_FOCAL_SIGMA:.0f} %",
+            do="take more pictures, the board larger and tilted by 20° to 45° to all sides",
+        )
+
+
+def _require_spread(spread: float, count: int) -> None:
+    if spread < SMALLEST_SPREAD_DEG:
+        raise NoResultError(
+            "all views are from the same side: focal length and distance cannot be told apart",
+            value=f"{count} views within {spread:.1f}° of one orientation",
+            limit=f"orientations that differ by {SMALLEST_SPREAD_DEG:g}° at least, by 40° and more for a good result",
+            do="tilt the board to the left, right, top and bottom by 20° to 45° between the pictures",
+        )
+
+
+def _no_lens(count: int) -> NoResultError:
+    return NoResultError(
+        "no lens fits the views",
+        value=f"{count} views",
+        do="check columns, rows and square_mm in BOARD.toml, and that the pictures are of one camera",
+    )

@@ -1,0 +1,190 @@
+"""The second camera: where it stands against the first, from boards that both see at one instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, groups_of, jackknife_sigma, worst_view
+from calibration.views.detect import View
+from torsight.core.camera import Intrinsics, RightCamera
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import epipolar_distance_px, rotation_vector
+from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
+
+Floats = NDArray[np.float64]
+
+FEWEST_PAIRS: Final = 3
+"""One pair determines the second camera's place; with three the one that disagrees shows."""
+_FEWEST_COMMON_CORNERS: Final = 6
+"""Corners of one board that both cameras must see: two more than determine its pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Common:
+    """What both cameras see of the board in one pair of pictures."""
+
+    index: int
+    points_mm: Floats
+    left_px: Floats
+    right_px: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairCalibration:
+    """Two cameras against each other.
+
+    Attributes
+    ----------
+    right : RightCamera
+        The second camera, with its place against the first.
+    sigma : (6,) float64
+        Standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), lenses included.
+    baseline_mm, baseline_sigma_mm : float
+        Distance of the cameras.
+    rms_px : float
+        Root mean square error of the corners in both pictures with one pose of the board per pair.
+    epipolar_px : (n,) float64
+        Mean distance of the corners from their epipolar lines, per pair.
+    index : (n,) int64
+        Places of the pairs in the row of pictures.
+    aside : tuple of SetAside
+        Pairs that were left out (by place in the row of pictures), and why.
+    """
+
+    right: RightCamera
+    sigma: Floats
+    baseline_mm: float
+    baseline_sigma_mm: float
+    rms_px: float
+    epipolar_px: Floats
+    index: NDArray[np.int64]
+    aside: tuple[SetAside, ...]
+
+
+def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
+    """Find the second camera's place against the first, with both lenses as they are.
+
+    ``progress`` is told after every fit that leaves some of the pairs out.
+
+    Raises
+    ------
+    NoResultError
+        When too few pictures show the board in both cameras.
+    """
+    pairs = _common_views([left.views[index] for index in left.kept], [right.views[index] for index in right.kept])
+    _require_pairs(len(pairs))
+    lenses = left.fit.intrinsics, right.fit.intrinsics
+    aside: list[SetAside] = []
+    with one_thread():
+        while True:
+            motion, rms_px, error = _fit(pairs, *lenses)
+            worst = worst_view(error) if len(pairs) > FEWEST_PAIRS else None
+            if worst is None:
+                break
+            median = float(np.median(error))
+            aside.append(
+                SetAside(
+                    pairs.pop(worst).index,
+                    f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px",
+                )
+            )
+        sigma, baseline_sigma_mm = _jackknife(pairs, left, right, motion, progress=progress)
+    camera = RightCamera(lenses[1], rvec=motion[:3], tvec_mm=motion[3:])
+    epipolar = [
+        float(np.mean(epipolar_distance_px(pair.left_px, pair.right_px, left=lenses[0], right=camera)))
+        for pair in pairs
+    ]
+    return PairCalibration(
+        right=camera,
+        sigma=sigma,
+        baseline_mm=float(np.linalg.norm(motion[3:])),
+        baseline_sigma_mm=baseline_sigma_mm,
+        rms_px=rms_px,
+        epipolar_px=np.array(epipolar),
+        index=np.array([pair.index for pair in pairs], np.int64),
+        aside=tuple(aside),
+    )
+
+
+def _common_views(left: Sequence[View], right: Sequence[View]) -> list[_Common]:
+    others = {view.index: view for view in right}
+    pairs = []
+    for view in left:
+        other = others.get(view.index)
+        if other is None:
+            continue
+        _, mine, theirs = np.intersect1d(view.corner, other.corner, return_indices=True)
+        if len(mine) >= _FEWEST_COMMON_CORNERS:
+            pairs.append(_Common(view.index, view.points_mm[mine], view.corners_px[mine], other.corners_px[theirs]))
+    return pairs
+
+
+def _fit(pairs: Sequence[_Common], left: Intrinsics, right: Intrinsics) -> tuple[Floats, float, Floats]:
+    """Return rvec and tvec (6,), the rms error over both pictures, and the error per pair."""
+    try:
+        answer = cv2.stereoCalibrateExtended(
+            [pair.points_mm.astype(np.float32) for pair in pairs],
+            [pair.left_px.astype(np.float32).reshape(-1, 1, 2) for pair in pairs],
+            [pair.right_px.astype(np.float32).reshape(-1, 1, 2) for pair in pairs],
+            left.matrix,
+            left.distortion,
+            right.matrix,
+            right.distortion,
+            left.size_px,
+            np.eye(3),
+            np.zeros(3),
+            flags=cv2.CALIB_FIX_INTRINSIC,
+            criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
+        )
+    except cv2.error as error:
+        raise NoResultError(
+            "no arrangement of two cameras fits the pairs",
+            value=f"{len(pairs)} pairs",
+            do="check that the pictures are in the same order on both sides and that neither camera moved",
+        ) from error
+    rms_px, rotation, shift, per_view = answer[0], answer[5], answer[6], answer[11]
+    motion = np.concatenate(
+        (rotation_vector(np.asarray(rotation, np.float64)), np.asarray(shift, np.float64).reshape(3))
+    )
+    error_px = np.sqrt(np.mean(np.asarray(per_view, np.float64).reshape(len(pairs), 2) ** 2, axis=1))
+    return motion, float(rms_px), np.asarray(error_px)
+
+
+def _jackknife(
+    pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats, *, progress: Progress
+) -> tuple[Floats, float]:
+    """Leave groups of pairs out of everything, the lenses too: their uncertainty is the larger part."""
+    groups = groups_of(len(pairs))
+    left_out = []
+    for done, group in enumerate(groups, start=1):
+        gone = {pairs[place].index for place in group}
+        lenses = [
+            fit_lens(
+                [camera.views[view] for view in camera.kept if camera.views[view].index not in gone],
+                camera.fit.intrinsics.size_px,
+            ).intrinsics
+            for camera in (left, right)
+        ]
+        left_out.append(_fit([pair for pair in pairs if pair.index not in gone], lenses[0], lenses[1])[0])
+        progress("pair without some views", done, len(groups))
+    values = np.array(left_out)
+    baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+    whole = np.array([np.linalg.norm(motion[3:])])
+    return jackknife_sigma(values, motion), float(jackknife_sigma(baseline, whole)[0])
+
+
+def _require_pairs(count: int) -> None:
+    if count < FEWEST_PAIRS:
+        raise NoResultError(
+            "too few pairs of pictures show the board in both cameras",
+            value=f"{count} {'pair' if count == 1 else 'pairs'}",
+            limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
+            do="hold the board where both cameras see it, and name left and right pictures in the same order",
+        )

@@ -1,0 +1,5 @@
+"""Whether a calibration can be trusted.
+
+In: lenses, pairs and views of a calibration. Out: the verdict with its reasons, a picture of the coverage, the table
+``[calibration]`` of ``CAMERA.toml``, and the lines on the terminal.
+"""

@@ -1,0 +1,149 @@
+"""Whether a calibration can be trusted, in plain words: good, usable, or do again and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.cameras.lens import LensCalibration, spread_deg
+from calibration.views.detect import View
+from torsight.core.geometry import rotation_matrix
+
+CELLS: Final = (8, 6)
+"""Cells across and down in which the coverage of the picture is counted."""
+
+Word = Literal["good", "usable", "do again"]
+_ORDER: Final[tuple[Word, ...]] = ("good", "usable", "do again")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Plain words on a calibration; ``reasons`` is empty for a good one."""
+
+    word: Word
+    reasons: tuple[str, ...] = ()
+
+
+GOOD: Final = Verdict("good")
+
+
+@dataclass(frozen=True, slots=True)
+class _Criterion:
+    """One number against what is good and what is usable; ``more`` is better, or less.
+
+    ``text`` and ``limit`` word the value and the limit in a reason.
+    """
+
+    name: str
+    value: float
+    good: float
+    usable: float
+    more: bool
+    text: str
+    limit: str
+    do: str
+
+    def word(self) -> Word:
+        sign = 1.0 if self.more else -1.0
+        if sign * self.value >= sign * self.good:
+            return "good"
+        return "usable" if sign * self.value >= sign * self.usable else "do again"
+
+    def reason(self) -> str:
+        side = "at least" if self.more else "at most"
+        seen, limit = self.text.format(self.value), self.limit.format(self.good)
+        return f"{self.name} {seen}, good is {side} {limit}; {self.do}"
+
+
+def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return which cells (rows, columns) of the picture hold a corner of the board in some view."""
+    seen = np.zeros(CELLS[::-1], bool)
+    for view in views:
+        place = np.floor((view.corners_px + 0.5) / np.array(size_px) * np.array(CELLS)).astype(int)
+        column, row = np.clip(place, 0, np.array(CELLS) - 1).T
+        seen[row, column] = True
+    return seen
+
+
+def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
+    """Return the verdict on one camera."""
+    normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in lens.fit.rvec])
+    focal = lens.fit.intrinsics.matrix[0, 0]
+    covered = cells_covered([lens.views[index] for index in lens.kept], size_px)
+    return _verdict(
+        [
+            _Criterion(
+                "views:", len(lens.kept), 10, 6, more=True, text="{:.0f}", limit="{:.0f}", do="take more pictures"
+            ),
+            _Criterion(
+                "mean error", lens.fit.mean_px, 0.5, 1.0, more=False, text="is {:.2f} px", limit="{:.2g} px",
+                do="mount the board flat, hold it still, light it evenly, focus",
+            ),
+            _Criterion(
+                "focal length", 100.0 * float(lens.sigma[:2].max()) / focal, 0.5, 2.0, more=False,
+                text="is uncertain by {:.2g} %", limit="{:.2g} %",
+                do="tilt the board more, to all sides, and come nearer",
+            ),
+            _Criterion(
+                "board's orientations", spread_deg(normals), 40.0, 15.0, more=True,
+                text="differ by {:.0f}°", limit="{:.0f}°",
+                do="tilt the board to the left, right, top and bottom by 20° to 45°",
+            ),
+            _Criterion(
+                "coverage", 100.0 * float(covered.mean()), 75.0, 35.0, more=True,
+                text="is {:.0f} % of the picture", limit="{:.0f} %",
+                do=f"bring the board also {_empty_sides(covered)}",
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _empty_sides(covered: NDArray[np.bool_]) -> str:
+    """Return in words where along the picture's edges most cells hold no corner."""
+    edges = {
+        "to the left": covered[:, 0],
+        "to the right": covered[:, -1],
+        "to the top": covered[0],
+        "to the bottom": covered[-1],
+    }
+    empty = [name for name, cells in edges.items() if cells.mean() < 0.5]
+    return ", ".join(empty) or "into the empty parts that the picture of the coverage shows"
+
+
+def judge_pair(*, pairs: int, epipolar_px: float, baseline_share: float) -> Verdict:
+    """Return the verdict on a stereo pair's geometry; ``baseline_share`` is sigma over baseline."""
+    return _verdict(
+        [
+            _Criterion("pairs:", pairs, 8, 4, more=True, text="{:.0f}", limit="{:.0f}", do="take more pairs"),
+            _Criterion(
+                "epipolar error", epipolar_px, 0.5, 1.0, more=False, text="is {:.2f} px", limit="{:.2g} px",
+                do="release both cameras at one instant, hold the board still, move no camera",
+            ),
+            _Criterion(
+                "baseline", 100.0 * baseline_share, 0.5, 2.0, more=False,
+                text="is uncertain by {:.2g} %", limit="{:.2g} %",
+                do="show the board to both cameras from nearer and more tilted",
+            ),
+        ]
+    )  # fmt: skip
+
+
+def worst_of(verdicts: Sequence[tuple[str, Verdict]]) -> Verdict:
+    """Return one verdict for several parts, each reason with the part's name before it."""
+    word = _ORDER[max(_ORDER.index(verdict.word) for _, verdict in verdicts)]
+    return Verdict(
+        word,
+        tuple(f"{name}: {reason}" if name else reason for name, verdict in verdicts for reason in verdict.reasons),
+    )
+
+
+def _verdict(criteria: Sequence[_Criterion]) -> Verdict:
+    words = [criterion.word() for criterion in criteria]
+    return Verdict(
+        _ORDER[max(_ORDER.index(word) for word in words)],
+        tuple(criterion.reason() for criterion, word in zip(criteria, words, strict=True) if word != "good"),
+    )

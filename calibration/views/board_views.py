@@ -1,0 +1,202 @@
+"""From files to views: look for the board in every picture, choose among a film's frames, say what was seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.boards.board import Board
+from calibration.views.detect import View, board_normals, find_board, goes_on, other_boards_seen
+from calibration.views.picture_files import (
+    MOST_FILM_VIEWS,
+    Picture,
+    expand,
+    film_step,
+    is_film,
+    read_pictures,
+    require_same_camera,
+)
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.paths import AnyPath
+from torsight.core.progress import Progress, silent
+from torsight.core.threads import one_thread
+
+_BLURRED: Final = 1.5
+"""Frames whose edges are so many times as wide as those of the sharpest fifth are passed over."""
+_LEAST_DIFFERENCE: Final = 0.05
+"""A frame that differs less from those chosen adds nothing: a twentieth of the picture's width, or 3° of tilt."""
+_LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
+"""Pictures in which another board is looked for, some seconds each, before the board is said not to be found."""
+_BEYOND_THE_BOARD: Final = 0.25
+"""Share of the views in which a chessboard may seem to go on: what stands behind it can look like squares."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A picture that was looked at: its name, the hash of its file, and what became of it.
+
+    ``index`` is its place in the row of pictures; ``note`` is empty where the board was found and may be used.
+    """
+
+    name: str
+    sha256: str
+    index: int
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """All views of a board that one camera's pictures show.
+
+    Attributes
+    ----------
+    views : tuple of View
+        In the order of the pictures.
+    sources : tuple of Source
+        Every picture that was looked at; of a film only the frames that were chosen.
+    size_px : (int, int)
+        Width and height of the pictures.
+    device : str
+        Camera and focal length, where the files tell.
+    step : int
+        Every how many-th frame of a film was looked at.
+    """
+
+    views: tuple[View, ...]
+    sources: tuple[Source, ...]
+    size_px: tuple[int, int]
+    device: str
+    step: int
+
+
+def find_views(
+    paths: Sequence[AnyPath],
+    board: Board,
+    *,
+    step: int | None = None,
+    only: frozenset[int] | None = None,
+    progress: Progress = silent,
+) -> Seen:
+    """Look for the board in pictures, films, folders or globs.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        What to look through.
+    board : Board
+        The board.
+    step : int, optional
+        Look at every ``step``-th frame of films; chosen by their length otherwise.
+    only : frozenset of int, optional
+        Places in the row of pictures that matter (for the second camera of a pair).
+    progress : Progress
+        Called after every picture.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be read or two pictures differ in size or camera.
+    NoResultError
+        When no picture shows the board; the message names another board that is seen instead.
+    """
+    files = expand(paths)
+    films = any(is_film(path) for path in files)
+    step = step or film_step(files)
+    total = None if films else len(files)
+    found: list[View] = []
+    sources: list[Source] = []
+    suspects: list[Picture] = []
+    beyond = 0
+    first: Picture | None = None
+    hashes: dict[str, str] = {}
+    with one_thread():
+        for index, picture in enumerate(read_pictures(files, step=step)):
+            first = first or replace(picture, grey=picture.grey[:])
+            require_same_camera(first, picture)
+            progress("looking for the board", index + 1, total)
+            if only is not None and index not in only:
+                continue
+            if not picture.group and picture.sha256 in hashes:
+                note = f"the same picture as {hashes[picture.sha256]}"
+                sources.append(Source(picture.name, picture.sha256, index, note))
+                continue
+            hashes[picture.sha256] = picture.name
+            view = find_board(picture.grey, board, name=picture.name, index=index, quick=bool(picture.group))
+            if view is not None:
+                found.append(view)
+                beyond += goes_on(picture.grey, view, board)
+            elif len(suspects) < _LOOKED_AT_FOR_OTHER_BOARDS:
+                suspects.append(picture)
+            if view is not None or not picture.group:
+                note = "" if view is not None else "the board was not found"
+                sources.append(Source(picture.name, picture.sha256, index, note))
+    if first is None:
+        raise InputError("holds no frame", where=str(files[0]), do="record it again")
+    if not found and only is None:
+        raise _no_board(board, suspects, files)
+    if beyond > _BEYOND_THE_BOARD * len(found):
+        raise _does_not_fit(board, "the chessboard goes on beyond the corners that are counted", beyond)
+    views = _chosen(found) if films else found
+    kept = {view.index for view in views}
+    return Seen(
+        views=tuple(views),
+        sources=tuple(source for source in sources if source.note or source.index in kept),
+        size_px=first.size_px,
+        device=first.device,
+        step=step,
+    )
+
+
+def _no_board(board: Board, pictures: Sequence[Picture], files: Sequence[Path]) -> NoResultError:
+    for picture in pictures:
+        other = other_boards_seen(picture.grey, board)
+        if other is not None:
+            return _does_not_fit(board, f"{picture.name} shows {other}", None)
+    return NoResultError(
+        "no picture shows the board",
+        where=f"{files[0]}{f' and {len(files) - 1} more' if len(files) > 1 else ''}",
+        limit=f"{board.describe()}, whole and with its white border"
+        if board.kind == "chessboard"
+        else board.describe(),
+        do="check BOARD.toml, light and focus; show the board larger, unobstructed, without glare",
+    )
+
+
+def _does_not_fit(board: Board, seen: str, count: int | None) -> NoResultError:
+    return NoResultError(
+        "the board does not fit BOARD.toml",
+        value=seen + (f" (in {count} pictures)" if count else ""),
+        limit=board.describe(),
+        do="count again (chessboard: inner corners; ChArUco: squares) and mend columns, rows or dictionary",
+    )
+
+
+def _chosen(views: Sequence[View]) -> list[View]:
+    """Choose frames that are sharp and differ most from each other, in the order of the film.
+
+    Starting from the sharpest frame, the next is each time the one farthest from all chosen so far, in place and size
+    in the picture and in the board's tilt.
+    """
+    edges = np.array([view.edge_px for view in views])
+    sharp = [view for view in views if view.edge_px <= _BLURRED * np.quantile(edges, 0.2)]
+    traits = _traits(sharp)
+    chosen = [int(np.argmin([view.edge_px for view in sharp]))]
+    while len(chosen) < min(MOST_FILM_VIEWS, len(sharp)):
+        distance = np.linalg.norm(traits[:, None] - traits[chosen], axis=2).min(axis=1)
+        if distance.max() < _LEAST_DIFFERENCE:
+            break
+        chosen.append(int(np.argmax(distance)))
+    return [sharp[place] for place in sorted(chosen)]
+
+
+def _traits(views: Sequence[View]) -> NDArray[np.float64]:
+    """Return place, size and tilt (n, 5) in comparable numbers: picture widths, powers of two, sines."""
+    width = np.ptp(np.concatenate([view.corners_px for view in views]), axis=0).max()
+    centre = np.array([view.corners_px.mean(axis=0) for view in views]) / width
+    size = np.array([np.linalg.norm(np.ptp(view.corners_px, axis=0)) for view in views]) / width
+    return np.concatenate((centre, np.log2(size)[:, None], board_normals(views)[:, :2]), axis=1)

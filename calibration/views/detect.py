@@ -1,0 +1,295 @@
+"""Find the board in a picture and measure its corners, in two windows.
+
+A corner is measured by OpenCV's gradient method in a square window. A wide window averages noise away, but where
+squares are seen small or askew it reaches over to the next edges and is pulled off. So each corner is measured twice:
+in a narrow window, which the calibration uses, and in a wide one (half of the smallest square, at most the customary
+11 px), which tells a view whose corners depend on the window from one whose corners are certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.boards.board import DICTIONARIES, Board
+
+Floats = NDArray[np.float64]
+Grey = NDArray[np.uint8]
+
+_DETECTION_SIDE_PX: Final = 1600
+_QUICK_SIDE_PX: Final = 640
+"""Longer side to which pictures and frames of a film are shrunk to find the board: the corners are then measured in the
+full picture."""
+_NARROW_SHARE: Final = 0.3
+_WIDE_SHARE: Final = 0.5
+"""Half side of the narrow and of the wide window, as shares of the smallest square; half a square reaches the next
+edges where the board is seen askew."""
+_WIDEST_PX: Final = 11
+"""Half side of the window that is customary with OpenCV's calibration sample."""
+_NARROWEST_PX: Final = 2
+"""A smaller window has no gradients on both sides of a corner."""
+_WINDOW_PER_EDGE: Final = 3.0
+"""Half side of the window in widths of the edge: the whole slope with level ground on both sides."""
+_FEWEST_CHARUCO_CORNERS: Final = 8
+"""Twice the corners that determine a plane's pose."""
+_MOST_ALIKE: Final = 0.7
+"""Share of the places beyond the rim that must look like corners: a shadow makes some of them, no row."""
+_STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """The board as one picture shows it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the picture.
+    index : int
+        Its place in the row of pictures, from 0.
+    corner : (n,) int64
+        Which inner corners of the board were found.
+    points_mm : (n, 3) float64
+        Where these corners lie on the board.
+    corners_px : (n, 2) float64
+        Where the picture shows them, measured in the narrow window; pixel centres at whole numbers.
+    wide_px : (n, 2) float64
+        The same in the wide window.
+    square_px : float
+        Width of the smallest square in the picture.
+    edge_px : float
+        Width of the edges at the corners: contrast over steepest slope; grows with blur.
+    """
+
+    name: str
+    index: int
+    corner: NDArray[np.int64]
+    points_mm: Floats
+    corners_px: Floats
+    wide_px: Floats
+    square_px: float
+    edge_px: float = 1.0
+
+
+def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quick: bool = False) -> View | None:
+    """Return the board's view in a picture, or None where the whole board (ChArUco: enough of it) is not found.
+
+    Parameters
+    ----------
+    grey : (h, w) uint8
+        The picture.
+    board : Board
+        The board to look for.
+    name, index : str, int
+        Kept in the view.
+    quick : bool
+        Look in a smaller picture and with the faster method only: for the many frames of a film.
+    """
+    scale = max(1.0, max(grey.shape) / (_QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX))
+    small = grey if scale == 1.0 else _shrunk(grey, scale)
+    find = _charuco if board.kind == "charuco" else _chessboard
+    found = find(small, board, quick=quick)
+    if found is None:
+        return None
+    corner, rough = found
+    rough = (rough + 0.5) * scale - 0.5
+    points = board.points_mm()[corner]
+    square_px = _smallest_square_px(points, rough, board.square_mm)
+    narrow, wide = _NARROW_SHARE * square_px, _WIDE_SHARE * square_px
+    if board.kind == "charuco":
+        # The markers' edges are nearer than the next corner; one pixel for their blur.
+        room = square_px * (board.square_mm - board.marker_mm) / (2.0 * board.square_mm)
+        narrow, wide = min(narrow, room - 1.0), min(wide, room)
+    edge_px = _edge_px(grey, rough, narrow)
+    # Where edges are wider than usual, as in a large picture that is not quite sharp, so must the window be.
+    widest = max(_WIDEST_PX, _WINDOW_PER_EDGE * edge_px)
+    corners = _measured(grey, rough, min(narrow, widest))
+    return View(
+        name=name,
+        index=index,
+        corner=corner,
+        points_mm=points,
+        corners_px=corners,
+        wide_px=_measured(grey, rough, min(wide, widest)),
+        square_px=square_px,
+        edge_px=edge_px,
+    )
+
+
+def _shrunk(grey: Grey, scale: float) -> Grey:
+    size = (round(grey.shape[1] / scale), round(grey.shape[0] / scale))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[NDArray[np.int64], Floats] | None:
+    size = (board.columns, board.rows)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    good, corners = cv2.findChessboardCorners(grey, size, flags=flags)
+    if not good and not quick:
+        good, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not good or corners is None:
+        return None
+    grid = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
+    grid = _oriented(grey, grid, board)
+    return np.arange(grid.size // 2, dtype=np.int64), grid.reshape(-1, 2)
+
+
+def _oriented(grey: Grey, grid: Floats, board: Board) -> Floats:
+    """Turn the grid so that it starts at the board's own first corner.
+
+    Columns to rows must turn as in the picture (a board is never seen from behind); half a turn is decided by the
+    colours, the first square being black, or for a board without that difference by the picture's right.
+    """
+    right, down = _steps(grid)
+    if right[0] * down[1] - right[1] * down[0] < 0.0:
+        grid = grid[:, ::-1]
+    if board.columns == board.rows:
+        quarter = [np.rot90(grid, k=turn) for turn in range(4)]
+        grid = max(quarter, key=lambda item: float(_steps(item)[0][0]))
+    if not board.turned_looks_the_same:
+        return grid if _first_square_is_dark(grey, grid) else grid[::-1, ::-1]
+    return grid if _steps(grid)[0][0] >= 0.0 else grid[::-1, ::-1]
+
+
+def _steps(grid: Floats) -> tuple[Floats, Floats]:
+    return (grid[:, -1] - grid[:, 0]).mean(axis=0), (grid[-1] - grid[0]).mean(axis=0)
+
+
+def _first_square_is_dark(grey: Grey, grid: Floats) -> bool:
+    middles = 0.25 * (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:])
+    column, row = np.clip(middles.round().astype(int), 0, np.array(grey.shape[::-1]) - 1).transpose(2, 0, 1)
+    brightness = grey[row, column].astype(np.float64)
+    sign = np.where(np.add.outer(np.arange(row.shape[0]), np.arange(row.shape[1])) % 2 == 0, 1.0, -1.0)
+    # Neighbouring squares only: the light may differ from one end of the board to the other.
+    across = (brightness[:, 1:] - brightness[:, :-1]) * sign[:, :-1]
+    return float(across.mean()) > 0.0
+
+
+def _charuco(grey: Grey, board: Board, *, quick: bool) -> tuple[NDArray[np.int64], Floats] | None:
+    del quick
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(board.charuco()).detectBoard(grey)
+    if corners is None or ids is None or len(ids) < _FEWEST_CHARUCO_CORNERS:
+        return None
+    corner = np.asarray(ids, np.int64).reshape(-1)
+    points = board.points_mm()[corner, :2]
+    # Corners of one row say nothing of the board's tilt.
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=0.5 * board.square_mm) < 2:
+        return None
+    return corner, np.asarray(corners, np.float64).reshape(-1, 2)
+
+
+def _smallest_square_px(points_mm: Floats, corners_px: Floats, square_mm: float) -> float:
+    """Return the smallest width of a square, from the plane-to-picture map's derivative at every corner."""
+    matrix, _ = cv2.findHomography(points_mm[:, :2], corners_px, 0)
+    plane = np.concatenate((points_mm[:, :2], np.ones((len(points_mm), 1))), axis=1)
+    image = plane @ matrix.T
+    derivative = (matrix[:2, :2] - (image[:, :2] / image[:, 2:])[..., None] * matrix[2, :2]) / image[:, 2, None, None]
+    area = np.abs(np.linalg.det(derivative))
+    longer = np.linalg.norm(derivative, axis=1).max(axis=1)
+    return float((area / longer).min() * square_mm)
+
+
+def _measured(grey: Grey, rough: Floats, half_side_px: float) -> Floats:
+    half = max(round(half_side_px), _NARROWEST_PX)
+    start = rough.astype(np.float32).reshape(-1, 1, 2)
+    return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _STOP), np.float64).reshape(-1, 2)
+
+
+def _edge_px(grey: Grey, corners_px: Floats, half_side_px: float) -> float:
+    half = int(np.clip(round(half_side_px), _NARROWEST_PX, _WIDEST_PX)) + 1
+    widths = []
+    for column, row in corners_px.round().astype(int):
+        patch = grey[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1].astype(np.float64)
+        if min(patch.shape) < 3:
+            continue
+        slopes = np.gradient(patch)
+        widths.append(np.ptp(patch) / max(float(np.hypot(*slopes).max()), 1e-6))
+    return float(np.median(widths)) if widths else np.inf
+
+
+def board_normals(views: Sequence[View]) -> Floats:
+    """Return how the board's face points (n, 3) in each view, for a camera of usual focal length.
+
+    The true focal length is not known yet; a wrong one bends all normals alike and does not hide that they differ.
+    """
+    extent = np.concatenate([view.corners_px for view in views])
+    focal_px = 1.2 * float(np.ptp(extent, axis=0).max())
+    matrix = np.array([[focal_px, 0, extent[:, 0].mean()], [0, focal_px, extent[:, 1].mean()], [0, 0, 1.0]])
+    normals = []
+    for view in views:
+        plane, _ = cv2.findHomography(view.points_mm[:, :2], view.corners_px, 0)
+        first, second, _ = (np.linalg.inv(matrix) @ plane).T
+        normal = np.cross(first, second)
+        normals.append(normal / np.linalg.norm(normal))
+    return np.array(normals)
+
+
+def goes_on(grey: Grey, view: View, board: Board) -> bool:
+    """Return whether the chessboard goes on beyond the corners that ``BOARD.toml`` counts.
+
+    One more row of corners is sought on every side: between four squares the two pairs of opposite squares differ, at
+    the rim of a board three of the four are its white border.
+    """
+    if board.kind != "chessboard":
+        return False
+    matrix, _ = cv2.findHomography(view.points_mm[:, :2], view.corners_px, 0)
+    across, down = board.corners
+    x, y = np.arange(-1, across + 1) - 0.5 * (across - 1), np.arange(-1, down + 1) - 0.5 * (down - 1)
+    sides = [[(u, v) for v in y[1:-1]] for u in (x[0], x[-1])] + [[(u, v) for u in x[1:-1]] for v in (y[0], y[-1])]
+    plane = np.asarray(matrix, np.float64)
+    return any(_are_corners(grey, np.array(side) * board.square_mm, plane, board.square_mm) for side in sides)
+
+
+def _are_corners(grey: Grey, points_mm: Floats, matrix: NDArray[np.float64], square_mm: float) -> bool:
+    """Return whether most of these places lie between four squares of alternating colour."""
+    offsets = 0.3 * square_mm * np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]])
+    places = cv2.perspectiveTransform((points_mm[:, None] + offsets).reshape(-1, 1, 2), matrix)
+    column, row = places.reshape(-1, 2).round().astype(int).T
+    if column.min() < 0 or row.min() < 0 or column.max() >= grey.shape[1] or row.max() >= grey.shape[0]:
+        return False
+    same = grey[row, column].astype(np.float64).reshape(-1, 4)
+    contrast = np.abs(same[:, :2].mean(axis=1) - same[:, 2:].mean(axis=1))
+    unlike = np.maximum(np.abs(same[:, 0] - same[:, 1]), np.abs(same[:, 2] - same[:, 3]))
+    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > _MOST_ALIKE)
+
+
+def other_boards_seen(grey: Grey, board: Board) -> str | None:
+    """Return in words which other board a picture shows: a wrong ``BOARD.toml`` looks like no board at all."""
+    scale = max(1.0, max(grey.shape) / _QUICK_SIDE_PX)
+    small = grey if scale == 1.0 else _shrunk(grey, scale)
+    if board.kind == "charuco":
+        return _other_dictionary(small) or _other_chessboard(small, board)
+    return _other_chessboard(small, board) or _other_dictionary(small)
+
+
+def _other_chessboard(grey: Grey, board: Board) -> str | None:
+    across, down = board.corners
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    tried = {(across, down), (down, across)}
+    # The grid that is found may be a part of a larger board, so larger ones first.
+    for extra in range(2, -3, -1):
+        for other in range(2, -3, -1):
+            size = (across + extra, down + other)
+            if size in tried or min(size) < 3:
+                continue
+            tried |= {size, size[::-1]}
+            if cv2.findChessboardCorners(grey, size, flags=flags)[0]:
+                return f"a chessboard of {size[0]} × {size[1]} inner corners"
+    return None
+
+
+def _other_dictionary(grey: Grey) -> str | None:
+    best, most = None, 3
+    for name in DICTIONARIES:
+        if not name.endswith("_1000"):
+            continue
+        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+        _, ids, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(grey)
+        if ids is not None and len(ids) > most:
+            best, most = f"{len(ids)} markers of {name[:-5]}_…, numbers {ids.min()} to {ids.max()}", len(ids)
+    return best

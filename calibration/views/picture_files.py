@@ -1,0 +1,216 @@
+"""Pictures and films of a board: grey images with their name, hash and camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file
+from torsight.core.provenance import file_hash
+
+MOST_FILM_VIEWS: Final = 30
+"""Frames of a film that a lens is fitted to: beyond, its sigma falls by less than a tenth with every five more."""
+_FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
+"""Frames of a film that are looked at, to choose among."""
+_EXIF_MAKE, _EXIF_MODEL, _EXIF_PART, _EXIF_FOCAL, _EXIF_SERIAL = 271, 272, 34665, 37386, 42033
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """One grey picture as displayed.
+
+    Attributes
+    ----------
+    name : str
+        File name, for a frame of a film with its number.
+    grey : (h, w) uint8
+        Brightness.
+    sha256 : str
+        Hash of the file's bytes.
+    device : str
+        Camera and focal length as the file tells; empty where it does not.
+    group : str
+        The film that the picture is from; empty for a picture file.
+    """
+
+    name: str
+    grey: NDArray[np.uint8]
+    sha256: str
+    device: str = ""
+    group: str = ""
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return int(self.grey.shape[1]), int(self.grey.shape[0])
+
+
+def expand(sources: Sequence[AnyPath]) -> list[Path]:
+    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names.
+
+    Raises
+    ------
+    InputError
+        When one is missing, or a folder or a glob holds no picture.
+    """
+    files: list[Path] = []
+    for source in map(Path, sources):
+        if source.is_dir():
+            found = sorted(item for item in source.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+        elif source.exists():
+            found = [source]
+        elif any(character in str(source) for character in "*?["):
+            found = sorted(Path(source.anchor).glob(str(source.relative_to(source.anchor))))
+        else:
+            raise missing_file(source)
+        if not found:
+            raise InputError(
+                "holds no picture", where=str(source), limit=", ".join(PICTURE_SUFFIXES), do="check the path"
+            )
+        files += found
+    return files
+
+
+def is_film(path: Path) -> bool:
+    """Return whether a file is taken as a film."""
+    return path.suffix.lower() not in PICTURE_SUFFIXES
+
+
+def film_step(files: Sequence[Path]) -> int:
+    """Return every how many-th frame of the films is looked at, so that the longest gives some hundred."""
+    longest = max((_frame_count(path) for path in files if is_film(path)), default=0)
+    return max(1, longest // _FILM_CANDIDATES)
+
+
+def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
+    """Give every picture, and every ``step``-th frame of every film, one at a time.
+
+    Raises
+    ------
+    InputError
+        When a file is neither a picture nor a film that can be decoded.
+    """
+    for path in files:
+        if is_film(path):
+            yield from _frames(path, step)
+        else:
+            yield _picture(path)
+
+
+def _picture(path: Path) -> Picture:
+    import cv2
+
+    digest = file_hash(path)
+    data = np.fromfile(path, dtype=np.uint8)
+    try:
+        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    except cv2.error:
+        grey = None
+    if grey is None:
+        raise InputError("is not a readable picture", where=str(path), do="record it again or leave it out")
+    return Picture(name=path.name, grey=np.asarray(grey, np.uint8), sha256=digest, device=_device(path))
+
+
+def _device(path: Path) -> str:
+    """Return camera and focal length from the picture's own notes (EXIF), as far as they are there."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            notes = image.getexif()
+            inner = notes.get_ifd(_EXIF_PART)
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+        return ""
+    words = [notes.get(_EXIF_MAKE), notes.get(_EXIF_MODEL), inner.get(_EXIF_SERIAL)]
+    focal = inner.get(_EXIF_FOCAL)
+    if focal:
+        words.append(f"{float(focal):g} mm")
+    return " ".join(str(word).strip(" \0") for word in words if word)
+
+
+def _frames(path: Path, step: int) -> Iterator[Picture]:
+    """Give every ``step``-th frame of a film; what cannot be decoded is passed over."""
+    import av
+
+    digest = file_hash(path)
+    try:
+        with av.open(str(path)) as container:
+            stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
+            for index, frame in enumerate(_decoded(container, stream)):
+                if index % step == 0:
+                    yield Picture(
+                        name=f"{path.name} frame {index}",
+                        grey=_as_displayed(frame),
+                        sha256=digest,
+                        group=path.name,
+                    )
+    except (av.error.FFmpegError, IndexError, OSError) as error:
+        raise _no_film(path, error) from error
+
+
+def _frame_count(path: Path) -> int:
+    """Count the frames by their packets: cheaper than decoding, and right where the header is not."""
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
+    except (av.error.FFmpegError, IndexError, OSError) as error:
+        raise _no_film(path, error) from error
+
+
+def _no_film(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"is neither a picture nor a film that can be decoded ({error})",
+        where=str(path),
+        limit=f"a film, or a picture ({', '.join(PICTURE_SUFFIXES)})",
+        do="convert or record it again",
+    )
+
+
+def _decoded(container: Any, stream: Any) -> Iterator[Any]:
+    import av
+
+    for packet in container.demux(stream):
+        try:
+            yield from packet.decode()
+        except av.error.InvalidDataError:
+            continue
+
+
+def _as_displayed(frame: Any) -> NDArray[np.uint8]:
+    grey = frame.to_ndarray(format="gray")
+    return np.ascontiguousarray(np.rot90(grey, k=int(frame.rotation or 0) // 90))
+
+
+def require_same_camera(first: Picture, other: Picture) -> None:
+    """Refuse a picture of another size, or one whose file names another camera or focal length.
+
+    Raises
+    ------
+    InputError
+        Naming both pictures and what differs.
+    """
+    if other.size_px != first.size_px:
+        raise InputError(
+            "has another size than the first picture",
+            where=other.name,
+            value=f"{other.size_px[0]} × {other.size_px[1]}",
+            limit=f"{first.size_px[0]} × {first.size_px[1]} as {first.name}",
+            do="calibrate with pictures of one camera in one mode, uncropped and unscaled",
+        )
+    if other.device and first.device and other.device != first.device:
+        raise InputError(
+            "is from another camera or focal length than the first picture",
+            where=other.name,
+            value=other.device,
+            limit=f"{first.device} as {first.name}",
+            do="calibrate each camera, and each setting of its zoom, by itself",
+        )

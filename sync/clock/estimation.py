@@ -1,0 +1,307 @@
+"""Offset and drift between film and log, from the best that there is.
+
+In this order: values that are given; an event that both saw (a light that shows the heating switch); what motion and
+temperature say together. Where nothing moves the offset stays unknown and is not guessed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from sync.clock.gaussian_mixture import Z95, ClockEstimate, Gaussian, value_and_interval
+from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
+from sync.clock.motion_likelihood import MotionLikelihood
+from sync.clock.priors import PRIORS
+from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
+from sync.clock.sensor_lag import SHORT_LAG_S
+from sync.led.led_events import LightEvents
+from sync.log.repairs import LogReading
+from torsight.core.errors import NoResultError
+from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
+from torsight.core.shown import Shown
+from torsight.core.threads import one_thread
+from torsight.core.tracks import StickAngles
+from torsight.core.units import PPM
+
+_EXACT: Final = 1e-6
+"""Standard deviation, s and ppm, of a value that is given: small against all others, and can be inverted."""
+_WIDE_S: Final = 1.0
+"""A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
+_ADVICE: Final = (
+    "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
+    "at two clearly different rates with one heating cut short"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Found(Shown):
+    """The clock, and the log with its restarts where the motion or the LED puts them."""
+
+    clock: ClockMap
+    reading: LogReading
+
+    def facts(self) -> dict[str, str]:
+        """Return the clock, and what it took to read the log."""
+        return {**self.clock.facts(), **self.reading.facts()}
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the log on the film's clock."""
+        table = dict(self.reading.log.to_frame())
+        return {**table, "time_s": self.clock.to_film_time(self.reading.log.time_s)}
+
+    def _draw(self, axes: Any) -> None:
+        self.clock.plot(axes)
+
+
+@one_thread()
+def estimate_clock(
+    angles: StickAngles,
+    log: TemperatureLog,
+    *,
+    given_offset_s: float | None = None,
+    given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
+) -> ClockMap:
+    """Return the clock map with 95 % intervals, for a log whose clock did not restart.
+
+    Parameters
+    ----------
+    angles : StickAngles
+        Angle on the film's clock.
+    log : TemperatureLog
+        Temperatures on the logging clock.
+    given_offset_s, given_drift_ppm : float, optional
+        Values that are known; taken as exact.
+    light : LightEvents, optional
+        Film times at which a light showed the heating switch.
+
+    Raises
+    ------
+    InputError
+        When there are light events but no heating switch in the log.
+    NoResultError
+        When the offset is not given and nothing in the files tells it.
+    """
+    reading = LogReading(log)
+    return find_clock(
+        angles, reading, given_offset_s=given_offset_s, given_drift_ppm=given_drift_ppm, light=light
+    ).clock
+
+
+@one_thread()
+def find_clock(
+    angles: StickAngles,
+    reading: LogReading,
+    *,
+    given_offset_s: float | None = None,
+    given_drift_ppm: float | None = None,
+    light: LightEvents | None = None,
+) -> Found:
+    """Return the clock map and the log with its restarts in place; see :func:`estimate_clock`."""
+    if light is not None and given_offset_s is None:
+        return _from_led(angles, reading, light, given_drift_ppm)
+    prior = None if given_offset_s is None else _given(given_offset_s, given_drift_ppm)
+    weighed = weigh_restarts(angles, reading, prior=prior)
+    if given_offset_s is not None and given_drift_ppm is not None:
+        exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
+        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(weighed))
+        return Found(clock, weighed.reading)
+    likelihood = weighed.likelihood
+    if likelihood is None:
+        if given_offset_s is None:
+            raise _unknown(angles, reading.log)
+        interval = (-Z95 * PRIORS.drift_sigma_ppm, Z95 * PRIORS.drift_sigma_ppm)
+        notes = ("drift is not known and taken as none", *_restart_notes(weighed))
+        exact_offset = (given_offset_s, given_offset_s)
+        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), weighed.reading)
+    if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
+        raise _other_way_round(likelihood)
+    mixture = likelihood.mixture
+    if given_drift_ppm is not None:
+        row = np.zeros(len(mixture[0].mean))
+        row[1] = 1.0
+        mixture = tuple(b.updated(row, given_drift_ppm * PPM, 0.0) for b in mixture)
+    estimate = value_and_interval(mixture, middle_s=likelihood.middle_s)
+    notes = (*_notes(likelihood, estimate), *_restart_notes(weighed))
+    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
+    if given_offset_s is not None:
+        return Found(_as_map(estimate, method, notes), weighed.reading)
+    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), weighed.reading)
+
+
+def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
+    """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
+    weighed = WeighedRestarts(None, reading)
+    if unknown_gaps(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
+        weighed = weigh_restarts(angles, reading, prior=None)
+    weighed, match = _paired(angles, weighed, reading, light)
+    gaussian = match.gaussian
+    if given_drift_ppm is not None:
+        row = np.zeros(len(gaussian.mean))
+        row[1] = 1.0
+        gaussian = gaussian.updated(row, given_drift_ppm * PPM, 0.0)
+    if len(gaussian.mean) > len(("offset", "drift")):
+        weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
+    notes = list(_restart_notes(weighed))
+    if match.rivals:
+        notes.append(f"{match.rivals} other shifts pair as many changes of the light: check the offset")
+    if match.second_shift_s is not None:
+        notes.append(
+            f"{match.events - match.matched} changes of the light at one end of the film fit the log when its "
+            f"rows there are taken {match.second_shift_s:+.3g} s off the others: its clock may have jumped without "
+            "a restart that shows; the interval holds both, look at the log's stamps"
+        )
+    method = (
+        f"{SHARED_EVENT}: {match.matched} of {match.events} changes of the light against the heating switch's "
+        f"{match.switchings}"
+    )
+    clock = _as_map(value_and_interval([gaussian], middle_s=match.middle_s), method, notes)
+    return Found(_coarse(clock, reading.coarse_s), weighed.reading)
+
+
+def _paired(
+    angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents
+) -> tuple[WeighedRestarts, LedMatch]:
+    """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the light."""
+    moved = _joined_by_led(angles, reading, light)
+    other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
+    try:
+        match = _led_with_motion(angles, weighed, light)
+    except NoResultError:
+        if moved is None or other is None:
+            raise
+        return WeighedRestarts(None, moved), other
+    if moved is not None and other is not None and other.matched > match.matched:
+        return WeighedRestarts(None, moved), other
+    return weighed, match
+
+
+def _led_with_motion(angles: StickAngles, weighed: WeighedRestarts, light: LightEvents) -> LedMatch:
+    log, gaps = weighed.reading.log, unknown_gaps(weighed.reading)
+    match = match_led(light, angles.time_s, log, gaps=gaps)
+    if not match.rivals:
+        return match
+    motion = weighed.likelihood or weigh_restarts(angles, weighed.reading, prior=None).likelihood
+    if motion is None:
+        return match
+    low, high = value_and_interval(motion.mixture, middle_s=motion.middle_s).offset_ci95_s
+    margin = 0.5 * (high - low) + 5.0
+    return match_led(light, angles.time_s, log, near=(low - margin, high + margin), gaps=gaps)
+
+
+def _joined_by_led(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
+    """Return the log with the one restart whose gap is not sure put where the light has it."""
+    unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
+    if len(unsure) != 1:
+        return None
+    after_s = float(reading.log.time_s[reading.restarts[unsure[0]].index - 1])
+    missing_s = gap_by_led(light, angles.time_s, reading.log, after_s=after_s)
+    return None if missing_s is None else with_gap(reading, unsure[0], missing_s, PRIORS.gap_by_led_sigma_s)
+
+
+def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
+    return tuple(
+        f"the log's clock restarted at {float(weighed.reading.log.time_s[restart.index]):.6g} s and its rows from "
+        f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
+        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {Z95 * restart.gap_sigma_s:.2g} s")
+        for restart in weighed.reading.restarts
+    )
+
+
+def _given(offset_s: float, drift_ppm: float | None) -> Gaussian:
+    drift_sigma = PRIORS.drift_sigma_ppm if drift_ppm is None else _EXACT
+    return Gaussian(np.array([offset_s, (drift_ppm or 0.0) * PPM]), np.diag([_EXACT**2, (drift_sigma * PPM) ** 2]), 0.0)
+
+
+def _as_map(estimate: ClockEstimate, method: str, notes: Sequence[str]) -> ClockMap:
+    return ClockMap(
+        offset_s=estimate.offset_s,
+        drift_ppm=estimate.drift_ppm,
+        offset_ci95_s=estimate.offset_ci95_s,
+        drift_ci95_ppm=estimate.drift_ci95_ppm,
+        method=method,
+        notes=tuple(notes),
+    )
+
+
+def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
+    """Let the interval hold both readings of coarse stamps: cut off, as they are taken, and rounded."""
+    if step_s == 0.0:
+        return clock
+    low, high = clock.offset_ci95_s
+    note = (
+        f"the log's stamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset is "
+        f"{0.5 * step_s:.3g} s smaller: the interval holds both"
+    )
+    return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
+
+
+def _method(likelihood: MotionLikelihood) -> str:
+    text = (
+        f"motion against temperature: {likelihood.matched} of {likelihood.strokes} strokes against heating and cooling"
+    )
+    if likelihood.stops:
+        text += f", {likelihood.stops} abrupt stops against corners of the temperature"
+    return text
+
+
+def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
+    notes: list[str] = []
+    low, high = estimate.offset_ci95_s
+    if likelihood.lag.value_s is None:
+        notes.append(
+            "the log has no corner from which a lag of the sensor could be read; lags up to 15 s are in the interval"
+        )
+    elif likelihood.lag.value_s > SHORT_LAG_S and not likelihood.stops:
+        notes.append(
+            f"the log's corners are rounded as by a sensor that is {likelihood.lag.value_s:.2g} s late; taken as its "
+            f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
+        )
+    if high - low > _WIDE_S:
+        # Few strokes still differ in their rates; where none do, nothing pins the offset within seconds.
+        alike = "the strokes that can be compared have about the same rates"
+        why = alike if high - low > 5.0 * _WIDE_S else "few strokes"
+        notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
+    if likelihood.matched < likelihood.strokes:
+        notes.append(
+            f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
+            f"that explains them: look for a piece of the log that is missing or stands at a wrong time"
+        )
+    weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
+    offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])
+    likely = offsets[weights > weights.max() - 6.0]
+    # Two ranges, further apart than either is wide.
+    first = likelihood.ranges[0]
+    if np.ptp(likely) > first.high_s - first.low_s and len(likelihood.ranges) > 1:
+        notes.append("the programme repeats itself: shifts by whole cycles explain the motion about as well")
+    if likelihood.swapped:
+        notes.append("the motion fits better with the springs the other way round: check which channel is A")
+    return notes
+
+
+def _other_way_round(likelihood: MotionLikelihood) -> NoResultError:
+    return NoResultError(
+        "the offset between film and log is unknown: the motion fits with the springs the other way round",
+        where="angle and temperatures",
+        value=f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes without a heating or cooling",
+        limit="heating A turns clockwise, heating B counter-clockwise, as the film is seen",
+        do="check which channel is A and whether the film is mirrored, or give the offset (--offset)",
+    )
+
+
+def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
+    known = angles.angle_rad[angles.valid & np.isfinite(angles.angle_rad)]
+    moved = math.degrees(float(np.ptp(known))) if len(known) else 0.0
+    rises = [float(np.nanmax(t) - np.nanmin(t)) for t in (log.temp_a_c, log.temp_b_c) if np.isfinite(t).any()]
+    return NoResultError(
+        "the offset between film and log is unknown: no motion fits the heating and cooling",
+        where="angle and temperatures",
+        value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
+        limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
+        do=_ADVICE,
+    )

@@ -1,0 +1,104 @@
+"""Offset, drift and gaps of a clock as a mixture of Gaussians, and its value and 95 % interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
+
+from torsight.core.units import PPM
+
+MOST_HYPOTHESES: Final = 12
+"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log."""
+NEGLIGIBLE_LOG: Final = 20.0
+"""Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
+Z95: Final = float(ndtri(0.975))
+"""Half a central 95 % interval of a normal variable, in standard deviations."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gaussian:
+    """One Gaussian of a mixture.
+
+    Attributes
+    ----------
+    mean : (2 + k,) float64
+        Offset in s at some film time, drift as a plain ratio, and the missing time of each of k gaps of the log, s.
+    covariance : (2 + k, 2 + k) float64
+        Their covariance.
+    log_weight : float
+        Logarithm of its weight, up to a constant that all share.
+    """
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    log_weight: float
+
+    def updated(self, design: NDArray[np.float64], value: float, variance: float) -> Gaussian:
+        """Return the Gaussian after a measurement ``design @ mean = value`` with some variance."""
+        gain = self.covariance @ design
+        total = float(design @ gain) + variance
+        away = value - float(design @ self.mean)
+        return Gaussian(
+            mean=self.mean + gain * (away / total),
+            covariance=self.covariance - np.outer(gain, gain) / total,
+            log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
+        )
+
+    def moved(self, by_s: float) -> Gaussian:
+        """Return the same Gaussian with its offset at an instant ``by_s`` later on the film."""
+        change = np.eye(len(self.mean))
+        change[0, 1] = by_s
+        return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
+
+
+@dataclass(frozen=True, slots=True)
+class ClockEstimate:
+    """Offset at film time 0 and drift, each with a 95 % interval."""
+
+    offset_s: float
+    offset_ci95_s: tuple[float, float]
+    drift_ppm: float
+    drift_ci95_ppm: tuple[float, float]
+
+
+def value_and_interval(mixture: Sequence[Gaussian], *, middle_s: float) -> ClockEstimate:
+    """Return values (of the likeliest part) and central 95 % intervals (of the whole mixture)."""
+    log_weight = np.array([gaussian.log_weight for gaussian in mixture])
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    # The offset at film time 0 is the one at the middle less what the drift adds up to there.
+    row = np.zeros(len(mixture[0].mean))
+    row[:2] = 1.0, -middle_s
+    offset = np.array([float(row @ gaussian.mean) for gaussian in mixture])
+    offset_sigma = np.array([float(np.sqrt(row @ gaussian.covariance @ row)) for gaussian in mixture])
+    drift = np.array([gaussian.mean[1] / PPM for gaussian in mixture])
+    drift_sigma = np.array([float(np.sqrt(gaussian.covariance[1, 1])) / PPM for gaussian in mixture])
+    # Neighbours on a fine grid of lags share their weight: the peak of the density, not the heaviest part.
+    height = weight / np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
+    middle = np.array([float(gaussian.mean[0]) for gaussian in mixture])
+    spread = np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
+    density = [float(np.sum(height * np.exp(-0.5 * ((at - middle) / spread) ** 2))) for at in middle]
+    best = int(np.argmax(density))
+    near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
+    near /= near.sum()
+    return ClockEstimate(
+        offset_s=float(near @ offset),
+        offset_ci95_s=(_quantile(offset, offset_sigma, weight, 0.025), _quantile(offset, offset_sigma, weight, 0.975)),
+        drift_ppm=float(near @ drift),
+        drift_ci95_ppm=(_quantile(drift, drift_sigma, weight, 0.025), _quantile(drift, drift_sigma, weight, 0.975)),
+    )
+
+
+def _quantile(
+    mean: NDArray[np.float64], sigma: NDArray[np.float64], weight: NDArray[np.float64], share: float
+) -> float:
+    matters = weight > np.exp(-NEGLIGIBLE_LOG)
+    mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
+    low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())
+    return float(brentq(lambda x: float(weight @ ndtr((x - mean) / sigma)) - share, low, high, xtol=1e-9))

@@ -1,0 +1,297 @@
+"""A light in the film that shows the heating switch: the same event on both clocks.
+
+A frame shows the light on when it went on at some time since the frame before, and a row of the log shows the switch on
+when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
+take half an interval. Those errors need not be independent: switchings that are whole frames apart meet the frames at
+the same phase every time, and averaging them gains nothing. So the intervals themselves are intersected, over a grid of
+offset and drift, instead of taking a mean with a root of the number of events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.clock.gaussian_mixture import Z95, Gaussian
+from sync.clock.priors import PRIORS
+from sync.clock.unknown_gaps import UnknownGap
+from sync.led.led_events import LightEvents
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.records import TemperatureLog
+from torsight.core.units import PPM
+
+_GRID: Final = 161
+"""Points of the grid over ±4 sigma of offset and drift: twenty for each sigma."""
+_LARGEST_DRIFT: Final = 3.0 * PRIORS.drift_sigma_ppm * PPM
+
+
+@dataclass(frozen=True, slots=True)
+class LedMatch:
+    """What the light says about the clock.
+
+    Attributes
+    ----------
+    gaussian : Gaussian
+        Offset at ``middle_s`` and drift.
+    middle_s : float
+        Film time at which the offset holds.
+    matched, events, switchings : int
+        Pairs found; events on the film; changes of the switch in the log.
+    rivals : int
+        Other shifts that pair as many events.
+    second_shift_s : float or None
+        By how much later another shift pairs the events that are left at one end of the film: the log's clock may have
+        jumped in between. The Gaussian then holds both.
+    """
+
+    gaussian: Gaussian
+    middle_s: float
+    matched: int
+    events: int
+    switchings: int
+    rivals: int
+    second_shift_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Changes:
+    """Changes of the light or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
+
+    time_s: NDArray[np.float64]
+    step_s: NDArray[np.float64]
+    goes_on: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> _Changes:
+        """Return some of the changes."""
+        return _Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
+
+
+def match_led(
+    events: LightEvents,
+    frame_s: NDArray[np.float64],
+    log: TemperatureLog,
+    *,
+    near: tuple[float, float] | None = None,
+    gaps: Sequence[UnknownGap] = (),
+) -> LedMatch:
+    """Pair the light's changes with the switch's and estimate the clock.
+
+    Parameters
+    ----------
+    events : LightEvents
+        From the film.
+    frame_s : (n,) float64
+        Times of all frames.
+    log : TemperatureLog
+        With at least one heating switch.
+    near : (float, float), optional
+        Range of offsets to choose from where several shifts pair as many events.
+    gaps : sequence of UnknownGap
+        Joints of the log whose gap is not sure: further unknowns of the Gaussian.
+
+    Raises
+    ------
+    InputError
+        When the log has no heating switch.
+    NoResultError
+        When no shift pairs at least half of the events.
+    """
+    if log.heat_a is None and log.heat_b is None:
+        raise InputError(
+            "has no column 'heat_a' or 'heat_b' to hold the light against",
+            where="temperature log",
+            do="log the heating switch, or leave led_events out",
+        )
+    film = _on_film(events, frame_s)
+    middle_s = float(film.time_s.mean())
+    best: tuple[int, list[float], _Changes] | None = None
+    for switch in _switches(log):
+        switchings = _in_log(log.time_s, switch)
+        if len(switchings) == 0:
+            continue
+        count, offsets = _best_shifts(film, switchings)
+        if best is None or count > best[0]:
+            best = (count, offsets, switchings)
+    if best is None or best[0] < max(1, (len(film) + 1) // 2):
+        raise NoResultError(
+            "the light's changes fit no changes of the heating switch",
+            where="led_events",
+            value=f"{0 if best is None else best[0]} of {len(film)} events paired",
+            limit="at least half of them",
+            do="check the times of the light, or leave led_events out",
+        )
+    count, offsets, switchings = best
+    chosen = offsets[0]
+    if near is not None:
+        inside = [offset for offset in offsets if near[0] <= offset <= near[1]]
+        chosen, offsets = (inside[0], inside) if inside else (chosen, offsets)
+    index, partner = _pairs(film, switchings, chosen)
+    seen, shown = film.at(index), switchings.at(partner)
+    away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
+    if gaps:
+        behind = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
+        variance = PRIORS.led_repeats * ((seen.step_s**2 + shown.step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
+        gaussian = _with_gaps(away_s, offset_s, behind, variance, [gap.sigma_s for gap in gaps])
+        return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1)
+    gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
+    second_s = _second_shift(film, switchings, index, partner)
+    if second_s is not None:
+        second_s -= chosen
+        covariance = gaussian.covariance.copy()
+        covariance[0, 0] += (second_s / Z95) ** 2
+        gaussian = Gaussian(gaussian.mean, covariance, gaussian.log_weight)
+    return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
+
+
+def _second_shift(
+    film: _Changes, switchings: _Changes, index: NDArray[np.int64], partner: NDArray[np.int64]
+) -> float | None:
+    """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
+    events = np.setdiff1d(np.arange(len(film)), index)
+    others = np.setdiff1d(np.arange(len(switchings)), partner)
+    # One pair fits any shift.
+    at_one_end = len(events) > 1 and (events[-1] == len(events) - 1 or events[0] == len(film) - len(events))
+    if not at_one_end or len(others) < len(events):
+        return None
+    count, offsets = _best_shifts(film.at(events), switchings.at(others))
+    return offsets[0] if count == len(events) and len(offsets) == 1 else None
+
+
+def gap_by_led(
+    events: LightEvents, frame_s: NDArray[np.float64], log: TemperatureLog, *, after_s: float
+) -> float | None:
+    """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
+
+    None where one side alone pairs as many events as both. Of several answers the shortest is taken.
+    """
+    film = _on_film(events, frame_s)
+    best: tuple[int, float] | None = None
+    for switch in _switches(log):
+        switchings = _in_log(log.time_s, switch)
+        sides = []
+        for rows in (switchings.time_s <= after_s, switchings.time_s > after_s):
+            if not rows.any():
+                break
+            sides.append(_best_shifts(film, switchings.at(rows)))
+        if len(sides) < len(("before", "behind")) or not all(count for count, _ in sides):
+            continue
+        apart_s = min((a - b for a in sides[0][1] for b in sides[1][1] if a - b > -1.0), key=abs, default=None)
+        total = sides[0][0] + sides[1][0]
+        if apart_s is not None and total <= len(film) and (best is None or total > best[0]):
+            best = (total, apart_s)
+    return None if best is None else best[1]
+
+
+def _with_gaps(
+    away_s: NDArray[np.float64],
+    offset_s: NDArray[np.float64],
+    behind: NDArray[np.bool_],
+    variance: NDArray[np.float64],
+    gap_sigma_s: Sequence[float],
+) -> Gaussian:
+    """Return the Gaussian about offset, drift and the time missing at each joint, by least squares.
+
+    Rows behind a joint stand earlier than they belong by what is missing there.
+    """
+    # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
+    sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
+    mean = np.zeros(len(sigmas))
+    mean[0] = float(np.median(offset_s))
+    gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
+    for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):
+        gaussian = gaussian.updated(np.array([1.0, away, *(-1.0 * later)]), float(seen), float(spread))
+    return gaussian
+
+
+def _intersected(
+    *,
+    away_s: NDArray[np.float64],
+    offset_s: NDArray[np.float64],
+    film_step_s: NDArray[np.float64],
+    log_step_s: NDArray[np.float64],
+) -> Gaussian:
+    """Return mean and covariance of offset and drift, every pair having an even error over its two intervals."""
+    drift_sigma = 2.0 * PRIORS.drift_sigma_ppm * PPM
+    wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, drift_sigma**2]), 0.0)
+    # Least squares say where to look; as if every pair were the only one, so that the grid is surely wide enough.
+    variance = len(away_s) * ((film_step_s**2 + log_step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
+    for away, offset, spread in zip(away_s, offset_s, variance, strict=True):
+        wide = wide.updated(np.array([1.0, float(away)]), float(offset), float(spread))
+    reach = 4.0 * np.sqrt(np.diag(wide.covariance))
+    unit = np.linspace(-1.0, 1.0, _GRID)
+    offset, drift = np.meshgrid(wide.mean[0] + reach[0] * unit, wide.mean[1] + reach[1] * unit, indexing="ij")
+    # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
+    log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
+    for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
+        error = np.abs(seen - offset - drift * away)
+        long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
+        inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)
+        log_weight = log_weight + np.log(inside + PRIORS.led_astray / (1.0 + error**2))
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    mean = np.array([float((weight * offset).sum()), float((weight * drift).sum())])
+    away_o, away_d = offset - mean[0], drift - mean[1]
+    cross = float((weight * away_o * away_d).sum())
+    covariance = np.array([[float((weight * away_o**2).sum()), cross], [cross, float((weight * away_d**2).sum())]])
+    return Gaussian(mean, covariance, 0.0)
+
+
+def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> _Changes:
+    """Return the light's changes, each between the frame that shows it and the one before."""
+    time_s = events.time_s
+    if events.since_s is not None:
+        step_s = time_s - events.since_s
+    else:
+        at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
+        step_s = frame_s[at] - frame_s[at - 1]
+    return _Changes(time_s - 0.5 * step_s, step_s, events.goes_on)
+
+
+def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
+    """Return what the light may show: any heating, or that of one spring."""
+    single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
+    return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
+
+
+def _in_log(time_s: NDArray[np.float64], switch: NDArray[np.bool_]) -> _Changes:
+    """Return a switch's changes, each between the row that shows it and the one before."""
+    at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
+    return _Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
+
+
+def _best_shifts(film: _Changes, log: _Changes) -> tuple[int, list[float]]:
+    """Return the largest number of pairs and the distinct offsets that reach it."""
+    trial = (log.time_s[None, :] - film.time_s[:, None])[film.goes_on[:, None] == log.goes_on[None, :]]
+    counts = [len(_pairs(film, log, float(offset))[0]) for offset in trial]
+    if not counts:
+        return 0, []
+    most = max(counts)
+    apart_s = 2.0 * float(film.step_s.max() + log.step_s.max()) + _LARGEST_DRIFT * float(np.ptp(film.time_s))
+    distinct: list[float] = []
+    for offset, count in zip(trial, counts, strict=True):
+        if count == most and all(abs(offset - other) > apart_s for other in distinct):
+            distinct.append(float(offset))
+    return most, distinct
+
+
+def _pairs(film: _Changes, log: _Changes, offset_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pair events with the nearest switching of their direction, where that is as near as the clocks allow.
+
+    Returns the rows of those events and of their partners.
+    """
+    found: list[tuple[int, int]] = []
+    for index, at_s in enumerate(film.time_s):
+        away = np.where(log.goes_on == film.goes_on[index], np.abs(log.time_s - at_s - offset_s), np.inf)
+        partner = int(np.argmin(away))
+        slack_s = film.step_s[index] + log.step_s[partner] + _LARGEST_DRIFT * float(np.ptp(film.time_s))
+        if away[partner] <= slack_s + 2.0 * PRIORS.led_jitter_s:
+            found.append((index, partner))
+    rows = np.array(found, dtype=np.int64).reshape(-1, 2)
+    return rows[:, 0], rows[:, 1]

@@ -1,0 +1,356 @@
+"""The likelihood of a clock from motion and temperature: offset search, thresholds, stops, the sensor's lag."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian
+from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
+from sync.clock.priors import PRIORS
+from sync.clock.sensor_lag import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
+from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
+from sync.clock.threshold_likelihood import refine, scan
+from sync.clock.unknown_gaps import UnknownGap
+from sync.log.outliers import noise_c
+from sync.log.timestamps import longest_gap_s
+from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
+from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
+from sync.signals.strokes import Stroke, find_strokes
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
+from torsight.core.units import PPM
+
+_STARTS: Final = 4
+"""Local answers that are refined in one range of offsets, at least three steps of its scan apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionLikelihood:
+    """What motion and temperature say about the clock.
+
+    Attributes
+    ----------
+    mixture : tuple of Gaussian
+        A mixture.
+    middle_s : float
+        Film time at which its offsets hold.
+    lag : LagMixture
+        What is known about the sensor's lag.
+    strokes, matched, stops : int
+        How many strokes the film has, how many have a segment, how many abrupt stops were paired with a changepoint.
+    ranges : tuple of OffsetRange
+        Ranges of offset that the search left.
+    swapped : bool
+        Whether the motion fits better with the springs the other way round.
+    """
+
+    mixture: tuple[Gaussian, ...]
+    middle_s: float
+    lag: LagMixture
+    strokes: int
+    matched: int
+    stops: int
+    ranges: tuple[OffsetRange, ...]
+    swapped: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Inputs:
+    angles: StickAngles
+    log: TemperatureLog
+    strokes: tuple[Stroke, ...]
+    signals: LogSignals
+    changepoints: tuple[tuple[HeatingSegment, Changepoint], ...]
+    lag: LagMixture
+    gaps: tuple[UnknownGap, ...]
+
+
+def motion_likelihood(
+    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None = None, gaps: Sequence[UnknownGap] = ()
+) -> MotionLikelihood | None:
+    """Weigh motion against temperature over the whole range of offsets.
+
+    ``prior`` (offset at film time 0 and drift) narrows the range; ``gaps`` are joints of the log whose gap is not
+    sure: they become further unknowns. ``None`` where nothing moves, nothing is
+    heated, or no offset explains the motion.
+    """
+    strokes = find_strokes(angles)
+    signals = log_signals(log, max_gap_s=longest_gap_s(log.time_s))
+    if not strokes or not signals.segments:
+        return None
+    lag = _lag(log, signals)
+    changepoints = _changepoints(log, signals, lag.value_s, split=lag.split)
+    if lag.value_s is not None and lag.value_s > SHORT_LAG_S:
+        window_s = lag_window_s(signals)
+        signals = replace(
+            log_signals(log, max_gap_s=longest_gap_s(log.time_s), slope_window_s=window_s), segments=signals.segments
+        )
+    signals = replace(signals, segments=_begun_at_power_off(signals.segments, changepoints))
+    span = (float(angles.time_s[0]), float(angles.time_s[-1]))
+    ranges = find_ranges(strokes, signals, film_span_s=span)
+    if prior is not None:
+        # The strokes are late by the sensor's lag, too: where they meet their heatings is further off than the offset.
+        late_s = MAX_LAG_S if lag.sigma_s is None else 4.0 * lag.sigma_s
+        reach = max(5.0 * float(np.sqrt(prior.covariance[0, 0])), 2.0) + late_s
+        ranges = tuple(
+            replace(p, low_s=max(p.low_s, prior.mean[0] - reach), high_s=min(p.high_s, prior.mean[0] + reach))
+            for p in ranges
+            if p.low_s <= prior.mean[0] + reach and p.high_s >= prior.mean[0] - reach
+        )
+    if not ranges:
+        return None
+    inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps))
+    found = [
+        part for offset_range in ranges[:MOST_HYPOTHESES] if (part := _weigh(inputs, offset_range, prior)) is not None
+    ]
+    if not found:
+        return None
+    best = max(found, key=lambda part: part.weight)
+    # Offsets of all parts refer to one instant of the film.
+    mixture = [gaussian.moved(best.middle_s - part.middle_s) for part in found for gaussian in part.mixture]
+    mirrored = [replace(segment, spring="b" if segment.spring == "a" else "a") for segment in signals.segments]
+    offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
+    swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + ALIKE
+    return MotionLikelihood(
+        mixture=tuple(mixture),
+        middle_s=best.middle_s,
+        lag=inputs.lag,
+        strokes=len(strokes),
+        matched=best.matched,
+        stops=best.stops,
+        ranges=ranges,
+        swapped=swapped,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighed:
+    mixture: list[Gaussian]
+    middle_s: float
+    matched: int
+    stops: int
+
+    @property
+    def weight(self) -> float:
+        return max(gaussian.log_weight for gaussian in self.mixture)
+
+
+def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> _Weighed | None:
+    """Refine one range of offsets: thresholds first, then the lag's share of it, then the stops."""
+    center_s = 0.5 * (offset_range.low_s + offset_range.high_s)
+    segments = assign(inputs.strokes, inputs.signals.segments, center_s)
+    matched = sum(segment is not None for segment in segments)
+    offset_range = _possible(offset_range, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
+    crossings = collect_crossings(inputs.strokes, segments)
+    if crossings is None:
+        return None
+    wide = _before(inputs, offset_range, prior)
+    # The thresholds see offset and lag as one delay; the stops see the offset alone.
+    assumed_s = inputs.lag.value_s or 0.0
+    delays = _delays(inputs, crossings, offset_range, wide, lag_s=assumed_s)
+    if not delays:
+        return None
+    lost = PRIORS.no_segment_log * (len(inputs.strokes) - matched)
+    mixture: list[Gaussian] = []
+    paired = _paired_stops(inputs, segments)
+    later = np.zeros(len(wide.mean))
+    later[0] = 1.0
+    for delay in delays:
+        for lag_s, log_weight in zip(inputs.lag.grid_s, inputs.lag.log_weight, strict=True):
+            gaussian = Gaussian(
+                delay.mean - (lag_s - assumed_s) * later,
+                delay.covariance,
+                PRIORS.crossing_temper * delay.log_weight + float(log_weight) - lost,
+            )
+            if prior is not None:
+                gaussian = _with_prior(gaussian, prior, crossings.middle_s)
+            mixture += _with_stops(gaussian, paired, inputs, crossings.middle_s)
+    return _Weighed(mixture, crossings.middle_s, matched, len(paired))
+
+
+def _possible(
+    offset_range: OffsetRange, strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None], *, slack_s: float
+) -> OffsetRange:
+    """Narrow a range: no motion back before the power went off, none on after the temperature stopped rising."""
+    pairs = [(stroke, segment) for stroke, segment in zip(strokes, segments, strict=True) if segment is not None]
+    low = max([segment.begin_s - stroke.begin_s - 0.5 for stroke, segment in pairs], default=offset_range.low_s)
+    high = min([segment.until_s - stroke.end_s for stroke, segment in pairs], default=offset_range.high_s) + slack_s
+    if high - low < 1.0:
+        return offset_range
+    return replace(
+        offset_range, low_s=max(low, offset_range.low_s), high_s=max(min(high, offset_range.high_s), low + 0.5)
+    )
+
+
+def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Inputs, middle_s: float) -> list[Gaussian]:
+    """Take the stops into account; any of them may have another cause.
+
+    Where two contradict each other nothing says which one is wrong: both hypotheses are kept, by their weights.
+    """
+    # A stop that was given a heating of another cycle may be anywhere on the film.
+    elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
+    hypotheses = [gaussian]
+    for stop in stops:
+        # Rows behind a gap stand earlier than they belong by what is missing there.
+        behind = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
+        design = np.array([1.0, stop.film_s - middle_s, *behind])
+        ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
+        offset_s = stop.log_s - stop.film_s
+        found = [
+            _lighter(hypothesis.updated(design, offset_s, variance), share)
+            for hypothesis in hypotheses
+            for variance, share in ways
+        ]
+        found += [_lighter(hypothesis, stop.astray * elsewhere) for hypothesis in hypotheses]
+        most = max(hypothesis.log_weight for hypothesis in found)
+        found.sort(key=lambda hypothesis: -hypothesis.log_weight)
+        hypotheses = [
+            hypothesis for hypothesis in found[:MOST_HYPOTHESES] if hypothesis.log_weight > most - NEGLIGIBLE_LOG
+        ]
+    return hypotheses
+
+
+def _lighter(gaussian: Gaussian, share: float) -> Gaussian:
+    return replace(gaussian, log_weight=gaussian.log_weight + float(np.log(share)))
+
+
+def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> Gaussian:
+    """Return the prior of offset, drift and gaps in one range of offsets."""
+    sigmas = [
+        0.5 * (offset_range.high_s - offset_range.low_s) + 1.0,
+        PRIORS.drift_sigma_ppm * PPM,
+        *(j.sigma_s for j in inputs.gaps),
+    ]
+    mean = np.zeros(len(sigmas))
+    mean[0] = 0.5 * (offset_range.low_s + offset_range.high_s)
+    if prior is not None:
+        mean[1], sigmas[1] = prior.mean[1], np.sqrt(prior.covariance[1, 1])
+    return Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
+
+
+def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussian:
+    """Take a given offset into account: it is that of film time 0, and no lag of the sensor moves it."""
+    design = np.zeros(len(gaussian.mean))
+    design[:2] = 1.0, -middle_s
+    return gaussian.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))
+
+
+def _delays(
+    inputs: _Inputs, crossings: ThresholdCrossings, offset_range: OffsetRange, wide: Gaussian, *, lag_s: float
+) -> list[Gaussian]:
+    """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
+    step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
+    offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
+    log_likelihood = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
+    if not np.isfinite(log_likelihood).any():
+        return []
+    order = np.argsort(log_likelihood)[::-1]
+    starts: list[float] = []
+    for index in order[: max(20, len(order) // 4)]:
+        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < _STARTS:
+            starts.append(float(offset_s[index]))
+    found: list[Gaussian] = []
+    for start_s in starts:
+        delay = refine(crossings, inputs.signals, start_s=start_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
+        if delay is None:
+            continue
+        sigma = float(np.sqrt(delay.covariance[0, 0]))
+        same = [other for other in found if abs(other.mean[0] - delay.mean[0]) < max(0.3 * sigma, 0.02)]
+        if not same:
+            found.append(delay)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _PairedStop:
+    """A stop on the film and the end of the heating that drove it."""
+
+    film_s: float
+    log_s: float
+    variance: float
+    astray: float
+
+
+def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) -> list[_PairedStop]:
+    """Pair abrupt ends of motion with the ends of the heatings that drove them."""
+    pairs: list[_PairedStop] = []
+    heated = [s.length_rad for s, f in zip(inputs.strokes, segments, strict=True) if f is not None and f.heating]
+    for number, (stroke, segment) in enumerate(zip(inputs.strokes, segments, strict=True)):
+        if segment is None or not segment.heating:
+            continue
+        stop = find_stop(inputs.angles, stroke, number=number)
+        if stop is None:
+            continue
+        cooling = next(
+            (c for f, c in inputs.changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0),
+            None,
+        )
+        temperature = inputs.log.temp_a_c if segment.spring == "a" else inputs.log.temp_b_c
+        changepoint = heating_end(
+            inputs.log, segment, cooling, noise=noise_c(temperature), lag_s=inputs.lag.value_s, split=inputs.lag.split
+        )
+        if changepoint is None:
+            continue
+        # A changepoint is dated the earlier, the later the sensor is taken to be.
+        lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
+        variance = stop.time_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
+        # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
+        whole = stroke.length_rad > WHOLE_STROKE * max(heated)
+        pairs.append(_PairedStop(stop.time_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
+    return pairs
+
+
+def _lag(log: TemperatureLog, signals: LogSignals) -> LagMixture:
+    """Return the sensor's lag from the changepoints; a second stage is looked for only where a lag shows."""
+    simple = [changepoint for _, changepoint in _changepoints(log, signals, None)]
+    lag = lag_mixture(simple)
+    if lag.value_s is None or lag.value_s < SHORT_LAG_S:
+        return lag
+    further = {
+        split: [changepoint for _, changepoint in _changepoints(log, signals, None, split=split)]
+        for split in SPLITS[1:]
+    }
+    same = {split: changepoints for split, changepoints in further.items() if len(changepoints) == len(simple)}
+    return weighed_lags({SPLITS[0]: simple} | same)
+
+
+def _changepoints(
+    log: TemperatureLog, signals: LogSignals, lag_s: float | None, *, split: float = 0.0
+) -> tuple[tuple[HeatingSegment, Changepoint], ...]:
+    found: list[tuple[HeatingSegment, Changepoint]] = []
+    noise = {"a": noise_c(log.temp_a_c), "b": noise_c(log.temp_b_c)}
+    switches = {"a": _off_times(log.time_s, log.heat_a), "b": _off_times(log.time_s, log.heat_b)}
+    for segment in signals.segments:
+        if segment.heating:
+            continue
+        changepoint = cooling_start(
+            log, segment, noise=noise[segment.spring], switch_s=switches[segment.spring], lag_s=lag_s, split=split
+        )
+        if changepoint is not None:
+            found.append((segment, changepoint))
+    return tuple(found)
+
+
+def _begun_at_power_off(
+    segments: Sequence[HeatingSegment], changepoints: Sequence[tuple[HeatingSegment, Changepoint]]
+) -> tuple[HeatingSegment, ...]:
+    """Let coolings begin where the power went off: nothing can move back before."""
+    begin = {(segment.spring, segment.begin_s): changepoint.time_s for segment, changepoint in changepoints}
+    return tuple(
+        segment
+        if segment.heating
+        else replace(segment, begin_s=begin.get((segment.spring, segment.begin_s), segment.begin_s))
+        for segment in segments
+    )
+
+
+def _off_times(time_s: NDArray[np.float64], switch: NDArray[np.bool_] | None) -> NDArray[np.float64] | None:
+    if switch is None:
+        return None
+    off = np.flatnonzero(switch[:-1] & ~switch[1:])
+    return np.asarray(0.5 * (time_s[off] + time_s[off + 1]))

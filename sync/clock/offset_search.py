@@ -1,0 +1,134 @@
+"""Where on the log's clock the film can lie at all: motion against heating and cooling over the whole range.
+
+Every stroke must lie inside a heating or cooling that drives the angle its way. The share of the strokes' time for
+which that holds, as a function of the offset, has plateaus: ranges in which every stroke can be given the segment that
+drove it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.clock.priors import PRIORS
+from sync.signals.heating_segments import WINDOW_S, HeatingSegment, LogSignals
+from sync.signals.strokes import Stroke
+from torsight.core.series import runs
+
+_STEP_S: Final = 0.25 * WINDOW_S
+"""Step of the search: what is smoothed over a window is the same a quarter of it further on."""
+ALIKE: Final = 0.12
+"""Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has."""
+_LEAST_EXPLAINED: Final = 0.3
+"""Motion that no offset explains better is not the log's: by chance half of it lies in segments of its direction, less
+what idle heatings take off."""
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetRange:
+    """A range of offsets at which the strokes fall into segments that explain them.
+
+    Attributes
+    ----------
+    low_s, high_s : float
+        The range.
+    score : float
+        Best share of explained motion in it, 1 where everything fits.
+    """
+
+    low_s: float
+    high_s: float
+    score: float
+
+
+def find_ranges(
+    strokes: Sequence[Stroke], signals: LogSignals, *, film_span_s: tuple[float, float]
+) -> tuple[OffsetRange, ...]:
+    """Return the ranges of offset that explain the motion about as well as the best, best first."""
+    if not strokes or not signals.segments:
+        return ()
+    log_begin = min(signal.start_s for signal in signals.springs.values())
+    log_end = max(signal.start_s + signal.step_s * len(signal.value) for signal in signals.springs.values())
+    low = log_begin - strokes[-1].end_s
+    high = log_end - strokes[0].begin_s
+    offset_s = np.arange(low, high + _STEP_S, _STEP_S)
+    score = explained_share(strokes, signals.segments, offset_s)
+    score -= PRIORS.idle_heating_weight * _idle_share(strokes, signals.segments, offset_s, film_span_s)
+    best = float(score.max())
+    if best <= _LEAST_EXPLAINED:
+        return ()
+    good = score >= best - ALIKE
+    ranges = [
+        OffsetRange(
+            low_s=float(offset_s[begin]) - _STEP_S,
+            high_s=float(offset_s[end - 1]) + _STEP_S,
+            score=float(score[begin:end].max()),
+        )
+        for begin, end in runs(good)
+    ]
+    return tuple(sorted(ranges, key=lambda offset_range: -offset_range.score))
+
+
+def explained_share(
+    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the mean over strokes of the share of their duration that lies in a segment of their direction."""
+    share = np.zeros(len(offset_s))
+    weights = np.array([np.sqrt(stroke.length_rad) for stroke in strokes])
+    for stroke, weight in zip(strokes, weights / weights.sum(), strict=True):
+        begin, end = stroke.begin_s + offset_s, stroke.end_s + offset_s
+        inside = np.zeros(len(offset_s))
+        for segment in segments:
+            if segment.sign == stroke.sign:
+                inside += np.maximum(0.0, np.minimum(end, segment.until_s) - np.maximum(begin, segment.begin_s))
+        share += weight * np.minimum(1.0, inside / max(stroke.end_s - stroke.begin_s, 1e-9))
+    return share
+
+
+def best_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], *, step_s: float) -> float:
+    """Return the largest explained share over all offsets at which strokes and segments meet."""
+    low = min(segment.begin_s for segment in segments) - strokes[-1].end_s
+    high = max(segment.until_s for segment in segments) - strokes[0].begin_s
+    return float(explained_share(strokes, segments, np.arange(low, high + step_s, step_s)).max())
+
+
+def _idle_share(
+    strokes: Sequence[Stroke],
+    segments: Sequence[HeatingSegment],
+    offset_s: NDArray[np.float64],
+    film_span_s: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Return the share of heatings, wholly on the film, during which nothing moved their way."""
+    heatings = [segment for segment in segments if segment.heating]
+    idle = np.zeros(len(offset_s))
+    seen = np.zeros(len(offset_s))
+    for segment in heatings:
+        on_film = (segment.begin_s - offset_s >= film_span_s[0]) & (segment.end_s - offset_s <= film_span_s[1])
+        moved = np.zeros(len(offset_s), dtype=np.bool_)
+        for stroke in strokes:
+            if stroke.sign == segment.sign:
+                moved |= (stroke.begin_s + offset_s < segment.until_s) & (stroke.end_s + offset_s > segment.begin_s)
+        seen += on_film
+        idle += on_film & ~moved
+    return np.where(seen > 0, idle / np.maximum(seen, 1), 0.0)
+
+
+def assign(
+    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: float
+) -> list[HeatingSegment | None]:
+    """Return, for each stroke, the segment of its direction that shares most time with it at an offset."""
+    chosen: list[HeatingSegment | None] = []
+    for stroke in strokes:
+        begin, end = stroke.begin_s + offset_s, stroke.end_s + offset_s
+        best: HeatingSegment | None = None
+        most = 0.4 * (end - begin)
+        for segment in segments:
+            shared = min(end, segment.until_s) - max(begin, segment.begin_s)
+            if segment.sign == stroke.sign and shared > most:
+                best, most = segment, shared
+        chosen.append(best)
+    return chosen

@@ -1,0 +1,160 @@
+"""Clock and restarts of the log together: the motion tells how long a logger was away where the log cannot.
+
+For a restart during a rest two hypotheses are compared: the clock alone restarted (the usual step passed), or the
+logger was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian
+from sync.clock.motion_likelihood import MotionLikelihood, motion_likelihood
+from sync.clock.offset_search import best_share
+from sync.clock.unknown_gaps import UnknownGap
+from sync.log.repairs import LogReading
+from sync.log.restart_gaps import LONGEST_GAP_S
+from sync.log.timestamps import longest_gap_s
+from sync.signals.heating_segments import log_signals
+from sync.signals.strokes import find_strokes
+from torsight.core.tracks import StickAngles
+
+SURE_GAP_S: Final = 0.01
+"""A gap that is known better is no unknown of the clock: a fifth of how exactly a stop is known."""
+_AWAY_CELLS_S: Final = (
+    (0.0, 10.0, 0.12),
+    (10.0, 30.0, 0.08),
+    (30.0, 80.0, 0.05),
+    (80.0, 240.0, 0.03),
+    (240.0, LONGEST_GAP_S, 0.02),
+)
+"""Ranges of the time away, and how likely each is: each is short enough for its middle to be a start for the search."""
+_STEP_S: Final = _AWAY_CELLS_S[0][1]
+"""The search goes in steps of the shortest range."""
+_CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
+"""How likely it is that the clock alone restarted: what the ranges leave."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeighedRestarts:
+    """The likelihood of the motion, and the log with its restarts moved to where the motion puts them.
+
+    Attributes
+    ----------
+    likelihood : MotionLikelihood or None
+        None where nothing moves or nothing fits.
+    reading : LogReading
+        The log, its restarts moved.
+    """
+
+    likelihood: MotionLikelihood | None
+    reading: LogReading
+
+
+def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian | None) -> WeighedRestarts:
+    """Weigh the motion, with the gaps of the log's restarts as unknowns."""
+    hypotheses = [(reading, 0.0)]
+    for number, restart in enumerate(reading.restarts):
+        if np.isfinite(restart.gap_sigma_s):
+            continue
+        step_s = float(np.median(np.diff(reading.log.time_s)))
+        away = _time_away(angles, reading, number)
+        hypotheses = [
+            option
+            for hypothesis, weight in hypotheses
+            for option in (
+                (with_gap(hypothesis, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
+                *(
+                    (with_gap(hypothesis, number, middle_s, half_s), weight + float(np.log(share)))
+                    for middle_s, half_s, share in away
+                ),
+            )
+        ]
+    hypotheses.sort(key=lambda hypothesis: -hypothesis[1])
+    found: list[tuple[MotionLikelihood, LogReading, float]] = []
+    for hypothesis, weight in hypotheses[:MOST_HYPOTHESES]:
+        likelihood = motion_likelihood(angles, hypothesis.log, prior=prior, gaps=unknown_gaps(hypothesis))
+        if likelihood is not None:
+            found.append((likelihood, hypothesis, weight))
+    if not found:
+        return WeighedRestarts(None, reading)
+    likelihood, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].mixture))
+    mixture = [
+        replace(gaussian, log_weight=gaussian.log_weight + weight).moved(likelihood.middle_s - other.middle_s)
+        for other, _, weight in found
+        for gaussian in other.mixture
+    ]
+    return WeighedRestarts(replace(likelihood, mixture=tuple(mixture)), moved_to(chosen, likelihood.mixture))
+
+
+def unknown_gaps(reading: LogReading) -> tuple[UnknownGap, ...]:
+    """Return the restarts whose gap is not sure, as unknowns."""
+    time_s = reading.log.time_s
+    return tuple(
+        UnknownGap(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
+        for restart in reading.restarts
+        if SURE_GAP_S < restart.gap_sigma_s < np.inf
+    )
+
+
+def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
+    """Return the log with everything behind a restart moved later, and how sure that is."""
+    restart = reading.restarts[number]
+    time_s = reading.log.time_s.copy()
+    time_s[restart.index :] += longer_s
+    changed = replace(restart, shift_s=restart.shift_s + longer_s, gap_s=restart.gap_s + longer_s, gap_sigma_s=sigma_s)
+    later = [replace(item, shift_s=item.shift_s + longer_s) for item in reading.restarts[number + 1 :]]
+    return replace(
+        reading,
+        log=replace(reading.log, time_s=time_s),
+        restarts=(*reading.restarts[:number], changed, *later),
+    )
+
+
+def moved_to(reading: LogReading, mixture: Sequence[Gaussian]) -> LogReading:
+    """Move the restarts by what the likeliest Gaussian says is missing."""
+    best = max(mixture, key=lambda gaussian: gaussian.log_weight)
+    unsure = [n for n, restart in enumerate(reading.restarts) if SURE_GAP_S < restart.gap_sigma_s < np.inf]
+    for place, number in enumerate(unsure):
+        # A gap cannot be shorter than nothing.
+        longer_s = max(float(best.mean[2 + place]), -0.9 * reading.restarts[number].gap_s)
+        reading = with_gap(reading, number, longer_s, float(np.sqrt(best.covariance[2 + place, 2 + place])))
+    return reading
+
+
+def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
+    """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
+    strokes = find_strokes(angles)
+    segments = log_signals(reading.log, max_gap_s=longest_gap_s(reading.log.time_s)).segments
+    if not strokes or not segments:
+        return []
+    joint_s = float(reading.log.time_s[reading.restarts[number].index])
+    away_s = np.arange(0.0, LONGEST_GAP_S, _STEP_S)
+    share = np.array(
+        [
+            best_share(
+                strokes,
+                [
+                    replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
+                    if f.begin_s >= joint_s - 1.0
+                    else f
+                    for f in segments
+                ],
+                step_s=_STEP_S,
+            )
+            for away in away_s
+        ]
+    )
+    good = away_s[share >= share.max() - 0.05]
+    found = []
+    for low, high, weight in _AWAY_CELLS_S:
+        # What the coarse steps call good reaches a step further on both sides.
+        inside = good[(good > low - _STEP_S) & (good < high + _STEP_S)]
+        if len(inside):
+            begin, end = max(low, inside[0] - _STEP_S), min(high, inside[-1] + _STEP_S)
+            found.append((float(0.5 * (begin + end)), float(0.5 * (end - begin)), weight))
+    return found

@@ -1,0 +1,119 @@
+"""How late the sensor is, from the roundness of the changepoints in the log.
+
+A changepoint cannot be sharper than the sensor's lag allows: its roundness is an upper limit of the lag. It is the lag
+itself where the power was cut at once, which is how these springs are driven; that gets most of the weight, and the
+rest is spread evenly below, because something else may have rounded the changepoint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
+from sync.clock.priors import PRIORS
+from sync.signals.changepoints import MAX_LAG_S, Changepoint
+from sync.signals.heating_segments import WINDOW_S
+from torsight.core.series import robust_sigma
+
+SHORT_LAG_S: Final = 0.1 * WINDOW_S
+"""A shorter lag does not show in what is smoothed over the window."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LagMixture:
+    """What the log says about the sensor's lag.
+
+    Attributes
+    ----------
+    value_s, sigma_s : float or None
+        Roundness of the changepoints; None where none could be measured.
+    grid_s : (n,) float64
+        Lags.
+    log_weight : (n,) float64
+        Logarithm of their weights.
+    split : float
+        Share of the lag that falls to a second stage.
+    """
+
+    value_s: float | None
+    sigma_s: float | None
+    grid_s: NDArray[np.float64]
+    log_weight: NDArray[np.float64]
+    split: float = 0.0
+
+
+def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
+    """Return what the changepoints of a log say together."""
+    usable = [
+        changepoint
+        for changepoint in changepoints
+        if changepoint.lag_s < 0.9 * MAX_LAG_S and changepoint.lag_sigma_s < 2.0
+    ]
+    if not usable:
+        some = np.arange(0.25, MAX_LAG_S, 0.5)
+        weight = np.concatenate([[PRIORS.no_lag], np.full(len(some), (1.0 - PRIORS.no_lag) / len(some))])
+        return LagMixture(None, None, np.concatenate([[0.0], some]), np.log(weight))
+    value, sigma = _pooled(usable)
+    sigma = float(np.sqrt(sigma**2 + (PRIORS.lag_model * value) ** 2 + 0.02**2))
+    grid = np.unique(
+        np.concatenate([np.linspace(0.0, value, 30), np.linspace(max(value - 4 * sigma, 0.0), value + 4 * sigma, 33)])
+    )
+    width = np.gradient(grid) if len(grid) > 1 else np.ones(1)
+    peak = np.exp(-0.5 * ((grid - value) / sigma) ** 2) * width
+    below = np.where(grid <= value + 1e-12, width, 0.0)
+    weight = PRIORS.lag_is_roundness * peak / peak.sum() + (1.0 - PRIORS.lag_is_roundness) * below / max(
+        float(below.sum()), 1e-12
+    )
+    return LagMixture(value, sigma, grid, np.log(np.maximum(weight, 1e-12)))
+
+
+def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
+    """Return the weights of lags in one stage and in two, by how well each describes the changepoints.
+
+    ``options`` holds the changepoints of a log as they were fitted with each share of a second stage.
+    """
+    mixture = {split: lag_mixture(changepoints) for split, changepoints in options.items()}
+    fits = {split: sum(changepoint.log_fit for changepoint in changepoints) for split, changepoints in options.items()}
+    best = max(fits, key=lambda split: fits[split])
+    chosen = mixture[best]
+    if chosen.value_s is None:
+        return chosen
+    likely = [
+        split for split in fits if fits[split] > fits[best] - NEGLIGIBLE_LOG and mixture[split].value_s is not None
+    ]
+    total = float(np.log(sum(np.exp(fits[split] - fits[best]) for split in likely)))
+    weights = [mixture[split].log_weight + fits[split] - fits[best] - total for split in likely]
+    grid = np.concatenate([mixture[split].grid_s for split in likely])
+    return replace(chosen, grid_s=grid, log_weight=np.concatenate(weights), split=best)
+
+
+def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
+    """Return the lag that all changepoints share, with one sigma, from their likelihoods; outliers are left out."""
+    middle = float(np.median([changepoint.lag_s for changepoint in changepoints]))
+    typical = float(np.median([changepoint.lag_sigma_s for changepoint in changepoints]))
+    spread = robust_sigma(np.array([changepoint.lag_s - middle for changepoint in changepoints]))
+    reach = 4.0 * max(typical, spread, 0.02)
+    grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
+    total = np.zeros(len(grid))
+    count = 0
+    for changepoint in changepoints:
+        if abs(changepoint.lag_s - middle) > reach:
+            continue
+        count += 1
+        inside = (grid >= changepoint.lags_s[0]) & (grid <= changepoint.lags_s[-1])
+        outside = -0.5 * ((grid - changepoint.lag_s) / max(changepoint.lag_sigma_s, 1e-6)) ** 2
+        known = np.interp(grid, changepoint.lags_s, changepoint.lag_log_likelihood) - float(
+            changepoint.lag_log_likelihood.max()
+        )
+        total += np.maximum(np.where(inside, known, outside), -30.0)
+    # Changepoints that scatter by more than their own sigmas count for less.
+    scale = max(1.0, spread / max(typical, 1e-9)) ** 2
+    weight = np.exp((total - total.max()) / scale)
+    weight /= weight.sum()
+    value = float(grid[int(np.argmax(weight))])
+    return value, float(np.sqrt(weight @ (grid - value) ** 2))

@@ -1,0 +1,295 @@
+"""Motion against temperature: strokes of one kind pass the same angle at the same wire temperature, however fast.
+
+Let stroke k pass the way L at film time t. With the right clock and sensor lag the wire's temperature then,
+
+    T_k(L) = T_log(t') + lag dT_log/dt,   t' = t (1 + drift) + offset,
+
+is a property of the kind of stroke (which spring, heating or cooling) and of L, up to a slope in the angle at which
+the stroke began (stress) and to a scatter from stroke to stroke, whose size is learnt. Strokes at different rates of
+temperature pin the offset: an error of δ moves T_k by δ times the rate. Where all rates are alike nothing is pinned,
+and the interval comes out as wide as the range that the coarse search left.
+
+The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out,
+which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; what tells them apart
+are the changepoints (:mod:`sync.signals.changepoints`). The crossing times are the data: the factor |dT/dt| turns
+densities of temperature into densities of time and keeps the fit from hiding on a plateau of the temperature.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian
+from sync.clock.priors import PRIORS
+from sync.clock.threshold_crossings import ThresholdCrossings
+from sync.clock.unknown_gaps import UnknownGap, log_time
+from sync.signals.even_signal import EvenSignal
+from sync.signals.heating_segments import LogSignals, Spring
+
+SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
+_FEWEST: Final = 6
+"""Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
+_RATE_POWERS: Final = 3
+_RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
+"""A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Wire:
+    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, slopes of the stamps."""
+
+    temp_c: NDArray[np.float64]
+    rate_c_s: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    known: NDArray[np.bool_]
+    columns: NDArray[np.float64]
+
+
+def _wire(
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    point: NDArray[np.float64],
+    gaps: Sequence[UnknownGap],
+    lag_s: float,
+) -> _Wire:
+    at_s, columns, covered = log_time(crossings.time_s, point, gaps, middle_s=crossings.middle_s)
+    n = len(crossings)
+    temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
+    known = np.zeros(n, dtype=np.bool_)
+    names: tuple[Spring, ...] = ("a", "b")
+    for name, heating in itertools.product(names, (True, False)):
+        pick = (crossings.spring_b == (name == "b")) & (crossings.heating == heating)
+        signal = (signals.heated if heating else signals.springs).get(name)
+        if signal is None or not pick.any():
+            continue
+        value, slope, there = signal.at(at_s[pick])
+        temp[pick] = value + lag_s * slope
+        noise = signal.value_sigma**2 + (lag_s * signal.slope_sigma) ** 2
+        variance[pick] = noise + (crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
+        known[pick] = there
+        for number in np.unique(crossings.stroke[pick]):
+            rows = np.flatnonzero(crossings.stroke == number)
+            rate[rows], rate_sigma[rows] = _smooth_rate(signal, at_s[rows])
+    return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
+
+
+def _shrunk(
+    crossings: ThresholdCrossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Draw the rates of one kind together as far as their differences are noise.
+
+    Differences of rate within a kind are what pins the offset. Noise in them would pin it to wherever it is assumed.
+    """
+    total = np.bincount(crossings.cell, weights=rate)
+    usual = (total / np.maximum(np.bincount(crossings.cell), 1))[crossings.cell]
+    away = rate - usual
+    kept = np.zeros_like(rate)
+    for kind in np.unique(crossings.kind):
+        rows = crossings.kind == kind
+        spread, noise = float(np.mean(away[rows] ** 2)), float(np.mean(rate_sigma[rows] ** 2))
+        kept[rows] = max(0.0, 1.0 - PRIORS.rate_noise * noise / spread) * away[rows] if spread > 0 else 0.0
+    return usual + kept
+
+
+def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rate of a temperature at some instants of one stroke, and its sigma, from one polynomial."""
+    first, last = float(at_s.min()), float(at_s.max())
+    middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
+    unit = np.linspace(-1.0, 1.0, _RATE_POINTS)
+    value, _, known = signal.at(middle + half * unit)
+    if np.count_nonzero(known) < 2 * _RATE_POWERS:
+        return signal.at(at_s)[1], np.full(len(at_s), signal.slope_sigma)
+    powers = np.vander(unit[known], _RATE_POWERS + 1, increasing=True)
+    coefficient, *_ = np.linalg.lstsq(powers, value[known], rcond=None)
+    x = (at_s - middle) / half
+    design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half
+    # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
+    independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
+    spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
+    # Across a corner no polynomial follows: such rates tell nothing.
+    missed = float(np.sqrt(np.mean((value[known] - powers @ coefficient) ** 2)))
+    excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
+    sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
+    return np.asarray(design @ coefficient), np.hypot(sigma, excess)
+
+
+def refine(
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    *,
+    start_s: float,
+    prior: Gaussian,
+    lag_s: float,
+    gaps: Sequence[UnknownGap] = (),
+) -> Gaussian | None:
+    """Return the Gaussian about the clock for a given lag, from a start near the answer.
+
+    ``None`` where fewer than a handful of crossings fall on known temperatures.
+    """
+    point = prior.mean.copy()
+    point[0] = start_s
+    limit = np.full(len(point), 5.0)
+    limit[1] = 3e-4
+    limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
+    best: Gaussian | None = None
+    for _ in range(12):
+        wire = _wire(crossings, signals, point, gaps, lag_s)
+        if np.count_nonzero(wire.known) < _FEWEST:
+            return None
+        best = _mixed(_linear(crossings, wire, point, prior))
+        move = best.mean - point
+        point = point + np.clip(move, -limit, limit)
+        if np.all(np.abs(move) < 4e-4 * limit):
+            break
+    return best
+
+
+def scan(
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    *,
+    offset_s: NDArray[np.float64],
+    prior: Gaussian,
+    lag_s: float,
+    gaps: Sequence[UnknownGap] = (),
+) -> NDArray[np.float64]:
+    """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
+    log_likelihood = np.full(len(offset_s), -np.inf)
+    covariance = prior.covariance.copy()
+    covariance[0, :] = covariance[:, 0] = 0.0
+    covariance[0, 0] = 1e-4
+    for index, value in enumerate(offset_s):
+        point = prior.mean.copy()
+        point[0] = float(value)
+        wire = _wire(crossings, signals, point, gaps, lag_s)
+        if np.count_nonzero(wire.known) >= _FEWEST:
+            held = Gaussian(point, covariance, 0.0)
+            log_likelihood[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
+    return log_likelihood
+
+
+def _linear(
+    crossings: ThresholdCrossings, wire: _Wire, point: NDArray[np.float64], prior: Gaussian, *, every: int = 1
+) -> list[Gaussian]:
+    """Solve with the temperatures taken as straight lines around a point, for each pair of scatters."""
+    keep = wire.known
+    rate = wire.rate_c_s[keep]
+    jacobian = rate[:, None] * wire.columns[keep]
+    # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J.
+    data = wire.temp_c[keep] - jacobian @ point - 50.0
+    density = _density(crossings.stroke[keep], crossings.kind[keep], rate)
+    common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
+    heating = crossings.heating[keep]
+    scatter = crossings.scatter[np.ix_(keep, keep)]
+    with_rate = _with_rate(crossings.kind[keep], rate, heating)
+    # Heatings and coolings have nothing in common but the clock: each has a scatter of its own.
+    halves = [
+        [
+            _half(common, scatter + _cause(scatter_c) ** 2 * with_rate, jacobian, data, rows, scatter_c)
+            for scatter_c in SCATTERS_C[::every]
+        ]
+        for rows in (np.flatnonzero(heating), np.flatnonzero(~heating))
+        if len(rows)
+    ]
+    return _combined(halves, prior, log_weight=density)
+
+
+def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
+    total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
+    away = np.where(heating, rate - total[kind], 0.0)
+    spread = float(np.sqrt(np.mean(away[heating] ** 2))) if heating.any() else 0.0
+    return np.outer(away, away) / max(spread, 1e-12) ** 2
+
+
+def _cause(scatter_c: float) -> float:
+    """Return how much of a scatter may go with the rate, as a multiple of the rest."""
+    beyond = (scatter_c / PRIORS.ordinary_scatter_c) ** 4
+    return PRIORS.with_rate * beyond / (1.0 + beyond)
+
+
+@dataclass(frozen=True, slots=True)
+class _Half:
+    """What the heatings, or the coolings, say for one scatter, before any prior: information, right side, the rest."""
+
+    information: NDArray[np.float64]
+    right: NDArray[np.float64]
+    square: float
+    log_weight: float
+
+
+def _half(
+    common: NDArray[np.float64],
+    scatter: NDArray[np.float64],
+    design: NDArray[np.float64],
+    data: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    scatter_c: float,
+) -> _Half:
+    pick = np.ix_(rows, rows)
+    factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
+    solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
+    log_det = len(rows) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
+    scatter_log_prior = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
+    return _Half(
+        information=design[rows].T @ solved[:, :-1],
+        right=-(design[rows].T @ solved[:, -1]),
+        square=float(data[rows] @ solved[:, -1]),
+        log_weight=scatter_log_prior - 0.5 * log_det,
+    )
+
+
+def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight: float) -> list[Gaussian]:
+    """Return the Gaussians for every pair of scatters."""
+    pairs = list(itertools.product(*halves))
+    precision = np.linalg.inv(prior.covariance)
+    pull = precision @ prior.mean
+    information = np.stack([sum((half.information for half in pair), start=precision) for pair in pairs])
+    right = np.stack([sum((half.right for half in pair), start=pull) for pair in pairs])
+    covariance = np.linalg.inv(information)
+    mean = np.einsum("kij,kj->ki", covariance, right)
+    square = np.array([sum(half.square for half in pair) for pair in pairs]) + float(prior.mean @ pull)
+    fit = square - np.einsum("ki,ki->k", mean, right)
+    log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
+    weight = np.array([sum(half.log_weight for half in pair) for pair in pairs])
+    total = log_weight + weight - 0.5 * (fit + log_det)
+    likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
+    return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
+
+
+def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[np.float64]) -> float:
+    """Return the logarithm of the factor that turns densities of temperature into densities of time.
+
+    It counts once per stroke, as the scatter does that matters; and one stroke of each kind goes into the unknown curve
+    and says nothing about the clock, whatever its rate.
+    """
+    total = 0.0
+    for number in np.unique(kind):
+        strokes = np.unique(stroke[kind == number])
+        logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
+        total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
+    return total
+
+
+def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
+    """Return one Gaussian with the mean and covariance of a weighted mixture."""
+    log_likelihood = np.array([part.log_weight for part in parts])
+    weight = np.exp(log_likelihood - log_likelihood.max())
+    total = float(weight.sum())
+    weight /= total
+    size = len(parts[0].mean)
+    mean: NDArray[np.float64] = np.zeros(size)
+    for w, part in zip(weight, parts, strict=True):
+        mean += w * part.mean
+    covariance = np.zeros((size, size))
+    for w, part in zip(weight, parts, strict=True):
+        away = part.mean - mean
+        covariance += w * (part.covariance + np.outer(away, away))
+    return Gaussian(mean, covariance, float(log_likelihood.max() + np.log(total)))

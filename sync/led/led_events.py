@@ -1,0 +1,71 @@
+"""Changes of an LED on the film that shows the heating switch, and the file that may list them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
+from torsight.core.shown import Shown, span
+from torsight.core.storage import number_column, read_table
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LightEvents(Shown):
+    """Changes of the light on the film.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Time of the first frame that shows the change, film clock, increasing.
+    goes_on : (n,) bool
+        True where it goes on.
+    since_s : (n,) float64 or None
+        Time of the last frame that did not show it yet; None for the film's frame before.
+    """
+
+    time_s: NDArray[np.float64]
+    goes_on: NDArray[np.bool_]
+    since_s: NDArray[np.float64] | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return how many changes there are, and when."""
+        return {"changes": str(len(self.time_s)), "time": span(self.time_s, "s")}
+
+    def _columns(self) -> dict[str, Any]:
+        since = {} if self.since_s is None else {"since_s": self.since_s}
+        return {"time_s": self.time_s, "on": self.goes_on, **since}
+
+    def _draw(self, axes: Any) -> None:
+        axes.step(self.time_s, self.goes_on, where="post")
+        axes.set(xlabel="time, s", ylabel="light", yticks=[0, 1], yticklabels=["off", "on"])
+
+
+def read_light_events(path: AnyPath) -> LightEvents:
+    """Read film times of a light: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
+
+    Without ``on`` every time is one at which the light goes on.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read or holds no times.
+    """
+    path = Path(path)
+    table = read_table(path, required=("time_s",))
+    time_s = table["time_s"].to_numpy(np.float64)
+    if not np.isfinite(time_s).all():
+        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
+        raise InputError("has no time", where=f"{path}, row {row + 2}, column time_s", do="mend that row")
+    on = (
+        number_column(table, "on", where=str(path)).to_numpy() > 0.5
+        if "on" in table.columns
+        else np.ones(len(time_s), dtype=np.bool_)
+    )
+    order = np.argsort(time_s, kind="stable")
+    return LightEvents(time_s[order], np.asarray(on, dtype=np.bool_)[order])

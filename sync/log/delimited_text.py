@@ -1,0 +1,271 @@
+"""Delimited text as instruments and spreadsheets write it: delimiter, decimal sign, preamble, broken rows.
+
+A decimal comma is read as one only where nothing else is possible: the fields are not parted by commas, and at least
+one number has other than three digits behind its comma (``1,234`` alone might be a thousand and more).
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns, LogColumn
+from sync.log.header import BLANKS, fields_of, find_header, require_columns, split_line, units_row, without_arrows
+from sync.log.labview import labview_header
+from sync.log.repairs import Repair
+from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import missing_file, require_ordinary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
+_SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
+_QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
+_BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
+_NO_TEXT: Final = {
+    b"\x1f\x8b": "a compressed file",
+    b"PK\x03\x04": "an archive or a spreadsheet's own format",
+    b"\xd0\xcf\x11\xe0": "an old spreadsheet's own format",
+    b"PAR1": "Parquet; its name must end in .parquet",
+    b"%PDF": "a document",
+    b"\x89PNG": "a picture",
+}
+"""What a file that is no text begins with."""
+
+
+_BLANKS: Final = re.compile(r"[ \t]+")
+_MARKED: Final = (
+    *("****", "---", "--", "-", "?", "Inf", "-Inf", "inf", "-inf"),
+    *("OVERLOAD", "ERR", "Err", "Error", "OL"),
+)
+"""What instruments write in the place of a reading that they do not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable(Frozen):
+    """A table as read: text or numbers per column, and the line of the file on which each row stands.
+
+    ``columns`` says where the columns are that the log's keys stand for (:mod:`sync.log.column_names`).
+    """
+
+    frame: pd.DataFrame
+    first_line: int
+    repairs: tuple[Repair, ...]
+    columns: Mapping[str, LogColumn]
+
+
+def read_text_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> TextTable:
+    """Read delimited text with a header on any line: the first one that names time and both temperatures.
+
+    The decimal sign is that of the columns that are used: what stands in others, as a note or a version, says nothing
+    about it.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, empty, binary, without a needed column, or ambiguous in columns or decimal sign.
+    """
+    text, repairs = _decode(path)
+    lines = without_arrows(text.splitlines(), repairs)
+    header = find_header(lines, chosen, path=path)
+    if header.line:
+        repairs.append(Repair("preamble", header.line, f"{header.line} lines before the header were passed over"))
+    first = header.line + 1
+    rows = lines[first:]
+    if header.delimiter == BLANKS:
+        rows = [_BLANKS.sub("\t", line.strip()) for line in rows]
+        header = replace(header, delimiter="\t")
+    columns = header.columns
+    if rows and (units := units_row(split_line(rows[0], header.delimiter), columns)) is not None:
+        columns = require_columns(units, where=f"{path}, line {first + 1}")
+        first, rows = first + 1, rows[1:]
+        repairs.append(Repair("units", 1, f"line {first} was read as units"))
+    delimiter = header.delimiter
+    labview = labview_header(lines[: header.line], delimiter)
+    if labview.units and (units := units_row(labview.units, columns)) is not None:
+        columns = require_columns(units, where=f"{path}, Y_Unit_Label")
+    body = _whole_rows(rows, len(header.names), delimiter, path=path, first_line=first + 1, repairs=repairs)
+    places = [column.index for column in columns.values()]
+    decimal = labview.decimal or _decimal(body, delimiter, places, path=path, first_line=first + 1, repairs=repairs)
+    frame = _parsed(body, list(header.names), delimiter, decimal, path=path)
+    if labview.step_s is not None:
+        labview.fill_times(frame, columns["time"].index, repairs)
+    if decimal == ",":
+        _with_points(frame, places)
+    return TextTable(frame=frame, first_line=first + 1, repairs=tuple(repairs), columns=columns)
+
+
+def _parsed(body: Sequence[str], names: list[str], delimiter: str, decimal: str, *, path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    joined = "\n".join(body)
+    if delimiter == "," and decimal == ",":
+        joined, decimal = _QUOTED_NUMBER.sub(r"\1.\2", joined), "."
+    if not joined.strip():
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                io.StringIO(joined),
+                sep=delimiter,
+                decimal=decimal,
+                header=None,
+                names=names,
+                index_col=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                low_memory=False,
+                na_values=list(_MARKED),
+            )
+    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError, OverflowError) as error:
+        raise InputError(
+            f"is not a readable table ({str(error).strip()})",
+            where=str(path),
+            do="look for a quotation mark that is not closed",
+        ) from error
+
+
+def _decode(path: Path) -> tuple[str, list[Repair]]:
+    if not path.exists():
+        raise missing_file(path)
+    require_ordinary(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+    if not raw.strip(b"\0 \r\n\t"):
+        raise InputError("is empty", where=str(path), do="record it again, with a header row")
+    for beginning, kind in _NO_TEXT.items():
+        if raw.startswith(beginning):
+            raise InputError("is not text", where=str(path), value=kind, do="export it as CSV")
+    repairs: list[Repair] = []
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))
+        return raw.decode("utf-16", errors="replace"), repairs
+    zeros = raw.count(b"\0")
+    if zeros:
+        # A logger that lost its power leaves a tail of zero bytes.
+        repairs.append(Repair("zero_bytes", zeros, f"{zeros} zero bytes were taken out"))
+        raw = raw.replace(b"\0", b"")
+    try:
+        return raw.decode("utf-8-sig"), repairs
+    except UnicodeDecodeError as error:
+        if error.start == len(raw) - 1:
+            raise InputError("is not text", where=f"{path}, byte {error.start}", do="export it as CSV") from error
+        repairs.append(Repair("encoding", 1, f"the file is not UTF-8 (byte {error.start}); read as Latin-1"))
+        return raw.decode("latin-1"), repairs
+
+
+def _whole_rows(
+    lines: Sequence[str], columns: int, delimiter: str, *, path: Path, first_line: int, repairs: list[Repair]
+) -> list[str]:
+    """Blank the rows with too many fields or none; rows with too few keep what they have."""
+    body = list(lines)
+    while body and not body[-1].strip():
+        body.pop()
+    blank_row = delimiter * (columns - 1)
+    found: dict[str, list[int]] = {"malformed_row": [], "short_row": [], "blank_row": []}
+    kinds = [_fault(line, columns, delimiter) for line in body]
+    # The header names a column for which the rows have no field, as LabVIEW's "Comment".
+    usual = kinds.count("short_row") > len(body) // 2
+    for index, (line, kind) in enumerate(zip(body, kinds, strict=True)):
+        if kind == "":
+            continue
+        if kind == "trailing":
+            body[index] = line.rstrip()[:-1]
+            continue
+        if kind == "short_row" and usual:
+            continue
+        found[kind].append(index)
+        if kind != "short_row":
+            body[index] = blank_row
+    wrong = found["malformed_row"]
+    if len(wrong) > len(body) // 2:
+        raise InputError(
+            "most rows have more fields than the header",
+            where=f"{path}, line {wrong[0] + first_line}",
+            value=repr(lines[wrong[0]][:80]),
+            limit=f"{columns} fields parted by {delimiter!r}",
+            do="decimal commas need ';' between the fields, or quotes",
+        )
+    for kind, words in (
+        ("malformed_row", "rows with too many fields were dropped"),
+        ("short_row", "rows with too few fields were read as far as they go"),
+        ("blank_row", "blank rows were passed over"),
+    ):
+        rows = found[kind]
+        if rows:
+            repairs.append(Repair(kind, len(rows), f"{len(rows)} {words}, the first on line {rows[0] + first_line}"))
+    return body
+
+
+def _fault(line: str, columns: int, delimiter: str) -> str:
+    """Return what is wrong with a row; empty where nothing is."""
+    if not line.strip():
+        return "blank_row"
+    fields = len(fields_of(line, delimiter)) if '"' in line else line.count(delimiter) + 1
+    if fields == columns:
+        return ""
+    if fields == columns + 1 and line.rstrip().endswith(delimiter):
+        return "trailing"
+    return "malformed_row" if fields > columns else "short_row"
+
+
+def _decimal(
+    body: Sequence[str],
+    delimiter: str,
+    columns: Sequence[int],
+    *,
+    path: Path,
+    first_line: int,
+    repairs: list[Repair],
+) -> str:
+    """Return the decimal sign of some columns, refusing what can be read in two ways."""
+    numbers = _with_comma(body, delimiter, columns)
+    signs = ((line, _COMMA_NUMBER.search(text) or _BOTH_SIGNS.search(text)) for line, text in numbers.items())
+    line, first = next(((line, match) for line, match in signs if match is not None), (0, None))
+    if first is None:
+        return "."
+    whole = "\n".join(numbers.values())
+    if _BOTH_SIGNS.search(whole) or not _SURE_COMMA.search(whole):
+        raise InputError(
+            "has numbers whose comma can be a decimal sign or a thousands sign",
+            where=f"{path}, line {line + first_line}",
+            value=first.group(0),
+            limit="'.' as decimal sign, no thousands sign",
+            do="export it with '.' as decimal sign",
+        )
+    count = sum(1 for _ in _COMMA_NUMBER.finditer(whole))
+    repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
+    return ","
+
+
+def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
+    """Write decimal points in columns that stayed text: some of their rows have commas, others points."""
+    import pandas as pd
+
+    for index in columns:
+        column = frame.iloc[:, index]
+        if not pd.api.types.is_numeric_dtype(column):
+            frame[frame.columns[index]] = column.astype("string").str.replace(_DECIMAL_COMMA, ".", regex=True)
+
+
+def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:
+    """Return, by row, what stands in some columns, where a comma stands within a field."""
+    rows: Iterable[list[str]] = ()
+    if delimiter != ",":
+        rows = (line.split(delimiter) if "," in line else [] for line in body)
+    elif any('"' in line for line in body):
+        # Between commas a comma within a number stands in quotes.
+        rows = (fields_of(line, delimiter) if '"' in line else [] for line in body)
+    texts = (" ".join(row[index].strip(' "') for index in columns if index < len(row)) for row in rows)
+    return {number: text for number, text in enumerate(texts) if "," in text}

@@ -1,0 +1,172 @@
+"""The header of a log: on which line it stands, what parts its fields, and which columns are used."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sync.log.column_names import ARRIVED, NEEDED, ChosenColumns, LogColumn, missing_column, resolve, with_unit
+from sync.log.column_units import unit_of
+from sync.log.repairs import Repair
+from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
+
+_DELIMITERS: Final = (",", ";", "\t", "|")
+BLANKS: Final = " "
+"""Stands for columns that are parted by nothing but blanks."""
+_MOST_TEXT_LINES: Final = 1000
+"""Lines that are no rows of numbers among which a header is looked for: no preamble is longer."""
+_ARROW: Final = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d{1,6}) -> ")
+"""What a serial monitor writes in front of every line that comes in."""
+_PLAIN_ROW: Final = re.compile(r"[-+\d.,;:|\sTZeE/]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Header(Frozen):
+    """A header line of a log: its place, what parts its fields, its names, and the columns that are used."""
+
+    line: int
+    delimiter: str
+    names: tuple[str, ...]
+    columns: Mapping[str, LogColumn]
+
+
+def is_row_of_numbers(line: str) -> bool:
+    """Return whether nothing stands in a line but numbers, dates and what parts them."""
+    return _PLAIN_ROW.fullmatch(line) is not None and any(character.isdigit() for character in line)
+
+
+def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> Header:
+    """Return the first line that, split, names all columns that are needed, or raise what the nearest one lacks."""
+    best = (0, -1)
+    looked_at = 0
+    for index, line in enumerate(lines):
+        if best[1] >= 0 and _PLAIN_ROW.fullmatch(line):
+            continue
+        looked_at += 1
+        if looked_at > _MOST_TEXT_LINES:
+            break
+        delimiter, names, columns = find_columns(line, chosen)
+        count = _count(columns, chosen)
+        if delimiter == BLANKS and not _fits(names, lines[index + 1 : index + 3]):
+            # A sentence, or names that hold blanks themselves.
+            count = 0
+        if count == len(chosen.required):
+            found = require_columns(columns, where=f"{path}, line {index + 1}")
+            return Header(index, delimiter, _distinct_names(names), found)
+        if count > best[0] or best[1] < 0:
+            best = (count, index)
+    where = f"{path}, line {best[1] + 1}"
+    _, names, columns = find_columns(lines[best[1]], chosen)
+    require_columns(columns, where=where)
+    missing = next(role for role in chosen.required if role not in columns)
+    raise missing_column(names, chosen, missing, where=where)
+
+
+def _fits(names: Sequence[str], rows: Sequence[str]) -> bool:
+    return any(len(row.split()) == len(names) for row in rows)
+
+
+def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names that differ: a column without a name, or with that of another, is named by its place."""
+    named = [name or f"column_{index + 1}" for index, name in enumerate(names)]
+    return tuple(
+        name if named.index(name) == index else f"{name} (column {index + 1})" for index, name in enumerate(named)
+    )
+
+
+def without_arrows(lines: list[str], repairs: list[Repair]) -> list[str]:
+    """Make a column of the times that a serial monitor puts before each line."""
+    found = [_ARROW.match(line) for line in lines]
+    stamped = sum(one is not None for one in found)
+    if stamped <= len(lines) // 2:
+        return lines
+    repairs.append(
+        Repair("arrival", stamped, f"{stamped} lines begin with the time at which a serial monitor got them")
+    )
+    counts = Counter(one for line in lines for one in _DELIMITERS if one in line)
+    delimiter = max(_DELIMITERS, key=lambda one: counts[one])
+    made = []
+    for line, match in zip(lines, found, strict=True):
+        rest = line if match is None else line[match.end() :]
+        numbers = _PLAIN_ROW.fullmatch(rest) is not None
+        stamp = "" if match is None else match[1]
+        made.append(f"{stamp if numbers else ARRIVED}{delimiter}{rest}")
+    return made
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a line, without blanks and quotes around them."""
+    if delimiter == BLANKS:
+        fields = line.split()
+    else:
+        fields = fields_of(line, delimiter) if '"' in line else line.split(delimiter)
+    return [field.strip().strip('"').strip() for field in fields]
+
+
+def header_names(line: str, delimiter: str) -> list[str]:
+    """Return the names of a header line; a mark of a comment before the first one is none of it."""
+    names = split_line(
+        line.strip().lstrip("\ufeff").lstrip("#%").strip(" ") if line[:1] in "#%\ufeff" else line, delimiter
+    )
+    while len(names) > len(NEEDED) and not names[-1]:
+        names.pop()
+    return names
+
+
+def find_columns(line: str, chosen: ChosenColumns) -> tuple[str, list[str], dict[str, LogColumn | InputError]]:
+    """Return the delimiter by which a line names most of the columns that are needed, its names, and the columns."""
+    best: tuple[str, list[str], dict[str, LogColumn | InputError]] = (",", [line], {})
+    for delimiter in (*_DELIMITERS, BLANKS):
+        if delimiter not in line:
+            continue
+        names = header_names(line, delimiter)
+        columns = resolve(names, chosen)
+        if _count(columns, chosen) > _count(best[2], chosen):
+            best = (delimiter, names, columns)
+    if not best[2]:
+        delimiter = max(_DELIMITERS, key=line.count)
+        best = (delimiter, header_names(line, delimiter), {})
+    return best
+
+
+def _count(columns: Mapping[str, object], chosen: ChosenColumns) -> int:
+    return sum(role in columns for role in chosen.required)
+
+
+def units_row(fields: Sequence[str], columns: Mapping[str, LogColumn]) -> dict[str, LogColumn | InputError] | None:
+    """Return the columns with the units of a row below the header; None where that row is none of units."""
+    units = {role: unit_of(fields[column.index]) for role, column in columns.items() if column.index < len(fields)}
+    if any(re.search(r"\d", field) for field in fields) or not any(units.values()):
+        return None
+    return {
+        role: column if (unit := units.get(role)) is None else with_unit(column, unit, role)
+        for role, column in columns.items()
+    }
+
+
+def require_columns(columns: Mapping[str, LogColumn | InputError], *, where: str) -> dict[str, LogColumn]:
+    """Return the columns, or raise the refusal of the first one that is one.
+
+    Raises
+    ------
+    InputError
+        As it was found, with the place.
+    """
+    for column in columns.values():
+        if isinstance(column, InputError):
+            raise InputError(column.what, where=where, value=column.value, limit=column.limit, do=column.do)
+    return {role: column for role, column in columns.items() if isinstance(column, LogColumn)}
+
+
+def fields_of(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a row in which there are quotes."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter))
+    except csv.Error:  # a field beyond the reader's limit
+        return line.split(delimiter)

@@ -1,0 +1,75 @@
+"""What the header of a LabVIEW measurement file (.lvm) says of its columns: decimal sign, units, and the step in time.
+
+With "empty time column" such a file has no times; they follow from ``X0`` and ``Delta_X`` of the channel's header.
+Format: NI, "Specification for the LabVIEW Measurement File (.lvm)".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sync.log.header import split_line
+from sync.log.repairs import Repair
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_FIRST_LINE: Final = "LabVIEW Measurement"
+
+
+@dataclass(frozen=True, slots=True)
+class LabviewHeader:
+    """What the lines before the names say; everything is empty for a file of another kind.
+
+    Attributes
+    ----------
+    decimal : str
+        Decimal sign; empty where it is not said.
+    units : tuple of str
+        Units by column; the column of times has none.
+    begin_s, step_s : float, float or None
+        Time of the first row and from row to row; None where they are not said.
+    """
+
+    decimal: str = ""
+    units: tuple[str, ...] = ()
+    begin_s: float = 0.0
+    step_s: float | None = None
+
+    def fill_times(self, frame: pd.DataFrame, place: int, repairs: list[Repair]) -> None:
+        """Put times into a column of them that is empty."""
+        if self.step_s is not None and not frame.iloc[:, place].notna().any():
+            frame.isetitem(place, self.begin_s + self.step_s * np.arange(len(frame), dtype=np.float64))
+            text = f"the column of times is empty: they follow from Delta_X, {self.step_s:g} s"
+            repairs.append(Repair("times", len(frame), text))
+
+
+def labview_header(preamble: Sequence[str], delimiter: str) -> LabviewHeader:
+    """Return what a preamble says that begins as LabVIEW's do."""
+    if not preamble or not preamble[0].strip().startswith(_FIRST_LINE):
+        return LabviewHeader()
+    said: dict[str, list[str]] = {}
+    for line in preamble:
+        key, *values = split_line(line, delimiter)
+        said[key] = values
+    decimal = next(iter(said.get("Decimal_Separator", [])), "")
+    step_s = _number(said.get("Delta_X"), decimal)
+    return LabviewHeader(
+        decimal=decimal if decimal in (".", ",") else "",
+        units=("", *said.get("Y_Unit_Label", ())) if any(said.get("Y_Unit_Label", ())) else (),
+        begin_s=_number(said.get("X0"), decimal) or 0.0,
+        step_s=step_s if step_s is not None and step_s > 0.0 else None,
+    )
+
+
+def _number(values: Sequence[str] | None, decimal: str) -> float | None:
+    try:
+        number = float(values[0].replace(decimal or ".", ".")) if values else math.nan
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

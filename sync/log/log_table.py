@@ -1,0 +1,143 @@
+"""A log's table under the names and in the units of the contract, whatever its file calls and counts them by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sync.log.column_names import (
+    CONTRACT,
+    DATE,
+    NEEDED,
+    NOTHING_CHOSEN,
+    ChosenColumns,
+    LogColumn,
+    columns_note,
+    is_converted,
+    missing_column,
+    resolve,
+)
+from sync.log.delimited_text import TextTable, read_text_table
+from sync.log.header import require_columns
+from sync.log.repairs import Repair
+from sync.log.wall_clock import read_stamps
+from torsight.core.errors import InputError
+from torsight.core.frozen import Frozen
+from torsight.core.storage import is_parquet, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_ASIDE: Final = " (not used)"
+"""Behind the name of a column that is called like one of the contract's and is not the one that was named."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogTable(Frozen):
+    """The rows of a log as they stand in its file.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        Columns under the contract's names, ``time_s`` in seconds and temperatures in °C; fields that are no numbers are
+        left as they are, except in ``time_s`` (NaN). Further columns keep their names.
+    first_line : int
+        Line of the file on which row 0 stands.
+    repairs : tuple of Repair
+        What was passed over or mended in the text.
+    columns : mapping of str to LogColumn
+        Which column of the file each is, by the keys ``time, a, b, heat_a, ...``.
+    zero : str or None
+        Instant (ISO 8601) of time 0 where the stamps are dates.
+    notes : tuple of str
+        What a person should know: columns that were guessed or converted, dates that can be read in two ways.
+    """
+
+    frame: pd.DataFrame
+    first_line: int
+    repairs: tuple[Repair, ...]
+    columns: Mapping[str, LogColumn]
+    zero: str | None
+    notes: tuple[str, ...]
+
+
+def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTable:
+    """Read a log's table, text or Parquet.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, lacks a column that is needed or named, has a unit in its header that the column
+        cannot have, or stamps that cannot be read.
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)
+    frame, first_line, columns = table.frame, table.first_line, table.columns
+    if len(frame) == 0:
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    time_s, zero, note = _time(frame, columns, path=path, first_line=first_line)
+    named = {role: frame.iloc[:, column.index] for role, column in columns.items() if role not in ("time", DATE)}
+    used = {column.index for column in columns.values()}
+    content: dict[str, Any] = {CONTRACT["time"]: time_s}
+    content |= {CONTRACT[role]: _converted(values, columns[role]) for role, values in named.items()}
+    for index, name in enumerate(frame.columns):
+        if index not in used:
+            content[f"{name}{_ASIDE}" if name in content else str(name)] = frame.iloc[:, index]
+    import pandas as pd
+
+    notes = [one for one in (columns_note(columns), note) if one is not None]
+    return LogTable(pd.DataFrame(content), first_line, table.repairs, columns, zero, tuple(notes))
+
+
+def _parquet(path: Path, chosen: ChosenColumns) -> TextTable:
+    frame = read_table(path)
+    names = [str(name) for name in frame.columns]
+    columns = require_columns(resolve(names, chosen), where=str(path))
+    for role in chosen.required:
+        if role not in columns:
+            raise missing_column(names, chosen, role, where=str(path))
+    return TextTable(frame, 1, (), columns)
+
+
+def _time(
+    frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: Path, first_line: int
+) -> tuple[Any, str | None, str | None]:
+    """Return the stamps in seconds, the instant of second 0, and how dates were read."""
+    column = columns["time"]
+    values = frame.iloc[:, column.index]
+    name = column.name or "the first column"
+    if DATE in columns:
+        values = frame.iloc[:, columns[DATE].index].astype("string") + " " + values.astype("string")
+    stamps = read_stamps(values, where=f"{path}, column {name}", first_line=first_line)
+    if not stamps.numeric:
+        return stamps.time_s, stamps.zero, stamps.note
+    if not column.name:
+        # What a table library writes there is the number of the row.
+        raise InputError(
+            "has no column 'time_s'",
+            where=f"{path}, line {first_line - 1}",
+            value="a first column without a name, with numbers",
+            do="give the column of times a name",
+        )
+    factor = 1.0 if column.unit is None else column.unit.factor
+    return (stamps.time_s if factor == 1.0 else stamps.time_s * factor), None, None
+
+
+def _converted(values: pd.Series[Any], column: LogColumn) -> Any:
+    """Return a column in the contract's unit; a field that is no number stays as it is."""
+    import pandas as pd
+
+    if column.unit is None or not is_converted(column):
+        return values
+    numbers = pd.to_numeric(values, errors="coerce").astype(np.float64)
+    converted = numbers * column.unit.factor + column.unit.offset
+    return converted if pd.api.types.is_numeric_dtype(values) else values.where(numbers.isna(), converted)
+
+
+NEEDED_NAMES: Final = tuple(CONTRACT[role] for role in NEEDED)
+"""The columns that every log must have."""

@@ -1,0 +1,271 @@
+"""Temperature logs as instruments write them, repaired into one strictly increasing record with a list of repairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.column_names import chosen_columns
+from sync.log.log_table import NEEDED_NAMES, read_log_table
+from sync.log.outliers import RANGE_C, clean_channel, in_range
+from sync.log.repairs import LogReading, Repair
+from sync.log.restart_gaps import join_blocks
+from sync.log.timestamps import OrderedStamps, order_stamps, usual_step_s
+from torsight.core.errors import InputError
+from torsight.core.paths import AnyPath
+from torsight.core.plausible import require_stamps, require_units
+from torsight.core.records import TemperatureLog
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SWITCHES: Final = ("heat_a", "heat_b")
+_COARSE_SHARE: Final = 0.2
+"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
+_MIN_ROWS: Final = 3
+"""Two steps of time: with one no usual step can be told from a gap."""
+_MOST_RESTARTS: Final = 20
+"""A logger that restarts more often was not logging; the stamps are of another kind."""
+
+
+def read_temperature_log(
+    path: AnyPath, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> LogReading:
+    """Read ``TEMPS.csv`` (or Parquet), or a log as an instrument writes it, and mend what can be mended.
+
+    Parameters
+    ----------
+    path : str or Path
+        The log; its header may stand on any line.
+    columns : mapping of str to str, optional
+        Name of the column that holds each of ``time, a, b, heat_a, heat_b, current_a, current_b`` and, where the time
+        of day stands apart, ``date``: ``{"time": "Time", "a": "Temp A (°C)", "b": "Temp B (°C)"}``.
+        What is not named has the contract's name, or one that says it plainly.
+    units : mapping of str to str, optional
+        Units that the header does not say, by the same keys: ``{"time": "ms", "a": "°F"}``.
+
+    Returns
+    -------
+    LogReading
+        Time in seconds as stamped (from the first stamp where the stamps are dates), temperatures in °C with NaN where
+        no reading can be trusted, the heating switches where there are any, and all other columns.
+
+    Raises
+    ------
+    ConfigError
+        For a key of ``columns`` or ``units`` that is not known, or a unit of another kind.
+    InputError
+        When the file cannot be read, lacks a column, has one in a unit that contradicts what it is to hold, is
+        ambiguous in its numbers, or holds too little to use; the message names line and column.
+    """
+    path = Path(path)
+    table = read_log_table(path, chosen_columns(columns, units))
+    frame, first_line, repairs = table.frame, table.first_line, list(table.repairs)
+    stamp_s = frame["time_s"].to_numpy(np.float64)
+    ordered = order_stamps(stamp_s, first_line=first_line)
+    repairs += ordered.repairs
+    if len(ordered.row) < _MIN_ROWS:
+        raise InputError(
+            "has too few rows with a time",
+            where=f"{path}, column time_s",
+            value=str(len(ordered.row)),
+            limit=f"at least {_MIN_ROWS}",
+            do="record it again",
+        )
+    if float(np.ptp(ordered.time_s)) == 0.0 and not ordered.block[-1]:
+        raise InputError(
+            "holds one and the same time in every row",
+            where=f"{path}, column time_s",
+            value=f"{ordered.time_s[0]:g}",
+            do="record it again, with a clock that runs",
+        )
+    _require_order(ordered, len(frame), path=path)
+    series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
+    stamps, merged = _distinct(ordered, series, first_line=first_line, repairs=repairs)
+    joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]])
+    temperatures: dict[str, NDArray[np.float64]] = {}
+    for name in NEEDED_NAMES[1:]:
+        temperatures[name], found = clean_channel(joined.time_s, merged.numbers[name], name=name)
+        repairs += found
+        if not np.isfinite(temperatures[name]).any():
+            raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
+    require_units(joined.time_s, temperatures, where=str(path))
+    switches = _read_switches(merged.numbers, repairs)
+    extra: dict[str, NDArray[np.generic]] = {
+        name: values for name, values in merged.numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
+    }
+    log = TemperatureLog(
+        time_s=joined.time_s,
+        temp_a_c=temperatures["temp_a_c"],
+        temp_b_c=temperatures["temp_b_c"],
+        heat_a=switches.get("heat_a"),
+        heat_b=switches.get("heat_b"),
+        extra=extra | merged.texts,
+    )
+    repairs += _gaps(joined.time_s)
+    coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
+    return LogReading(
+        log=log,
+        repairs=tuple(repairs),
+        restarts=joined.restarts,
+        zero=table.zero,
+        coarse_s=coarse_s,
+        columns=table.columns,
+        notes=table.notes,
+    )
+
+
+def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
+    """Refuse stamps that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
+    where = f"{path}, column time_s"
+    require_stamps(ordered.time_s, where=where)
+    restarts = int(ordered.block[-1])
+    if restarts > _MOST_RESTARTS or len(ordered.row) < 0.5 * rows:
+        raise InputError(
+            "is out of order",
+            where=where,
+            value=f"{restarts} steps back, {len(ordered.row)} of {rows} rows in order",
+            limit=f"{_MOST_RESTARTS} restarts of the clock, and half of the rows",
+            do="sort the log by time",
+        )
+
+
+def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
+    known = values[np.isfinite(values)]
+    middle = f"{np.sort(known)[len(known) // 2]:.4g} in the middle" if len(known) else "no number"
+    return InputError(
+        "holds no temperature of a spring",
+        where=where,
+        value=middle,
+        limit=f"{RANGE_C[0]:g} to {RANGE_C[1]:g} °C",
+        do="give temperatures in °C, not in kelvin or tenths; both springs are needed",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    numbers: dict[str, NDArray[np.float64]]
+    texts: dict[str, NDArray[np.generic]]
+
+
+def _distinct(
+    ordered: OrderedStamps,
+    columns: dict[str, pd.Series[Any]],
+    *,
+    first_line: int,
+    repairs: list[Repair],
+) -> tuple[OrderedStamps, _Columns]:
+    """Bring the columns into the rows' order and give every row a stamp of its own."""
+    import pandas as pd
+
+    numbers: dict[str, NDArray[np.float64]] = {}
+    texts: dict[str, NDArray[np.generic]] = {}
+    for name, column in columns.items():
+        if pd.api.types.is_numeric_dtype(column):
+            numbers[name] = column.to_numpy(np.float64, na_value=np.nan)[ordered.row]
+            continue
+        values = pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+        if name in (*NEEDED_NAMES, *_SWITCHES):
+            values = np.where(np.isfinite(values), values, _words(column))
+            numbers[name] = values[ordered.row]
+        else:
+            texts[name] = column.astype("object").to_numpy()[ordered.row]
+    same = np.concatenate([[False], (np.diff(ordered.time_s) == 0) & (np.diff(ordered.block) == 0)])
+    count = int(np.count_nonzero(same))
+    if count == 0:
+        return ordered, _Columns(numbers, texts)
+    line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
+    if count > _COARSE_SHARE * len(same):
+        repairs.append(
+            Repair("coarse_stamp", count, f"{count} stamps repeat (coarse clock); rows were spread evenly between them")
+        )
+        return _spread(ordered, same), _Columns(numbers, texts)
+    repairs.append(
+        Repair(
+            "repeated_stamp",
+            count,
+            f"{count} rows repeat a stamp, the first on line {line}; each set was replaced by its mean",
+        )
+    )
+    group = np.cumsum(~same) - 1
+    first = np.flatnonzero(~same)
+    averaged = {name: _group_mean(values, group, len(first)) for name, values in numbers.items()}
+    kept = OrderedStamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
+    return kept, _Columns(averaged, {name: values[first] for name, values in texts.items()})
+
+
+def _words(column: pd.Series[Any]) -> NDArray[np.float64]:
+    """Read switches written as words; everything else is not a number."""
+    words = {"true": 1.0, "on": 1.0, "yes": 1.0, "false": 0.0, "off": 0.0, "no": 0.0}
+    lowered = column.astype("string").str.strip().str.lower()
+    return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
+
+
+def _group_mean(values: NDArray[np.float64], group: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    known = np.isfinite(values)
+    total = np.bincount(group[known], weights=values[known], minlength=count)
+    number = np.bincount(group[known], minlength=count)
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
+    group = np.cumsum(~same) - 1
+    first = np.flatnonzero(~same)
+    size = np.bincount(group)
+    stamp = ordered.time_s[first]
+    width = np.empty(len(stamp))
+    width[:-1] = np.diff(stamp)
+    usual = usual_step_s(stamp)
+    width[-1] = usual
+    # Behind a gap or a restart the rows of one stamp do not fill the time up to the next.
+    width = np.where((width > 0) & (width < 3 * usual), width, usual)
+    rank = np.arange(len(group)) - first[group]
+    time_s = ordered.time_s + width[group] * rank / size[group]
+    return OrderedStamps(ordered.row, time_s, ordered.block, ordered.repairs)
+
+
+def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Repair]) -> dict[str, NDArray[np.bool_]]:
+    """Return the switches that the log has; a column without any readable state is reported and left out."""
+    switches: dict[str, NDArray[np.bool_]] = {}
+    for name in _SWITCHES:
+        if name not in numbers:
+            continue
+        unread = int(np.count_nonzero(~np.isfinite(numbers[name])))
+        if unread == len(numbers[name]):
+            repairs.append(Repair("no_switch", unread, f"{name}: no field is 0, 1, on or off; left out"))
+            continue
+        if unread:
+            repairs.append(
+                Repair("no_switch", unread, f"{name}: {unread} fields are not 0, 1, on or off; taken as the one before")
+            )
+        switches[name] = _switch(numbers[name])
+    return switches
+
+
+def _switch(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return a switch as it stood: an empty field goes on with the last known state."""
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)] > 0.5, False)
+
+
+def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:
+    step = np.diff(time_s)
+    usual = float(np.median(step))
+    long = step > max(5.0 * usual, 1.0)
+    if not long.any():
+        return []
+    first = int(np.flatnonzero(long)[0])
+    return [
+        Repair(
+            "gap",
+            int(np.count_nonzero(long)),
+            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, "
+            f"the first at {time_s[first]:g} s",
+        )
+    ]

@@ -1,0 +1,113 @@
+"""A log after its repair, and the list of what was repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from torsight.core.frozen import Frozen
+from torsight.core.records import TemperatureLog
+from torsight.core.shown import Shown
+
+if TYPE_CHECKING:
+    from sync.log.column_names import LogColumn
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """One kind of mending, counted.
+
+    Attributes
+    ----------
+    kind : str
+        Short name: ``spike``, ``stuck``, ``repeated_stamp``, ``reordered``, ``restart``, ...
+    count : int
+        How many rows or fields it touched.
+    text : str
+        What was found and what was done, with the first place, for a person.
+    """
+
+    kind: str
+    count: int
+    text: str
+
+    def to_json(self) -> dict[str, object]:
+        """Return the form that stands in ``sync.json``."""
+        return {"kind": self.kind, "count": self.count, "text": self.text}
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """A restart of the logging clock, after which the stamps were moved to go on from those before.
+
+    Attributes
+    ----------
+    index : int
+        First row of the log behind the restart.
+    shift_s : float
+        What was added to the stamps from there on, s.
+    gap_s, gap_sigma_s : float
+        Time that passed between the rows before and behind it, with one standard deviation (infinite where the
+        log does not tell: the gap is then one usual step).
+    """
+
+    index: int
+    shift_s: float
+    gap_s: float
+    gap_sigma_s: float
+
+    def to_json(self) -> dict[str, object]:
+        """Return the form that stands in ``sync.json``."""
+        return {
+            "row": self.index,
+            "shift_s": self.shift_s,
+            "gap_s": self.gap_s,
+            "gap_sigma_s": self.gap_sigma_s,
+        }
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LogReading(Frozen, Shown):
+    """A temperature log with strictly increasing stamps, and what it took to get there.
+
+    Attributes
+    ----------
+    log : TemperatureLog
+        The mended log; its clock is that of the rows before the first restart.
+    repairs : tuple of Repair
+        Everything that was changed, dropped or set to not-known.
+    restarts : tuple of Restart
+        Restarts of the logging clock, in order.
+    zero : str or None
+        Instant (ISO 8601) of time 0 where the stamps were dates; None where they were seconds.
+    coarse_s : float
+        Step of stamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0 where
+        every row has a stamp of its own.
+    columns : mapping of str to LogColumn
+        Which column of the file was taken for what, by the keys ``time, a, b, ...``.
+    notes : tuple of str
+        What a person should know of that: columns that were guessed or converted.
+    """
+
+    log: TemperatureLog
+    repairs: tuple[Repair, ...] = ()
+    restarts: tuple[Restart, ...] = ()
+    zero: str | None = None
+    coarse_s: float = 0.0
+    columns: Mapping[str, LogColumn] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return what the log holds, where time 0 is, and what was mended."""
+        mended = ", ".join(f"{repair.kind} {repair.count}" for repair in self.repairs) or "nothing"
+        zero = {} if self.zero is None else {"time 0": self.zero}
+        return {**self.log.facts(), **zero, "mended": mended, "restarts": str(len(self.restarts))}
+
+    def _columns(self) -> Mapping[str, Any]:
+        return dict(self.log.to_frame())
+
+    def _draw(self, axes: Any) -> None:
+        self.log.plot(axes)
+        for restart in self.restarts:
+            axes.axvline(self.log.time_s[restart.index], color="grey", linestyle=":", linewidth=0.8)

@@ -1,0 +1,139 @@
+"""Stretches of a log between restarts of its clock, put behind one another.
+
+How long the clock stood still is not in the stamps. Where a temperature changes steadily on both sides, its jump
+across the restart tells: gap = jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
+known; the motion on the film can tell then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.outliers import noise_c
+from sync.log.repairs import Restart
+from sync.log.timestamps import usual_step_s
+from torsight.core.series import robust_sigma
+
+_WINDOW_S: Final = 10.0
+"""Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
+LONGEST_GAP_S: Final = 900.0
+"""A logger that was away for longer than a quarter of an hour is another record."""
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedStamps:
+    """Stamps on one clock, that of the first block.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Strictly increasing.
+    restarts : tuple of Restart
+        One per joint.
+    """
+
+    time_s: NDArray[np.float64]
+    restarts: tuple[Restart, ...]
+
+
+def join_blocks(
+    time_s: NDArray[np.float64], block: NDArray[np.int64], temperatures_c: Sequence[NDArray[np.float64]]
+) -> JoinedStamps:
+    """Move every block behind the one before it.
+
+    Parameters
+    ----------
+    time_s : (n,) float64
+        Stamps, strictly increasing within a block.
+    block : (n,) int64
+        Number of the block of each row, not decreasing.
+    temperatures_c : sequence of (n,) float64
+        The readings whose continuity tells the gap.
+    """
+    joined = time_s.copy()
+    restarts: list[Restart] = []
+    step_s = usual_step_s(time_s)
+    shift_s = 0.0
+    for index in (np.flatnonzero(np.diff(block)) + 1).tolist():
+        before = slice(int(np.searchsorted(block, block[index - 1])), index)
+        behind = slice(index, int(np.searchsorted(block, block[index], side="right")))
+        gap_s, sigma_s = _gap(time_s, before, behind, temperatures_c, step_s)
+        shift_s = joined[index - 1] + gap_s - time_s[index]
+        joined[behind] = time_s[behind] + shift_s
+        restarts.append(Restart(index=index, shift_s=shift_s, gap_s=gap_s, gap_sigma_s=sigma_s))
+    return JoinedStamps(joined, tuple(restarts))
+
+
+def _gap(
+    time_s: NDArray[np.float64],
+    before: slice,
+    behind: slice,
+    temperatures_c: Sequence[NDArray[np.float64]],
+    step_s: float,
+) -> tuple[float, float]:
+    """Return the time between the last row before and the first behind, with one sigma (infinite: not known)."""
+    weight = total = 0.0
+    for temperature in temperatures_c:
+        noise = max(noise_c(temperature), 1e-3)
+        left = _edge(time_s[before], temperature[before], noise, end=True)
+        right = _edge(time_s[behind], temperature[behind], noise, end=False)
+        if left is None or right is None:
+            continue
+        rate = 0.5 * (left[1] + right[1])
+        rate_sigma = math.hypot(left[3], right[3]) / 2.0
+        bend = abs(left[1] - right[1])
+        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump tells little.
+        if abs(rate) < 8.0 * rate_sigma or bend > 0.3 * abs(rate) + 3.0 * rate_sigma:
+            continue
+        gap = (right[0] - left[0]) / rate
+        sigma = math.hypot(math.hypot(left[2], right[2]) / abs(rate), abs(gap) * (0.5 * bend + rate_sigma) / abs(rate))
+        if -3.0 * sigma - step_s < gap < LONGEST_GAP_S:
+            weight += 1.0 / sigma**2
+            total += gap / sigma**2
+    if weight == 0.0:
+        return step_s, math.inf
+    return max(total / weight, 0.2 * step_s), 1.0 / math.sqrt(weight)
+
+
+def _edge(
+    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool
+) -> tuple[float, float, float, float] | None:
+    """Return value, rate and their sigmas at the end (or beginning) of a stretch.
+
+    From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
+    """
+    whole = _parabola(time_s, temp_c, noise, end=end, window_s=_WINDOW_S)
+    half = _parabola(time_s, temp_c, noise, end=end, window_s=0.5 * _WINDOW_S)
+    if whole is None or half is None:
+        return whole
+    value_sigma = math.hypot(half[2], half[0] - whole[0])
+    rate_sigma = math.hypot(half[3], half[1] - whole[1])
+    return half[0], half[1], value_sigma, rate_sigma
+
+
+def _parabola(
+    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool, window_s: float
+) -> tuple[float, float, float, float] | None:
+    edge = time_s[-1] if end else time_s[0]
+    near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
+    # Spikes are not out yet: a median of three takes the lone ones.
+    if np.count_nonzero(near) < 8:
+        return None
+    x, y = time_s[near] - edge, temp_c[near]
+    design = np.stack([np.ones_like(x), x, x**2], axis=1)
+    keep = np.ones(len(x), dtype=np.bool_)
+    for _ in range(3):
+        coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)
+        away = np.abs(y - design @ coefficient)
+        limit = 4.0 * max(noise, robust_sigma(away))
+        keep = away <= limit
+    residual = y[keep] - design[keep] @ coefficient
+    spread = max(noise, float(np.sqrt(np.mean(residual**2))))
+    covariance = spread**2 * np.linalg.inv(design[keep].T @ design[keep])
+    return float(coefficient[0]), float(coefficient[1]), float(covariance[0, 0] ** 0.5), float(covariance[1, 1] ** 0.5)

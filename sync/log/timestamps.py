@@ -1,0 +1,207 @@
+"""Stamps as clocks give them, made strictly increasing: what was misplaced, repeated, wrong, or restarted.
+
+Three things look alike, a stamp that is smaller than the one before, and need different mending:
+
+- rows written out of order: their place further up is vacant; they are put there;
+- a wrong stamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
+- a restart of the clock: the rows behind it run over stamps that were there already; they are moved as a block.
+
+A clock that restarts at zero from negative stamps jumps forward instead; landing on zero gives it away.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.repairs import Repair
+
+_RESTART_ROWS: Final = 20
+"""Fewer rows than these behind a step back are mended one by one."""
+_BRIDGED_S: Final = 2.0
+"""A straight line over so long misses a cooling by A (2 s / τ)² / 8: 0.03 °C for 60 °C with a time constant of 30 s."""
+_CLOCK_SET_S: Final = 6 * 3600.0
+"""A step forward longer than this is a clock that was set, not a pause in logging."""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderedStamps:
+    """Rows in the order of time.
+
+    Attributes
+    ----------
+    row : (m,) int64
+        Rows of the file that are kept, in order.
+    time_s : (m,) float64
+        Their stamps, not decreasing within a block (repeated stamps are still there).
+    block : (m,) int64
+        0 before the first restart of the clock, 1 behind it, ...
+    repairs : tuple of Repair
+        What was done.
+    """
+
+    row: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    block: NDArray[np.int64]
+    repairs: tuple[Repair, ...]
+
+
+def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> OrderedStamps:
+    """Bring rows into the order of time, block by block.
+
+    Parameters
+    ----------
+    stamp_s : (n,) float64
+        Stamps as they stand in the file; NaN where there is none.
+    first_line : int
+        Line of the file on which row 0 stands, for the list of repairs.
+    """
+    repairs: list[Repair] = []
+    row = np.flatnonzero(np.isfinite(stamp_s))
+    lost = len(stamp_s) - len(row)
+    if lost:
+        line = int(np.flatnonzero(~np.isfinite(stamp_s))[0]) + first_line
+        repairs.append(Repair("no_stamp", lost, f"{lost} rows without a stamp were dropped, the first on line {line}"))
+    time_s = stamp_s[row].copy()
+    block = _blocks(time_s)
+    if block[-1:].any():
+        lines = [int(row[i]) + first_line for i in np.flatnonzero(np.diff(block)) + 1]
+        repairs.append(
+            Repair("restart", int(block[-1]), f"the clock restarted {block[-1]} times, at line {_listed(lines)}")
+        )
+    rows, times, blocks = [], [], []
+    counts = {"reordered": [0, 0], "wrong_stamp": [0, 0], "dropped_stamp": [0, 0]}
+    for index in range(int(block[-1]) + 1 if len(block) else 0):
+        inside = block == index
+        kept_row, kept_time = _ordered_block(row[inside], time_s[inside], counts, first_line)
+        rows.append(kept_row)
+        times.append(kept_time)
+        blocks.append(np.full(len(kept_row), index, dtype=np.int64))
+    for kind, text in (
+        ("reordered", "rows stood out of order and were put into their place"),
+        ("wrong_stamp", "stamps that fitted nowhere were interpolated from the rows around"),
+        ("dropped_stamp", "rows whose stamp fitted nowhere were dropped"),
+    ):
+        count, line = counts[kind]
+        if count:
+            repairs.append(Repair(kind, count, f"{count} {text}, the first on line {line}"))
+    if not rows:
+        empty = np.empty(0, dtype=np.int64)
+        return OrderedStamps(empty, np.empty(0), empty, tuple(repairs))
+    return OrderedStamps(np.concatenate(rows), np.concatenate(times), np.concatenate(blocks), tuple(repairs))
+
+
+def _listed(lines: list[int]) -> str:
+    return ", ".join(str(line) for line in lines[:5]) + (", ..." if len(lines) > 5 else "")
+
+
+def usual_step_s(time_s: NDArray[np.float64]) -> float:
+    """Return the median of the positive steps; NaN where there is none."""
+    step = np.diff(time_s)
+    step = step[step > 0]
+    return float(np.median(step)) if len(step) else float("nan")
+
+
+def longest_gap_s(time_s: NDArray[np.float64]) -> float:
+    """Return the longest gap between samples that is bridged by default: two seconds, or five usual steps if longer."""
+    return max(_BRIDGED_S, 5.0 * float(np.median(np.diff(time_s))))
+
+
+def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Give every row the number of restarts before it."""
+    block = np.zeros(len(time_s), dtype=np.int64)
+    step = np.diff(time_s)
+    begin = 0
+    usual_s = usual_step_s(time_s)
+    # Where stamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
+    to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
+    for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
+        if at < begin + 2:
+            continue
+        before, behind = time_s[begin:at], time_s[at : at + 10 * _RESTART_ROWS]
+        if to_zero[at - 1]:
+            restarted = True
+        elif step[at - 1] > 0:
+            # A lone wild stamp jumps too; a clock that was set goes on from there.
+            restarted = len(behind) >= 3 and bool(np.all(np.abs(behind[:3] - behind[0]) < _CLOCK_SET_S))
+        else:
+            restarted = _runs_over(before, behind)
+        if restarted:
+            block[at:] += 1
+            begin = int(at)
+    return block
+
+
+def _runs_over(before: NDArray[np.float64], behind: NDArray[np.float64]) -> bool:
+    """Tell whether the rows behind a step back cover time that was there already."""
+    last = float(np.median(before[-3:]))
+    back = behind[:_RESTART_ROWS]
+    below = back < last
+    if len(back) < _RESTART_ROWS or not below.all():
+        # A step back by less than these rows' own span shows as stamps below the last that keep on increasing.
+        run = int(np.argmin(below)) if not below.all() else len(back)
+        if run < 3 or not np.all(np.diff(back[:run]) > 0):
+            return False
+        back = back[:run]
+    there = int(np.count_nonzero((before >= back.min()) & (before <= back.max())))
+    if back.max() < before.min():
+        return len(back) >= 3
+    return there > len(back) // 3
+
+
+def _ordered_block(
+    row: NDArray[np.int64], time_s: NDArray[np.float64], counts: dict[str, list[int]], first_line: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    if len(time_s) < 2 or not np.any(np.diff(time_s) < 0):
+        return row, time_s
+    step_s = usual_step_s(time_s)
+    kept = _longest_increasing(time_s)
+    good = time_s[kept]
+    added: list[tuple[float, int]] = []
+    for index in np.flatnonzero(~kept):
+        line = int(row[index]) + first_line
+        stamp = float(time_s[index])
+        place = int(np.searchsorted(good, stamp))
+        room = (good[place] if place < len(good) else np.inf) - (good[place - 1] if place else -np.inf)
+        position = int(np.count_nonzero(kept[:index]))
+        if room > 1.3 * step_s and np.isfinite(room):
+            kind = "reordered"
+        elif 0 < position < len(good) and good[position] - good[position - 1] > 1.3 * step_s:
+            kind = "wrong_stamp"
+            stamp = 0.5 * float(good[position] + good[position - 1])
+        else:
+            kind = "dropped_stamp"
+        counts[kind][0] += 1
+        counts[kind][1] = counts[kind][1] or line
+        if kind != "dropped_stamp":
+            added.append((stamp, int(row[index])))
+    all_time = np.concatenate([good, [stamp for stamp, _ in added]])
+    all_row = np.concatenate([row[kept], np.array([item for _, item in added], dtype=np.int64)])
+    order = np.argsort(all_time, kind="stable")
+    return all_row[order], all_time[order]
+
+
+def _longest_increasing(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mark the longest not decreasing run of rows that can be picked (patience sorting)."""
+    tails: list[float] = []
+    tail_index: list[int] = []
+    previous = np.full(len(time_s), -1, dtype=np.int64)
+    for index, stamp in enumerate(time_s.tolist()):
+        place = bisect_right(tails, stamp)
+        previous[index] = tail_index[place - 1] if place else -1
+        if place == len(tails):
+            tails.append(stamp)
+            tail_index.append(index)
+        else:
+            tails[place] = stamp
+            tail_index[place] = index
+    marked = np.zeros(len(time_s), dtype=np.bool_)
+    index = tail_index[-1]
+    while index >= 0:
+        marked[index] = True
+        index = int(previous[index])
+    return marked

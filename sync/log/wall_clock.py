@@ -1,0 +1,217 @@
+"""Stamps as instruments write them: numbers, dates with a time of day, or a time of day alone, made seconds.
+
+Only differences of stamps count, so that whether ``05/06/2024`` is in May or in June matters only where a log goes over
+midnight: the reading that leaves the shorter steps is the right one then, as the other jumps by a month.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_CLOCK: Final = r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?"
+"""Hours, minutes, seconds, fraction; some loggers part milliseconds from seconds with a third colon."""
+_DATE: Final = r"(\d{1,4})([./-])(\d{1,2})[./-](\d{1,4})"
+_STAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
+_MONTH_NAMES: Final = ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d %b %Y %H:%M:%S", "%b %d, %Y %H:%M:%S")
+_DAY_S: Final = timedelta(days=1).total_seconds()
+
+
+@dataclass(frozen=True, slots=True)
+class Stamps:
+    """Stamps in seconds.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        NaN where a field is no stamp; since the first one where they are dates.
+    zero : str or None
+        Instant (ISO 8601) of second 0 where they are dates.
+    numeric : bool
+        Whether the fields are numbers, in whatever unit the column has.
+    note : str or None
+        How dates were read that can be read in two ways.
+    """
+
+    time_s: NDArray[np.float64]
+    zero: str | None = None
+    numeric: bool = False
+    note: str | None = None
+
+
+class RunningStamps:
+    """Stamps one by one, as a log grows: the same seconds as :func:`read_stamps` gives for the whole.
+
+    Of dates only the first instant and the time of day count: midnight is where the time of day falls.
+    """
+
+    def __init__(self, factor: float = 1.0) -> None:
+        self._factor = factor
+        self._zero: datetime | None = None
+        self._began_s: float | None = None
+        self._last_s = -np.inf
+        self._days = 0
+
+    def seconds(self, text: str) -> float:
+        """Return the seconds of the next stamp.
+
+        Raises
+        ------
+        ValueError
+            When the text is no stamp.
+        """
+        try:
+            return float(text) * self._factor
+        except ValueError:
+            found = _STAMP.match(text)
+        if found is None:
+            stamp = datetime.fromisoformat(text)
+            self._zero = self._zero or stamp
+            return (stamp - self._zero).total_seconds()
+        hours, minutes, seconds, fraction, half = found.groups()[-5:]
+        hour = int(hours) if half is None else int(hours) % 12 + 12 * (half.lower() == "p")
+        time_s = 3600.0 * hour + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
+        self._days += time_s < self._last_s - 0.5 * _DAY_S
+        self._last_s = time_s
+        if found["date"] and self._began_s is None:
+            self._began_s = time_s
+        return self._days * _DAY_S + time_s - (self._began_s or 0.0)
+
+
+def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:
+    """Read a column of stamps.
+
+    Parameters
+    ----------
+    column : Series
+        Numbers, dates or text.
+    where : str
+        File, for messages.
+    first_line : int
+        Line of the file on which row 0 stands.
+
+    Raises
+    ------
+    InputError
+        When most fields are neither numbers nor dates nor times of day; it names the first such line.
+    """
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column):
+        return Stamps(column.to_numpy(np.float64), numeric=True)
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return _since_first(pd.to_datetime(column, utc=True))
+    # A column is of a form where most of its fields are; the others are damaged.
+    text = column.astype("string").str.strip()
+    given = int(text.notna().sum())
+    numbers = pd.to_numeric(text.str.replace(r"(?<=\d),(?=\d)", ".", regex=True), errors="coerce")
+    if numbers.notna().sum() > 0.5 * given:
+        return Stamps(numbers.to_numpy(np.float64, na_value=np.nan), numeric=True)
+    dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
+    if dates.notna().sum() > 0.5 * given:
+        return _since_first(dates)
+    for read in (_clock_stamps, _date_stamps, _named_months):
+        stamps = read(text)
+        if stamps is not None and np.isfinite(stamps.time_s).sum() > 0.5 * given:
+            return stamps
+    wrong = int(np.flatnonzero((numbers.isna() & dates.isna() & text.notna()).to_numpy())[0]) if given else 0
+    raise InputError(
+        "is neither a number nor a date with a time",
+        where=f"{where}, line {wrong + first_line}",
+        value=repr(column.iloc[wrong]),
+        limit="12.345, 2024-05-01T10:00:00.345, 05/31/2024 10:00:00.345 or 10:00:00.345",
+        do="export the stamps in one of these forms",
+    )
+
+
+def _since_first(dates: pd.Series[Any]) -> Stamps:
+    first = dates.dropna().iloc[0]
+    seconds = (dates - first).dt.total_seconds().to_numpy(np.float64, na_value=np.nan)
+    return Stamps(seconds, zero=str(first.isoformat()))
+
+
+def _clock_stamps(text: pd.Series[Any]) -> Stamps | None:
+    """Read times of day, or of a stop watch: hours, minutes, seconds; a day goes by where they fall to zero."""
+    fields = text.str.extract(f"^{_CLOCK}$")
+    seconds = _seconds_of_day(fields)
+    known = np.flatnonzero(np.isfinite(seconds))
+    if len(known) == 0:
+        return None
+    fallen = np.diff(seconds[known]) < -0.5 * _DAY_S
+    seconds[known] += _DAY_S * np.concatenate([[0.0], np.cumsum(fallen)])
+    return Stamps(seconds)
+
+
+def _date_stamps(text: pd.Series[Any]) -> Stamps | None:
+    """Read dates with a time of day, the parts of the date in whichever order is possible."""
+    fields = text.str.extract(f"^{_DATE}[T,;\\s]+{_CLOCK}$")
+    clock_s = _seconds_of_day(fields.iloc[:, 4:])
+    numbers = [_numbers(fields.iloc[:, index]) for index in (0, 2, 3)]
+    known = np.isfinite(clock_s) & np.all(np.isfinite(numbers), axis=0)
+    if not known.any():
+        return None
+    first, second, third = (values[known].astype(np.int64) for values in numbers)
+    points = str(fields.iloc[int(np.flatnonzero(known)[0]), 1]) == "."
+    orders = {"year, month, day": (first, second, third)}
+    if first.max() < 1000:
+        orders = {"day, month, year": (third, second, first)}
+        if not points:
+            orders["month, day, year"] = (third, first, second)
+    found = {}
+    for name, (year, month, day) in orders.items():
+        if month.max() > 12 or day.max() > 31 or min(month.min(), day.min()) < 1:
+            continue
+        days = _days(np.where(year < 100, year + 2000, year), month, day)
+        found[name] = (days, (days - days[0]) * _DAY_S + clock_s[known] - clock_s[known][0])
+    if not found:
+        return None
+    name = min(found, key=lambda one: float(np.abs(np.diff(found[one][1], prepend=0.0)).max()))
+    days, since_s = found[name]
+    time_s = np.full(len(text), np.nan)
+    time_s[known] = since_s
+    zero = np.datetime64(int(days[0]), "D") + np.timedelta64(round(clock_s[known][0] * 1e6), "us")
+    note = f"dates read as {name}" if len(found) > 1 else None
+    return Stamps(time_s, zero=str(zero), note=note)
+
+
+def _days(year: NDArray[np.int64], month: NDArray[np.int64], day: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return days since 1970-01-01."""
+    months = (year - 1970).astype("timedelta64[Y]") + np.datetime64("1970", "Y")
+    first = (months.astype("datetime64[M]") + (month - 1)).astype("datetime64[D]")
+    return np.asarray((first + (day - 1)).astype(np.int64))
+
+
+def _named_months(text: pd.Series[Any]) -> Stamps | None:
+    import pandas as pd
+
+    for form in _MONTH_NAMES:
+        dates = pd.to_datetime(text, errors="coerce", utc=True, format=form)
+        if dates.notna().mean() > 0.5:
+            return _since_first(dates)
+    return None
+
+
+def _seconds_of_day(fields: pd.DataFrame) -> NDArray[np.float64]:
+    """Return seconds for columns of hours, minutes, seconds, the fraction's digits, and a or p; NaN where not known."""
+    hours, minutes, seconds = (_numbers(fields.iloc[:, index]) for index in range(3))
+    fraction = _numbers("0." + fields.iloc[:, 3].astype("string").fillna("0"))
+    half = fields.iloc[:, 4].astype("string").str.lower()
+    hours = np.where(half.notna().to_numpy(), hours % 12 + 12.0 * (half == "p").fillna(value=False).to_numpy(), hours)
+    wrong = (minutes > 59) | (seconds > 60)
+    return np.where(wrong, np.nan, hours * 3600.0 + minutes * 60.0 + seconds + fraction)
+
+
+def _numbers(column: Any) -> NDArray[np.float64]:
+    import pandas as pd
+
+    return np.asarray(pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan))

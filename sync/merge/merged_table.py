@@ -1,0 +1,111 @@
+"""Angle and temperatures on one clock.
+
+Temperatures are interpolated linearly between the two stamps around a frame's instant. Nothing is averaged: a mean over
+neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is better
+taken out by whoever drives a model with it, with the same filter for measurement and simulation. Where a frame falls on
+a stamp the reading comes out as it is. Switches and all other columns hold the last row at or before the instant, as
+the logger did. Where the readings around are further apart than the longest gap the temperature stays empty.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.timestamps import longest_gap_s
+from torsight.core.errors import InputError
+from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
+from torsight.core.tracks import StickAngles
+
+
+def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_s: float | None = None) -> SyncedTable:
+    """Put temperatures, switches and further columns at the film's instants.
+
+    Parameters
+    ----------
+    angles : StickAngles
+        Angle on the film's clock; its rows, sigma and NaN are carried over.
+    log : TemperatureLog
+        Readings on the logging clock; NaN readings are bridged like missing rows.
+    clock : ClockMap
+        Temperature time of a film time.
+    max_gap_s : float, optional
+        Longest distance between the two readings around an instant, s.
+
+    Returns
+    -------
+    SyncedTable
+        One row per frame, film clock; NaN outside the log and in longer gaps.
+    """
+    instant_s = clock.to_temperature_time(angles.time_s)
+    gap_s = longest_gap_s(log.time_s) if max_gap_s is None else max_gap_s
+    last = np.searchsorted(log.time_s, instant_s, side="right") - 1
+    covered = (last >= 0) & (instant_s <= log.time_s[-1])
+    row = np.maximum(last, 0)
+    extra = {name: _held(values, row, covered) for name, values in log.extra.items()}
+    return SyncedTable(
+        time_s=angles.time_s,
+        angle_rad=np.where(angles.valid, angles.angle_rad, np.nan),
+        angle_sigma_rad=np.where(angles.valid, angles.sigma_rad, np.nan),
+        temp_a_c=at_instants(log.time_s, log.temp_a_c, instant_s, max_gap_s=gap_s),
+        temp_b_c=at_instants(log.time_s, log.temp_b_c, instant_s, max_gap_s=gap_s),
+        heat_a=None if log.heat_a is None else log.heat_a[row] & covered,
+        heat_b=None if log.heat_b is None else log.heat_b[row] & covered,
+        extra={name: values for name, values in extra.items() if name not in ("angle_deg", "angle_sigma_deg")},
+    )
+
+
+def require_overlap(
+    table: SyncedTable, angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, where: str
+) -> None:
+    """Refuse a table without any row that has both temperatures.
+
+    Raises
+    ------
+    InputError
+        When film and log do not overlap, or the log has nothing but gaps there.
+    """
+    if np.any(np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)):
+        return
+    begin, end = clock.to_temperature_time(angles.time_s[[0, -1]])
+    raise InputError(
+        "film and log do not overlap",
+        where=where,
+        value=f"the film lies at {begin:.6g} to {end:.6g} s of the log's clock",
+        limit=f"the log's {log.time_s[0]:.6g} to {log.time_s[-1]:.6g} s",
+        do="check the offset and that both files belong to one experiment",
+    )
+
+
+def at_instants(
+    time_s: NDArray[np.float64],
+    value: NDArray[np.float64],
+    instant_s: NDArray[np.float64],
+    *,
+    max_gap_s: float,
+) -> NDArray[np.float64]:
+    """Interpolate linearly; NaN outside and where the known values around are further apart than ``max_gap_s``."""
+    known = np.isfinite(value)
+    at_s, there = time_s[known], value[known]
+    out = np.full(len(instant_s), np.nan)
+    if len(at_s) == 0:
+        return out
+    behind = np.searchsorted(at_s, instant_s, side="left")
+    exact = (behind < len(at_s)) & (at_s[np.minimum(behind, len(at_s) - 1)] == instant_s)
+    inside = (behind > 0) & (behind < len(at_s))
+    right = np.clip(behind, 1, max(len(at_s) - 1, 1))
+    if len(at_s) > 1:
+        bridged = inside & (at_s[right] - at_s[right - 1] <= max_gap_s)
+        out[bridged] = np.interp(instant_s[bridged], at_s, there)
+    out[exact] = there[behind[exact]]
+    return out
+
+
+def _held(values: NDArray[np.generic], row: NDArray[np.int64], covered: NDArray[np.bool_]) -> NDArray[np.generic]:
+    taken = values[row]
+    if np.issubdtype(taken.dtype, np.floating):
+        return np.where(covered, taken, np.nan)
+    if covered.all():
+        return taken
+    blank: NDArray[np.object_] = np.full(len(taken), None, dtype=object)
+    return np.where(covered, taken.astype(object), blank)

@@ -1,0 +1,349 @@
+"""Changepoints of the log, which a sensor's lag rounds but does not move, and abrupt stops on the film.
+
+When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the changepoint
+at the same instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at
+which the wire stops getting warmer. So a changepoint in the log and a stop on the film are one event, whatever the lag.
+The roundness of the log's changepoints is an upper limit of the lag (a larger one would have rounded them more), and
+equals the lag where the power is cut at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from sync.signals.heating_segments import HeatingSegment
+from sync.signals.sensor_response import lagged_decay, lagged_ramp
+from sync.signals.strokes import Stroke
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
+
+MAX_LAG_S: Final = 15.0
+"""Longest lag that is looked for: a thermocouple in a thick sleeve in still air."""
+SPLITS: Final = (0.0, 0.2, 0.45)
+"""Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
+_POINTS: Final = 160
+"""Readings around a changepoint are averaged down to fewer than twice as many: the grid search costs in proportion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Changepoint:
+    """An instant at which the rate of a temperature jumps.
+
+    Attributes
+    ----------
+    time_s, time_sigma_s : float
+        When, on the log's clock.
+    lag_s, lag_sigma_s : float
+        First-order lag that rounds it like this.
+    lags_s, lag_log_likelihood : (n,) float64
+        The likelihood of the lag around its best value.
+    log_fit : float
+        Logarithm of how well the changepoint is described at all, up to a constant of its readings.
+    """
+
+    time_s: float
+    time_sigma_s: float
+    lag_s: float
+    lag_sigma_s: float
+    lags_s: NDArray[np.float64]
+    lag_log_likelihood: NDArray[np.float64]
+    log_fit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """An abrupt end of a stroke.
+
+    Attributes
+    ----------
+    stroke : int
+        Number of the stroke.
+    time_s, time_sigma_s : float
+        When, on the film's clock.
+    """
+
+    stroke: int
+    time_s: float
+    time_sigma_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What a temperature does around a changepoint.
+
+    Attributes
+    ----------
+    powers_before : int
+        Degree of the polynomial that holds before it.
+    decay_s : float or None
+        Time constant of a decay that begins there beside a straight line; None: a straight line alone.
+    lag_s : float or None
+        Lag of the sensor, where it is known.
+    split : float
+        Share of the lag's second stage.
+    """
+
+    powers_before: int
+    decay_s: float | None = None
+    lag_s: float | None = None
+    split: float = 0.0
+
+
+def fit_changepoint(
+    time_s: NDArray[np.float64],
+    temp_c: NDArray[np.float64],
+    shape: Shape,
+    *,
+    near_s: tuple[float, float],
+    before_s: float,
+    after_s: float,
+    noise: float,
+) -> Changepoint | None:
+    """Find a changepoint and its roundness by least squares over its time and the lag.
+
+    ``near_s`` bounds its time; ``before_s`` and ``after_s`` are how far readings count on either side.
+    ``None`` where there are too few readings or none stands out.
+    """
+    window = (time_s >= near_s[0] - before_s) & (time_s <= near_s[1] + after_s) & np.isfinite(temp_c)
+    if np.count_nonzero(window) < 12:
+        return None
+    x, y, spread = _thinned(time_s[window], temp_c[window], noise)
+    at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
+    lags = np.array([shape.lag_s]) if shape.lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
+    for _ in range(4):
+        loss = _losses(x, y, at, lags, shape)
+        if not np.isfinite(loss).any():
+            return None
+        i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
+        # Everything that could still be the answer stays inside the next, finer grid.
+        likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
+        at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
+    return _summary(_losses(x, y, at, lags, shape), at, lags, spread, len(x))
+
+
+def _zoomed(
+    grid: NDArray[np.float64], likely: NDArray[np.bool_], bounds: tuple[float, float] | None
+) -> NDArray[np.float64]:
+    if len(grid) == 1:
+        return grid
+    inside = np.flatnonzero(likely)
+    low, high = grid[max(inside[0] - 1, 0)], grid[min(inside[-1] + 1, len(grid) - 1)]
+    if bounds is None and inside[0] == 0:
+        low -= grid[1] - grid[0]
+    if bounds is None and inside[-1] == len(grid) - 1:
+        high += grid[-1] - grid[-2]
+    return np.linspace(low, high, 11)
+
+
+def _thinned(
+    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Average fast logs down to some hundred points; return times, values, noise of one."""
+    group = max(1, len(time_s) // _POINTS)
+    if group == 1:
+        return time_s, temp_c, max(noise, 1e-3)
+    whole = len(time_s) // group * group
+    x = time_s[:whole].reshape(-1, group).mean(axis=1)
+    y = temp_c[:whole].reshape(-1, group).mean(axis=1)
+    return x, y, max(noise, 1e-3) / float(np.sqrt(group))
+
+
+def _losses(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    at: NDArray[np.float64],
+    lags: NDArray[np.float64],
+    shape: Shape,
+) -> NDArray[np.float64]:
+    """Return the mean square that is left, for every time and lag."""
+    loss = np.full((len(at), len(lags)), np.inf)
+    for i, change_s in enumerate(at):
+        away = x - change_s
+        if np.count_nonzero(away < 0) < shape.powers_before + 2 or np.count_nonzero(away > 0) < 5:
+            continue
+        steady = [away**power for power in range(shape.powers_before + 1)]
+        for j, lag_s in enumerate(lags):
+            rising = [lagged_ramp(away, float(lag_s), shape.split)]
+            if shape.decay_s is not None:
+                rising.append(lagged_decay(away, shape.decay_s, float(lag_s), shape.split))
+            design = np.stack([*steady, *rising], axis=1)
+            basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
+            left = y - basis @ (basis.T @ y)
+            loss[i, j] = float(left @ left) / max(len(y) - design.shape[1], 1)
+    return loss
+
+
+def _summary(
+    loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
+) -> Changepoint:
+    """Return the best changepoint, with sigmas from how fast the loss grows around it."""
+    i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
+    lowest = float(loss[i, j])
+    # What the curves cannot follow counts as noise too.
+    unit = max(lowest, spread**2)
+    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0)), 0.0)
+    weight /= weight.sum()
+    at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
+    return Changepoint(
+        time_s=float(at[i]),
+        time_sigma_s=float(np.sqrt(at_weight @ (at - at[i]) ** 2)),
+        lag_s=float(lags[j]),
+        lag_sigma_s=float(np.sqrt(lag_weight @ (lags - lags[j]) ** 2)),
+        lags_s=lags,
+        lag_log_likelihood=np.log(np.maximum(lag_weight, 1e-40)),
+        log_fit=-0.5 * count * float(np.log(unit)),
+    )
+
+
+def cooling_start(
+    log: TemperatureLog,
+    segment: HeatingSegment,
+    *,
+    noise: float,
+    switch_s: NDArray[np.float64] | None = None,
+    lag_s: float | None = None,
+    split: float = 0.0,
+) -> Changepoint | None:
+    """Find the instant at which the power went off at the beginning of a cooling.
+
+    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
+    holds the lag fixed.
+    """
+    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    length_s = segment.end_s - segment.begin_s
+    inside = (log.time_s >= segment.begin_s) & (log.time_s <= segment.end_s) & np.isfinite(temp_c)
+    hot = temp_c[inside] >= segment.high_c - max(0.02 * (segment.high_c - segment.low_c), 4.0 * noise)
+    if not hot.any():
+        return None
+    drop_s = float(log.time_s[inside][np.flatnonzero(hot)[-1]])
+    decay_s = _decay(log.time_s[inside], temp_c[inside], segment)
+    if decay_s is None:
+        return None
+    near = (drop_s - float(np.clip(0.15 * decay_s, 0.5, 6.0)), drop_s)
+    if switch_s is not None and len(switch_s):
+        closest = float(switch_s[int(np.argmin(np.abs(switch_s - drop_s)))])
+        if abs(closest - drop_s) < 0.2 * length_s + 1.0:
+            near = (closest, closest)
+    return fit_changepoint(
+        log.time_s,
+        temp_c,
+        Shape(powers_before=2, decay_s=decay_s, lag_s=lag_s, split=split),
+        near_s=near,
+        before_s=float(np.clip(0.1 * decay_s, 0.5, 4.0)),
+        after_s=float(np.clip(0.6 * decay_s, 1.0, 30.0)),
+        noise=noise,
+    )
+
+
+def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: HeatingSegment) -> float | None:
+    """Return the time constant of a cooling from its later part, where a lag shows no more."""
+    rise = segment.high_c - segment.low_c
+    later = (temp_c < segment.low_c + 0.65 * rise) & (temp_c > segment.low_c + 0.12 * rise)
+    x, y = time_s[later], temp_c[later]
+    if len(x) < 10 or x[-1] <= x[0]:
+        return None
+    x = x - x[0]
+    group = max(1, len(x) // _POINTS)
+    x, y = x[::group], y[::group]
+
+    def loss(log_decay: float) -> float:
+        design = np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)
+        basis, _ = np.linalg.qr(design)
+        left = y - basis @ (basis.T @ y)
+        return float(left @ left)
+
+    span = float(np.log(x[-1]))
+    found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})
+    return float(np.exp(found.x))
+
+
+def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | None:
+    """Find the abrupt end of a stroke; ``None`` where the motion fades out instead."""
+    length_s = stroke.end_s - stroke.begin_s
+    window_s = float(np.clip(0.12 * length_s, 0.4, 8.0))
+    inside = (np.abs(angles.time_s - stroke.end_s) <= window_s) & angles.valid
+    time_s, angle = angles.time_s[inside], angles.angle_rad[inside]
+    if len(time_s) < 12:
+        return None
+    travel = stroke.sign * (angle - stroke.start_rad)
+    best: tuple[float, float, float] | None = None
+    step_s = float(np.median(np.diff(time_s)))
+    at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
+    losses = np.full(len(at), np.inf)
+    for index, stop_s in enumerate(at):
+        before = np.maximum(stop_s - time_s, 0.0)
+        if np.count_nonzero(before > 0) < 5 or np.count_nonzero(before == 0) < 4:
+            continue
+        design = np.stack([np.ones_like(before), before, before**2], axis=1)
+        coefficient, *_ = np.linalg.lstsq(design, travel, rcond=None)
+        left = travel - design @ coefficient
+        losses[index] = float(left @ left) / (len(left) - 3)
+        if best is None or losses[index] < best[0]:
+            best = (losses[index], -float(coefficient[1]), float(stop_s))
+    if best is None:
+        return None
+    lowest, closing, _ = best
+    usual = stroke.length_rad / max(length_s, 1e-9)
+    if closing < 0.4 * usual:
+        return None
+    weight = np.exp(-0.5 * np.minimum((losses - lowest) / lowest * len(time_s), 200.0))
+    weight = np.where(np.isfinite(losses), weight, 0.0) / np.where(np.isfinite(losses), weight, 0.0).sum()
+    mean = float(weight @ at)
+    sigma = float(np.sqrt(weight @ (at - mean) ** 2))
+    return Stop(stroke=number, time_s=mean, time_sigma_s=float(np.hypot(sigma, 0.1 * step_s)))
+
+
+def heating_end(
+    log: TemperatureLog,
+    segment: HeatingSegment,
+    cooling: Changepoint | None,
+    *,
+    noise: float,
+    lag_s: float | None,
+    split: float,
+) -> Changepoint | None:
+    """Find the instant at which the temperature stopped rising at the end of a heating.
+
+    ``lag_s`` is the roundness of the log's sharp changepoints, where it is known: with it this one has a roundness of
+    its own. Where a hold follows, the end is the changepoint between the ramp and the hold; else it is the beginning of
+    the cooling.
+    """
+    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    off_s = cooling.time_s if cooling is not None else segment.end_s
+    inside = (log.time_s >= segment.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
+    if np.count_nonzero(inside) < 20:
+        return None
+    time_s, here_c = log.time_s[inside], temp_c[inside]
+    length_s = off_s - segment.begin_s
+    # The ramp as a straight line over its upper part below the end, and where the temperature leaves it.
+    top_c = float(np.max(here_c[here_c <= np.quantile(here_c, 0.99)]))
+    rise_c = top_c - segment.low_c
+    ramp = (here_c > top_c - 0.35 * rise_c) & (here_c < top_c - 0.08 * rise_c)
+    if np.count_nonzero(ramp) < 6:
+        return None
+    rate, level = np.polyfit(time_s[ramp] - off_s, here_c[ramp], 1)
+    if rate <= 0:
+        return None
+    reached_s = off_s + (top_c - level) / rate
+    hold_s = off_s - reached_s
+    # Over a gap of the log a segment seems longer than its ramp.
+    length_s = min(length_s, rise_c / rate)
+    if hold_s < max(0.02 * length_s, 0.5):
+        return cooling
+    reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0
+    # A current that is set once leaves the rounding to the sensor; a control law on the reading sharpens it.
+    changepoint = fit_changepoint(
+        time_s,
+        here_c,
+        Shape(powers_before=1, lag_s=None if roundness_s > 0.0 else 0.0, split=split),
+        near_s=(reached_s - reach_s - roundness_s, min(reached_s + reach_s, off_s - 0.3 * hold_s)),
+        before_s=float(np.clip(0.25 * (0.35 * rise_c) / rate + 0.5, 0.6, 12.0)),
+        after_s=hold_s + reach_s,
+        noise=noise,
+    )
+    return None if changepoint is None or changepoint.time_sigma_s > 2.0 else changepoint

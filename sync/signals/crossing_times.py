@@ -1,0 +1,100 @@
+"""When a stroke passes an angle, from the frames around that instant, and how sure that is.
+
+A smoothed picture of the motion rounds its onset, where the speed jumps within a frame or two: good enough to see that
+something moved, not to say when. Here only as many frames are taken together as the noise of the angle asks for, and
+what the frames between them do not show counts as an error of the time.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_POWERS: Final = 2
+"""Degree of the polynomial through the frames: a speed that changes evenly."""
+_FEWEST: Final = _POWERS + 2
+_MOST: Final = _FEWEST * 2**4
+"""Frames that are taken together: one more than the coefficients need, doubled at most four times."""
+_NOISE_PER_STEP: Final = 0.05
+"""More frames are taken together until noise moves the crossing by less than this share of the time between frames."""
+_STAMP_SHARE: Final = 0.02
+"""Stamps of frames are not better than this share of the time between frames."""
+
+
+def crossing_time(
+    time_s: NDArray[np.float64], travel_rad: NDArray[np.float64], level_rad: float, *, near_s: float, noise_rad: float
+) -> tuple[float, float]:
+    """Return the instant near ``near_s`` at which the way passes a level, and one sigma, s.
+
+    NaN where the frames around do not show it: they end, or the way does not grow there.
+
+    Parameters
+    ----------
+    time_s, travel_rad : (n,) float64
+        Frames of the stroke and the way at each.
+    level_rad : float
+        The level.
+    near_s : float
+        About when.
+    noise_rad : float
+        Standard deviation of the way in one frame.
+    """
+    count = _FEWEST
+    while True:
+        found = _with(time_s, travel_rad, level_rad, near_s=near_s, noise_rad=noise_rad, count=count)
+        if found is None:
+            return float("nan"), float("nan")
+        at_s, noise_s, unseen_s, step_s = found
+        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or count >= _MOST or 2 * count > len(time_s):
+            return at_s, float(np.linalg.norm([noise_s, unseen_s, _STAMP_SHARE * step_s]))
+        count *= 2
+
+
+def _with(
+    time_s: NDArray[np.float64],
+    travel_rad: NDArray[np.float64],
+    level_rad: float,
+    *,
+    near_s: float,
+    noise_rad: float,
+    count: int,
+) -> tuple[float, float, float, float] | None:
+    """Return instant, its error from noise, its error from what lies between frames, and the frames' distance.
+
+    What the frames do not show is half of the difference between a straight line and a parabola through them.
+    """
+    right = int(np.searchsorted(time_s, near_s))
+    first, last = right - count // 2, right + count // 2
+    if first < 0 or last > len(time_s):
+        return None
+    x, y = time_s[first:last] - near_s, travel_rad[first:last] - level_rad
+    step_s = float(x[-1] - x[0]) / (count - 1)
+    line = np.polyfit(x, y, 1)
+    powers = np.vander(x / step_s, _POWERS + 1, increasing=True)
+    coefficient = np.linalg.lstsq(powers, y, rcond=None)[0]
+    reach_s = 0.5 * float(x[-1] - x[0])
+    root_s = _root(coefficient, reach_s / step_s) * step_s
+    if line[0] <= 0.0 or not np.isfinite(root_s):
+        return None
+    speed = float(coefficient[1] + 2.0 * coefficient[2] * root_s / step_s) / step_s
+    if speed <= 0.0:
+        return None
+    straight_s = float(np.clip(-line[1] / line[0], -reach_s, reach_s))
+    gain = float(np.sqrt((np.linalg.inv(powers.T @ powers))[0, 0]))
+    return near_s + root_s, noise_rad * gain / speed, 0.5 * abs(straight_s - root_s), step_s
+
+
+def _root(coefficient: NDArray[np.floating[Any]], reach: float) -> float:
+    """Return the root of a parabola nearest to 0, in units of the step; NaN where there is none within reach."""
+    level, slope, bend = (float(value) for value in coefficient)
+    if abs(bend) * reach < 1e-6 * abs(slope):
+        root = -level / slope if slope else float("nan")
+    else:
+        inside = slope**2 - 4.0 * bend * level
+        if inside < 0.0:
+            return float("nan")
+        # The branch that grows, written without the difference of nearly equal numbers.
+        root = -2.0 * level / (slope + float(np.sqrt(inside)))
+    return root if abs(root) <= reach else float("nan")

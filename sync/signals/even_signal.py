@@ -1,0 +1,152 @@
+"""Even, smoothed pictures of a record: value and slope on a regular grid, with what is not known left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+from scipy.signal import savgol_filter
+
+from torsight.core.series import scatter
+
+_FINEST_STEP_S: Final = 0.05
+"""A fortieth of the window over which a log is smoothed: nothing finer is left after it."""
+_MAX_POINTS: Final = 400_000
+"""Five and a half hours at the finest step; longer records get coarser steps, to bound memory and time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvenSignal:
+    """A signal on an even grid.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        Time of the first point and distance of the points.
+    value, slope : (n,) float64
+        Smoothed value and its rate per second.
+    value_sigma, slope_sigma : float
+        One standard deviation of each, from the signal's own noise.
+    known : (n,) bool
+        False inside gaps that are too long to bridge.
+    noise, point_sigma : float
+        Noise of one raw sample, and of one point of the grid before smoothing.
+    """
+
+    start_s: float
+    step_s: float
+    value: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    value_sigma: float
+    slope_sigma: float
+    known: NDArray[np.bool_]
+    noise: float
+    point_sigma: float
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Times of the points."""
+        return self.start_s + self.step_s * np.arange(len(self.value), dtype=np.float64)
+
+    def at(self, time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Return value, slope and whether they are known at some times."""
+        place = (time_s - self.start_s) / self.step_s
+        left = np.clip(np.floor(np.nan_to_num(place)).astype(np.int64), 0, len(self.value) - 2)
+        part = place - left
+        inside = (place >= 0) & (place <= len(self.value) - 1)
+        known = inside & self.known[left] & self.known[left + 1]
+        value = self.value[left] + part * (self.value[left + 1] - self.value[left])
+        slope = self.slope[left] + part * (self.slope[left + 1] - self.slope[left])
+        return value, slope, known
+
+
+def even_signal(
+    time_s: NDArray[np.float64],
+    value: NDArray[np.float64],
+    *,
+    window_s: float,
+    max_gap_s: float,
+    slope_window_s: float | None = None,
+) -> EvenSignal | None:
+    """Average onto an even grid and smooth with a local parabola.
+
+    The slope has a window of its own where one is given. Both steps are symmetric in time: they move
+    nothing. ``None`` where fewer than a dozen samples are known.
+    """
+    known = np.isfinite(value) & np.isfinite(time_s)
+    at_s, there = time_s[known], value[known]
+    if len(at_s) < 12:
+        return None
+    usual_s = float(np.median(np.diff(at_s)))
+    span_s = float(at_s[-1] - at_s[0])
+    step_s = max(_FINEST_STEP_S, usual_s, span_s / _MAX_POINTS)
+    count = int(span_s / step_s) + 1
+    grid_s = at_s[0] + step_s * np.arange(count)
+    filled = np.interp(grid_s, at_s, there)
+    per_point = 1
+    if step_s > 1.5 * usual_s:
+        per_point = max(1, round(step_s / usual_s))
+        filled = _binned(at_s, there, grid_s, step_s, filled)
+    right = np.clip(np.searchsorted(at_s, grid_s), 1, len(at_s) - 1)
+    bridged = at_s[right] - at_s[right - 1] <= max_gap_s
+    points = _odd(window_s / step_s, count)
+    slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
+    smooth = savgol_filter(filled, points, 2)
+    slope = savgol_filter(filled, slope_points, 2, deriv=1, delta=step_s)
+    noise = _noise(there)
+    unit = np.zeros(points)
+    unit[points // 2] = 1.0
+    value_gain = float(np.linalg.norm(savgol_filter(unit, points, 2, mode="constant")))
+    ramp = np.arange(slope_points) - slope_points // 2
+    slope_gain = 1.0 / (step_s * float(np.linalg.norm(ramp)))
+    scale = noise / np.sqrt(per_point)
+    return EvenSignal(
+        start_s=float(at_s[0]),
+        step_s=step_s,
+        value=smooth,
+        slope=slope,
+        value_sigma=scale * value_gain,
+        slope_sigma=scale * slope_gain,
+        known=_eroded(bridged),
+        noise=noise,
+        point_sigma=scale,
+    )
+
+
+def _odd(points: float, most: int) -> int:
+    return min(2 * max(2, round(points / 2.0)) + 1, most - 1 + most % 2)
+
+
+def _binned(
+    at_s: NDArray[np.float64],
+    there: NDArray[np.float64],
+    grid_s: NDArray[np.float64],
+    step_s: float,
+    filled: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Average the samples around each grid point; a straight line passes unchanged where they lie evenly."""
+    index = np.rint((at_s - grid_s[0]) / step_s).astype(np.int64)
+    inside = (index >= 0) & (index < len(grid_s))
+    count = np.bincount(index[inside], minlength=len(grid_s))
+    mean = np.bincount(index[inside], weights=there[inside], minlength=len(grid_s)) / np.maximum(count, 1)
+    mean_s = np.bincount(index[inside], weights=at_s[inside], minlength=len(grid_s)) / np.maximum(count, 1)
+    # Samples that lie unevenly in their bin are moved along the local slope to its middle.
+    local = np.gradient(filled, step_s)
+    return np.where(count > 0, mean + local * (grid_s - mean_s), filled)
+
+
+def _noise(value: NDArray[np.float64]) -> float:
+    spread = scatter(value, order=2)
+    if spread > 0:
+        return spread
+    step = np.abs(np.diff(value))
+    # Coarsely rounded numbers: the error of rounding.
+    return float(np.median(step[step > 0]) / np.sqrt(12.0)) if (step > 0).any() else 0.0
+
+
+def _eroded(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Take the points beside a gap out too: the smoothing reached into it."""
+    return np.asarray(binary_erosion(known, np.ones(3, np.bool_), border_value=1))

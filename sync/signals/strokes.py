@@ -1,0 +1,176 @@
+"""Strokes of the actuator on the film: when it moved, which way, and when it passed which angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.timestamps import longest_gap_s
+from sync.signals.crossing_times import crossing_time
+from sync.signals.even_signal import EvenSignal, even_signal
+from torsight.core.series import constant_runs
+from torsight.core.tracks import StickAngles
+from torsight.core.units import DEG
+
+_MIN_STROKE_RAD: Final = 3.0 * DEG
+_LONGEST_PAUSE_S: Final = 5.0
+_PAUSE_SHARE: Final = 0.15
+"""A pause that is shorter, or shorter than this share of the motion around it, does not end a stroke (stick-slip)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stroke:
+    """One motion from rest to rest.
+
+    Attributes
+    ----------
+    begin_s, end_s : float
+        Film times of its first and last motion.
+    start_rad, stop_rad : float
+        Angles before and after it.
+    time_s, travel_rad : (n,) float64
+        The way from start, growing from 0, at film times.
+    frame_s, frame_travel_rad : (m,) float64
+        The same from the frames as they are.
+    travel_sigma_rad : float
+        One standard deviation of the way in one frame.
+    """
+
+    begin_s: float
+    end_s: float
+    start_rad: float
+    stop_rad: float
+    time_s: NDArray[np.float64]
+    travel_rad: NDArray[np.float64]
+    frame_s: NDArray[np.float64]
+    frame_travel_rad: NDArray[np.float64]
+    travel_sigma_rad: float
+
+    @property
+    def sign(self) -> int:
+        """+1 where the angle grows."""
+        return 1 if self.stop_rad > self.start_rad else -1
+
+    @property
+    def length_rad(self) -> float:
+        """The whole way, positive."""
+        return abs(self.stop_rad - self.start_rad)
+
+    def crossing_s(self, level_rad: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return film times at which the way first passes some levels, and their sigmas; NaN where it does not."""
+        highest = np.maximum.accumulate(self.travel_rad)
+        at = np.searchsorted(highest, level_rad, side="left")
+        inside = (at > 0) & (at < len(highest))
+        right = np.clip(at, 1, len(highest) - 1)
+        low, high = highest[right - 1], highest[right]
+        part = (level_rad - low) / np.maximum(high - low, 1e-15)
+        near_s = self.time_s[right - 1] + part * (self.time_s[right] - self.time_s[right - 1])
+        found = np.full((2, len(level_rad)), np.nan)
+        for index in np.flatnonzero(inside):
+            found[:, index] = crossing_time(
+                self.frame_s,
+                self.frame_travel_rad,
+                float(level_rad[index]),
+                near_s=float(near_s[index]),
+                noise_rad=self.travel_sigma_rad,
+            )
+        return found[0], found[1]
+
+
+def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
+    """Return the strokes of a film in order; none where nothing moves beyond the noise.
+
+    Frames without an angle are bridged over at most two seconds (five frames, where that is more); a stroke that
+    reaches into a longer gap is cut there.
+    """
+    usable = angles.valid & np.isfinite(angles.angle_rad)
+    time_s, angle = angles.time_s[usable], angles.angle_rad[usable]
+    if len(time_s) < 20:
+        return ()
+    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=longest_gap_s(time_s))
+    if signal is None:
+        return ()
+    low, high = np.quantile(signal.value, [0.005, 0.995])
+    floor_rad = max(_MIN_STROKE_RAD, 0.015 * float(high - low), 12.0 * signal.noise)
+    span_s = float(time_s[-1] - time_s[0])
+    slowest = max(6.0 * signal.slope_sigma, 0.02 * float(high - low) / max(span_s, 1.0))
+    moving = np.where(signal.known & (np.abs(signal.slope) > slowest), np.sign(signal.slope), 0.0)
+    runs = [
+        (begin, end)
+        for begin, end in _joined(_runs(moving), moving, signal.step_s)
+        if abs(signal.value[end - 1] - signal.value[begin]) > 0.5 * floor_rad
+    ]
+    strokes = []
+    for index, (begin, end) in enumerate(runs):
+        earlier = runs[index - 1][1] if index else 0
+        later = runs[index + 1][0] if index + 1 < len(runs) else len(moving)
+        stroke = _stroke(signal, (time_s, angle), begin, end, earlier=earlier, later=later, sign=float(moving[begin]))
+        if stroke is not None and stroke.length_rad >= floor_rad:
+            strokes.append(stroke)
+    return tuple(strokes)
+
+
+def _runs(moving: NDArray[np.float64]) -> list[tuple[int, int]]:
+    return [(begin, end) for begin, end in constant_runs(moving) if moving[begin] != 0]
+
+
+def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: float) -> list[tuple[int, int]]:
+    """Join motions of one direction whose pause is short against them."""
+    joined: list[tuple[int, int]] = []
+    for begin, end in runs:
+        if joined and moving[joined[-1][0]] == moving[begin]:
+            earlier = joined[-1]
+            pause = begin - earlier[1]
+            shorter = min(end - begin, earlier[1] - earlier[0])
+            longer = max(end - begin, earlier[1] - earlier[0])
+            if pause <= max(_PAUSE_SHARE * longer, 2) and (pause * step_s < _LONGEST_PAUSE_S or shorter > 2 * pause):
+                joined[-1] = (earlier[0], end)
+                continue
+        joined.append((begin, end))
+    return joined
+
+
+def _stroke(
+    signal: EvenSignal,
+    frames: tuple[NDArray[np.float64], NDArray[np.float64]],
+    begin: int,
+    end: int,
+    *,
+    earlier: int,
+    later: int,
+    sign: float,
+) -> Stroke | None:
+    """Cut one stroke out, with the rests on both sides up to its neighbours."""
+    margin = max(2, round(1.0 / signal.step_s))
+    # The first slow motion lies below the speed that found the stroke: the rest ends well before.
+    lead = max(margin, (end - begin) // 3)
+    first = max(begin - lead, min(earlier + margin, begin))
+    last = min(end + lead, max(later - margin, end), len(signal.value))
+    if last - first < 8:
+        return None
+    start = _rest_level(signal, min(earlier + margin, first), first + max(1, (begin - first) // 4), begin)
+    stop = _rest_level(signal, last - max(1, (last - end) // 4), max(later - margin, last), end - 1)
+    if (stop - start) * sign <= 0:
+        return None
+    time_s = signal.time_s
+    frame_s, frame_rad = frames
+    seen = slice(*np.searchsorted(frame_s, [time_s[first], time_s[last - 1]]))
+    return Stroke(
+        begin_s=float(time_s[begin]),
+        end_s=float(time_s[end - 1]),
+        start_rad=start,
+        stop_rad=stop,
+        time_s=time_s[first:last],
+        travel_rad=sign * (signal.value[first:last] - start),
+        frame_s=frame_s[seen],
+        frame_travel_rad=sign * (frame_rad[seen] - start),
+        travel_sigma_rad=signal.noise,
+    )
+
+
+def _rest_level(signal: EvenSignal, begin: int, end: int, otherwise: int) -> float:
+    piece = signal.value[max(begin, 0) : end][signal.known[max(begin, 0) : end]]
+    return float(np.median(piece)) if len(piece) else float(signal.value[min(otherwise, len(signal.value) - 1)])

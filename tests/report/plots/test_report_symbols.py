@@ -1,0 +1,53 @@
+"""Symbols as in the paper, and every effect's equation as a picture."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from torsight.actuator.effects import load_effects
+from torsight.actuator.spec import reference_spec
+from torsight.core.symbols import SYMBOLS, plain_symbol
+from torsight.report.plots.symbols import equation, equation_picture, symbol, with_symbols
+
+
+def test_every_characterised_value_has_its_symbol() -> None:
+    assert {one.name for one in reference_spec().parameters()} <= set(SYMBOLS) | {"zero_deg"}
+
+
+@pytest.mark.parametrize(
+    ("name", "plain", "page"),
+    [
+        ("E_A_gpa", "E_A", "<i>E</i><sub>A</sub>"),
+        ("theta_cr_deg", "θ_cr", "<i>θ</i><sub>cr</sub>"),
+        ("wire_length_mm", "L", "<i>L</i>"),
+        ("lag_s", "lag", "lag"),
+        ("stiffening_mnm_per_rad3", "stiffening", "stiffening"),
+        ("<b>_deg", "<b>", "&lt;b&gt;"),
+    ],
+)
+def test_a_name_becomes_its_symbol_or_its_words(name: str, plain: str, page: str) -> None:
+    assert plain_symbol(name) == plain
+    assert symbol(name) == page
+
+
+def test_a_sentence_gets_symbols_and_no_markup_of_its_own() -> None:
+    assert with_symbols("E_A_gpa < tau_c_mnm") == "<i>E</i><sub>A</sub> &lt; <i>τ</i><sub>c</sub>"
+
+
+@pytest.mark.parametrize("effect", load_effects())
+def test_the_equation_of_every_effect_can_be_set(effect: str) -> None:
+    parts = equation(effect)
+    assert parts
+    for latex in parts:
+        picture = equation_picture(latex)
+        root = ET.fromstring(picture)  # noqa: S314 - our own text
+        assert root.find(".//{http://www.w3.org/2000/svg}path") is not None
+        assert "metadata" not in picture
+
+
+def test_what_cannot_be_set_is_left_to_its_source() -> None:
+    assert equation_picture(r"\nosuchcommand{x}") == ""
+    assert equation("no_such_effect") == ()
+    assert equation("../spec") == ()

@@ -1,0 +1,296 @@
+"""Offset and drift of made-up pairs whose clock is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sync import LightEvents, LogReading, estimate_clock, find_clock, read_temperature_log
+from sync.log.repairs import Restart
+from tests.sync.made_up_pairs import Rig, make_pair, programme, records
+from tests.sync.two_instruments import read_pair
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.records import TemperatureLog
+from torsight.core.tables import read_angles
+
+FAST = Rig(cooling_s=8.0, temp_noise_c=0.05, angle_noise_deg=0.1)
+
+
+def fast_programme(seed, **changes):
+    return programme(seed, **{"rates": (1.2, 3.0), "hold": (1.0, 5.0), "rest_s": 40.0, "half_cycles": 6} | changes)
+
+
+def covers(interval, value, widen=1.0):
+    """Whether an interval, widened to a level that a test may rely on, holds the value (2.3: about 5 in 10⁶)."""
+    low, high = interval
+    half, middle = 0.5 * widen * (high - low), 0.5 * (low + high)
+    return middle - half <= value <= middle + half
+
+
+@pytest.mark.parametrize(("offset_s", "lag_s"), [(0.0, 0.0), (-600.0, 0.0), (312.7, 1.5)])
+def test_short_fast_record(offset_s, lag_s):
+    pair = make_pair(
+        5,
+        rig=replace(FAST, lag_s=lag_s),
+        cycles=fast_programme(5),
+        offset_s=offset_s,
+        drift_ppm=120.0,
+        film_fps=30.0,
+        log_step_s=0.015,
+        lost_share=0.2,
+    )
+    clock = estimate_clock(*records(pair))
+    assert covers(clock.offset_ci95_s, offset_s, widen=2.3)
+    assert covers(clock.drift_ci95_ppm, 120.0, widen=2.3)
+    # Stops and corners pin the offset: within the time in which a frame of the film passes, give or take the lag.
+    assert abs(clock.offset_s - offset_s) < 0.15 + 0.2 * lag_s
+
+
+def test_long_slow_record_with_drift():
+    pair = make_pair(3, offset_s=-188.2, drift_ppm=-160.0, lost_share=0.2)
+    clock = estimate_clock(*records(pair))
+    assert covers(clock.offset_ci95_s, -188.2, widen=2.3)
+    assert covers(clock.drift_ci95_ppm, -160.0, widen=2.3)
+    assert clock.offset_ci95_s[1] - clock.offset_ci95_s[0] < 1.0
+
+
+def test_a_lag_of_the_sensor_is_not_taken_for_an_offset():
+    pair = make_pair(4, rig=Rig(lag_s=6.0), offset_s=40.0)
+    clock = estimate_clock(*records(pair))
+    assert covers(clock.offset_ci95_s, 40.0, widen=2.3)
+    assert abs(clock.offset_s - 40.0) < 1.0
+
+
+def test_one_rate_and_no_stop_gives_a_wide_interval():
+    cycles = programme(7, rates=(0.12, 0.12001), incomplete=False)
+    pair = make_pair(7, cycles=cycles, offset_s=25.0)
+    clock = estimate_clock(*records(pair))
+    low, high = clock.offset_ci95_s
+    assert low <= 25.0 <= high
+    assert high - low > 10.0
+    assert any("wide" in note for note in clock.notes)
+
+
+def test_shifting_the_log_shifts_the_offset_alone():
+    pair = make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=30.0, log_step_s=0.05)
+    angles, log = records(pair)
+    here = estimate_clock(angles, log)
+    there = estimate_clock(angles, replace(log, time_s=log.time_s + 1000.0))
+    # The grid that the log is smoothed on moves with it: only rounding differs.
+    assert there.offset_s - here.offset_s == pytest.approx(1000.0, abs=1e-3)
+    assert there.drift_ppm == pytest.approx(here.drift_ppm, abs=1.0)
+
+
+def test_given_values_are_taken():
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
+    clock = estimate_clock(angles, log, given_offset_s=1.25, given_drift_ppm=-30.0)
+    assert (clock.offset_s, clock.drift_ppm) == (1.25, -30.0)
+    assert clock.offset_ci95_s == (1.25, 1.25)
+
+
+def test_a_given_offset_stays_and_a_lag_of_the_sensor_is_not_taken_for_drift():
+    rig = replace(FAST, lag_s=2.4)
+    pair = make_pair(1, rig=rig, cycles=fast_programme(1), film_fps=15.0, log_step_s=0.05, offset_s=-217.0)
+    clock = estimate_clock(*records(pair), given_offset_s=-217.0)
+    assert clock.offset_s == pytest.approx(-217.0, abs=1e-4)
+    assert clock.offset_ci95_s == pytest.approx((-217.0, -217.0), abs=1e-4)
+    assert covers(clock.drift_ci95_ppm, 0.0, widen=2.3)
+
+
+def without(log, begin_s, end_s):
+    keep = (log.time_s < begin_s) | (log.time_s >= end_s)
+    return TemperatureLog(log.time_s[keep], log.temp_a_c[keep], log.temp_b_c[keep])
+
+
+def messy_pair():
+    rig = replace(FAST, threshold_scatter_c=0.02)
+    return records(
+        make_pair(5, rig=rig, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05, offset_s=37.3, drift_ppm=60.0)
+    )
+
+
+def test_a_gap_that_swallows_a_heating():
+    angles, log = messy_pair()
+    clock = estimate_clock(angles, without(log, 97.3, 187.3))
+    assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
+
+
+def test_half_of_the_log_at_a_wrong_time():
+    angles, log = messy_pair()
+    later = np.arange(len(log)) > len(log) // 2
+    clock = estimate_clock(angles, TemperatureLog(log.time_s + 5400.0 * later, log.temp_a_c, log.temp_b_c))
+    assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
+    assert any("wrong time" in note for note in clock.notes)
+
+
+@pytest.mark.parametrize("coarse", [np.floor, np.round])
+def test_whole_seconds_are_cut_off_or_rounded(coarse, tmp_path):
+    angles, log = messy_pair()
+    table = {"time_s": coarse(log.time_s), "temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}
+    pd.DataFrame(table).to_csv(tmp_path / "t.csv", index=False)
+    clock = find_clock(angles, read_temperature_log(tmp_path / "t.csv")).clock
+    assert covers(clock.offset_ci95_s, 37.3, widen=1.3)
+    assert any("steps of 1 s" in note for note in clock.notes)
+
+
+def test_a_log_too_slow_for_a_corner_leaves_room_for_no_lag_and_for_a_long_one():
+    angles, log = messy_pair()
+    clock = estimate_clock(angles, TemperatureLog(log.time_s[::40], log.temp_a_c[::40], log.temp_b_c[::40]))
+    low, high = clock.offset_ci95_s
+    assert low < 37.3 - 10.0
+    assert high > 37.3
+    assert any("no corner" in note for note in clock.notes)
+
+
+def test_channels_that_are_swapped_are_no_offset():
+    angles, log = messy_pair()
+    with pytest.raises(NoResultError, match="the other way round"):
+        estimate_clock(angles, TemperatureLog(log.time_s, log.temp_b_c, log.temp_a_c))
+
+
+def test_no_motion_says_unknown_instead_of_guessing():
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
+    still = replace(angles, angle_rad=np.full(len(angles), 0.3))
+    with pytest.raises(NoResultError, match="unknown") as caught:
+        estimate_clock(still, log)
+    assert caught.value.exit_code == 4
+
+
+def test_constant_temperature_says_unknown():
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
+    cold = np.full(len(log), 24.0)
+    with pytest.raises(NoResultError, match="unknown"):
+        estimate_clock(angles, TemperatureLog(log.time_s, cold, cold))
+
+
+def light_of(pair, phase_s=0.0):
+    """First frames that show each change of a light that is on while a spring is heated."""
+    begin, end = pair.switch_true_s[:, 0], pair.switch_true_s[:, 1]
+    times = np.concatenate([begin, end]) + phase_s
+    on = np.concatenate([np.ones(len(begin), bool), np.zeros(len(end), bool)])
+    inside = (times > pair.film_s[1]) & (times < pair.film_s[-1])
+    first = np.searchsorted(pair.film_s, times[inside])
+    order = np.argsort(first)
+    return LightEvents(pair.film_s[first][order], on[inside][order])
+
+
+def test_a_shared_light_has_no_bias():
+    fps, errors = 30.0, []
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 1])
+        offset_s, drift_ppm = float(rng.uniform(-600, 600)), float(rng.uniform(-200, 200))
+        pair = make_pair(
+            seed,
+            rig=FAST,
+            cycles=fast_programme(seed, half_cycles=4),
+            offset_s=offset_s,
+            drift_ppm=drift_ppm,
+            film_fps=fps,
+            log_step_s=0.015,
+        )
+        angles, log = records(pair)
+        clock = find_clock(angles, LogReading(log), light=light_of(pair)).clock
+        # Told at the middle of the film, where the events are: at its beginning the drift, hardly known here, comes in.
+        middle_s = 0.5 * pair.film_s[-1]
+        drift_error = (clock.drift_ppm - drift_ppm) * 1e-6
+        errors.append(clock.offset_s - offset_s + drift_error * middle_s)
+        assert covers(clock.offset_ci95_s, offset_s, widen=2.3)
+    # Seven events, each off by an even spread over a frame: 0.29/√7 of it per film, and 1/√40 of that in the mean.
+    assert abs(np.mean(errors)) * fps < 0.1
+    assert np.std(errors) * fps < 0.4
+
+
+def test_a_clock_that_jumps_forward_between_two_rows_is_told_by_the_light():
+    """Nothing in the stamps shows it; rows on either side lie by different offsets, and neither is silently wrong."""
+    pair = make_pair(5, rig=FAST, cycles=fast_programme(5), offset_s=31.0, film_fps=30.0, log_step_s=0.05)
+    angles, log = records(pair)
+    at_s = 31.0 + 0.5 * (pair.switch_true_s[2, 0] + pair.switch_true_s[1, 1])
+    jumped = replace(log, time_s=np.where(log.time_s > at_s, log.time_s + 4.0, log.time_s))
+    clock = find_clock(angles, LogReading(jumped), light=light_of(pair)).clock
+    assert covers(clock.offset_ci95_s, 31.0)
+    assert covers(clock.offset_ci95_s, 35.0)
+    assert any("may have jumped" in note for note in clock.notes)
+    whole = find_clock(angles, LogReading(log), light=light_of(pair)).clock
+    assert not any("may have jumped" in note for note in whole.notes)
+    assert np.ptp(whole.offset_ci95_s) < 0.2
+
+
+def test_a_light_without_a_switch_in_the_log():
+    pair = make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05)
+    angles, log = records(pair)
+    bare = replace(log, heat_a=None, heat_b=None)
+    with pytest.raises(InputError, match="heat_a"):
+        find_clock(angles, LogReading(bare), light=light_of(pair))
+
+
+def test_a_light_that_fits_nothing():
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
+    nonsense = LightEvents(np.array([3.0, 3.5, 4.1, 11.0, 11.3, 12.9]), np.ones(6, dtype=bool))
+    with pytest.raises(NoResultError, match="light"):
+        find_clock(angles, LogReading(log), light=nonsense)
+
+
+@pytest.mark.parametrize("away_s", [0.0, 45.0])
+def test_restart_during_a_rest_is_settled_by_the_motion(away_s):
+    pair = make_pair(2, offset_s=77.0)
+    angles, log = records(pair)
+    at_s = pair.switch_true_s[4, 0] - 80.0
+    film = log.time_s - 77.0
+    keep = (film < at_s) | (film > at_s + away_s)
+    index = int(np.count_nonzero(film < at_s))
+    true_s = log.time_s[keep]
+    joined = true_s.copy()
+    joined[index:] -= joined[index] - joined[index - 1] - 0.25
+    short = TemperatureLog(joined, log.temp_a_c[keep], log.temp_b_c[keep])
+    reading = LogReading(short, restarts=(Restart(index, 0.0, 0.25, float("inf")),))
+    found = find_clock(angles, reading)
+    assert covers(found.clock.offset_ci95_s, 77.0, widen=2.3)
+    (restart,) = found.reading.restarts
+    error_s = found.reading.log.time_s[index] - true_s[index]
+    assert abs(error_s) < 5.0 * restart.gap_sigma_s
+    assert restart.gap_sigma_s < 0.5
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize("name", ["plain", "late_sensor", "uneven_friction"])
+def test_records_on_one_clock(shared_data, name):
+    from sync import read_temperature_log
+
+    folder = shared_data / "records" / name
+    clock = estimate_clock(read_angles(folder / "angle.csv"), read_temperature_log(folder / "temps.csv").log)
+    assert covers(clock.offset_ci95_s, 0.0, widen=1.5)
+    assert covers(clock.drift_ci95_ppm, 0.0, widen=1.5)
+    assert abs(clock.offset_s) < 0.5
+
+
+@pytest.mark.shared_data
+def test_two_instruments_without_a_known_offset(shared_data):
+    # Every cycle has another load, so no stroke repeats another's thresholds, and the rates are all alike.
+    clock = estimate_clock(*read_pair(shared_data / "sma_react"))
+    low, high = clock.offset_ci95_s
+    assert high - low > 120.0
+    # The chamber leaves its hold at 5397.0 s and 10651.2 s of the frame's clock; the specimen is hottest at 5430.8 s
+    # and 10682.8 s of the meter's: the specimen follows the chamber, so the offset is at most some 30 s.
+    assert low < 0.0 < high
+    assert any("wide" in note for note in clock.notes)
+
+
+@pytest.mark.parametrize("away_s", [0.0, 7.0])
+def test_a_light_tells_how_long_a_logger_was_away(away_s):
+    rig, cycles = FAST, fast_programme(3, half_cycles=4)
+    pair = make_pair(3, rig=rig, cycles=cycles, film_fps=30.0, log_step_s=0.015, offset_s=-41.0, drift_ppm=50.0)
+    angles, log = records(pair)
+    index = int(np.searchsorted(log.time_s, pair.switch_true_s[2, 0] - 5.0 - 41.0))
+    behind = index + round(away_s / 0.015)
+    keep = np.r_[0:index, behind : len(log)]
+    true_s = log.time_s[keep]
+    joined = true_s.copy()
+    joined[index:] += joined[index - 1] + 0.015 - joined[index]
+    cut = TemperatureLog(joined, log.temp_a_c[keep], log.temp_b_c[keep], log.heat_a[keep], log.heat_b[keep])
+    reading = LogReading(cut, restarts=(Restart(index, 0.0, 0.015, np.inf),))
+    found = find_clock(angles, reading, light=light_of(pair))
+    assert covers(found.clock.offset_ci95_s, -41.0, widen=2.3)
+    assert found.clock.offset_ci95_s[1] - found.clock.offset_ci95_s[0] < 0.1
+    # Behind the joint the rows stand where they were, to a frame or two.
+    assert abs(found.reading.log.time_s[-1] - true_s[-1]) < 0.1

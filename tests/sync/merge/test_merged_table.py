@@ -1,0 +1,85 @@
+"""Temperatures at the film's instants."""
+
+import numpy as np
+import pytest
+
+from sync import merge
+from sync.merge.merged_table import require_overlap
+from torsight.core.errors import InputError
+from torsight.core.records import ClockMap, TemperatureLog
+from torsight.core.tracks import StickAngles
+
+
+def angles_at(time_s):
+    count = len(time_s)
+    rng = np.random.default_rng(3)
+    everywhere = np.ones(count, dtype=bool)
+    return StickAngles(
+        np.arange(count), time_s, rng.standard_normal(count), rng.uniform(1e-3, 2e-3, count), everywhere, everywhere
+    )
+
+
+def exact(offset_s=0.0, drift_ppm=0.0):
+    return ClockMap(offset_s, drift_ppm, (offset_s, offset_s), (drift_ppm, drift_ppm), "given")
+
+
+def test_a_straight_line_comes_through_any_clock():
+    log_s = np.arange(0.0, 400.0, 0.33)
+    log = TemperatureLog(log_s, 20.0 + 0.1 * log_s, 30.0 - 0.02 * log_s)
+    film_s = np.arange(0.0, 100.0, 0.04)
+    table = merge(angles_at(film_s), log, exact(57.3, 150.0))
+    instant_s = film_s * (1.0 + 150e-6) + 57.3
+    np.testing.assert_allclose(table.temp_a_c, 20.0 + 0.1 * instant_s, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(table.temp_b_c, 30.0 - 0.02 * instant_s, rtol=0, atol=1e-10)
+
+
+def test_readings_on_a_frame_come_out_as_they_are():
+    log_s = np.arange(0.0, 50.0, 0.25)
+    temp = 25.0 + np.random.default_rng(0).standard_normal(len(log_s))
+    table = merge(angles_at(log_s), TemperatureLog(log_s, temp, temp), exact())
+    np.testing.assert_array_equal(table.temp_a_c, temp)
+
+
+def test_a_corner_is_not_rounded():
+    # A log as fast as 15 ms and a slow film: a mean over the frame's interval would take 0.25 °C off this corner.
+    log_s = np.arange(0.0, 20.0, 0.015)
+    temp = 70.0 - 1.0 * np.abs(log_s - 9.0)
+    film_s = np.arange(0.0, 19.0, 1.0)
+    table = merge(angles_at(film_s), TemperatureLog(log_s, temp, temp), exact())
+    assert table.temp_a_c[9] == pytest.approx(70.0, abs=1e-9)
+
+
+def test_long_gaps_stay_empty_and_short_ones_are_bridged():
+    log_s = np.arange(0.0, 60.0, 0.5)
+    keep = ~((log_s > 10.0) & (log_s < 11.5)) & ~((log_s > 30.0) & (log_s < 40.0))
+    temp = 20.0 + 0.3 * log_s
+    spoiled = temp.copy()
+    spoiled[(log_s >= 50.0) & (log_s < 55.0)] = np.nan
+    log = TemperatureLog(log_s[keep], spoiled[keep], temp[keep])
+    film_s = np.arange(0.0, 59.0, 0.1)
+    table = merge(angles_at(film_s), log, exact(), max_gap_s=2.0)
+    unknown = np.isnan(table.temp_a_c)
+    expected = ((film_s > 30.0 + 1e-9) & (film_s < 40.0 - 1e-9)) | ((film_s > 49.5 + 1e-9) & (film_s < 55.0 - 1e-9))
+    np.testing.assert_array_equal(unknown, expected)
+    np.testing.assert_allclose(table.temp_a_c[~unknown], 20.0 + 0.3 * film_s[~unknown])
+
+
+def test_angle_and_sigma_are_carried_and_switches_hold():
+    log_s = np.arange(0.0, 20.0, 1.0)
+    heat = (log_s >= 5.0) & (log_s < 9.0)
+    log = TemperatureLog(log_s, 20.0 + log_s, 20.0 + log_s, heat, ~heat, {"current_a_a": 2.0 * heat})
+    angles = angles_at(np.arange(0.0, 25.0, 0.25))
+    table = merge(angles, log, exact())
+    np.testing.assert_array_equal(table.angle_rad, angles.angle_rad)
+    np.testing.assert_array_equal(table.angle_sigma_rad, angles.sigma_rad)
+    np.testing.assert_array_equal(table.heat_a, (angles.time_s >= 5.0) & (angles.time_s < 9.0))
+    np.testing.assert_array_equal(np.isnan(table.extra["current_a_a"]), angles.time_s > 19.0)
+
+
+def test_no_overlap_is_told():
+    log_s = np.arange(0.0, 20.0, 1.0)
+    log = TemperatureLog(log_s, log_s, log_s)
+    angles = angles_at(np.arange(0.0, 10.0, 0.5))
+    clock = exact(500.0)
+    with pytest.raises(InputError, match="do not overlap"):
+        require_overlap(merge(angles, log, clock), angles, log, clock, where="temps.csv")

@@ -1,0 +1,38 @@
+"""Extremes of a series: where it turns back by more than a threshold."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def extremes(value: NDArray[np.float64], threshold: float, *, stride: int = 1) -> list[int]:
+    """Return the indices of extremes that differ from the next by at least the threshold.
+
+    Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends.
+
+    Parameters
+    ----------
+    value : (n,) float64
+        The series, finite.
+    threshold : float
+        Least way between two extremes, in the series' unit.
+    stride : int
+        Look at every stride-th sample only.
+    """
+    turns = [0]
+    low = high = 0
+    direction = 0
+    for index in range(0, len(value), stride):
+        if value[index] > value[high]:
+            high = index
+        if value[index] < value[low]:
+            low = index
+        if direction <= 0 and value[index] - value[low] >= threshold:
+            turns.append(low)
+            direction, high = 1, index
+        elif direction >= 0 and value[high] - value[index] >= threshold:
+            turns.append(high)
+            direction, low = -1, index
+    turns.append(high if direction > 0 else low)
+    return turns

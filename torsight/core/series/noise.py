@@ -1,0 +1,36 @@
+"""How much the readings of a series scatter."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_NORMAL_MEDIAN: Final = 0.6745
+"""Median of the absolute value of a standard normal variable: the quantile of 3/4."""
+
+
+def robust_sigma(deviation: NDArray[np.float64]) -> float:
+    """Return the standard deviation of normal deviations (n,) from their median size: outliers hardly move it."""
+    return float(np.median(np.abs(deviation))) / _NORMAL_MEDIAN
+
+
+def scatter(*pieces: NDArray[np.float64], stride: int = 1, order: int = 3) -> float:
+    """Return the standard deviation of one reading of evenly sampled pieces, one of them longer than three strides.
+
+    Differences of that order, of samples that are ``stride`` apart, leave almost nothing of a slow trend, and their
+    median is blind to the odd outlier. Those of white noise have the variance of one sample times the sum of the
+    squared binomial coefficients, which is C(2 order, order): 6 for the second difference, 20 for the third.
+    """
+    differences = np.concatenate([_difference(piece, stride, order) for piece in pieces])
+    return robust_sigma(differences) / float(np.sqrt(float(math.comb(2 * order, order))))
+
+
+def _difference(piece: NDArray[np.float64], stride: int, order: int) -> NDArray[np.float64]:
+    count = max(0, len(piece) - order * stride)
+    total = np.zeros(count)
+    for step in range(order, -1, -1):
+        total = total + (-1) ** (order - step) * math.comb(order, step) * piece[step * stride : step * stride + count]
+    return total

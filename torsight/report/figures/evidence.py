@@ -1,0 +1,158 @@
+"""Figures of the answer: before and after in one picture, what each candidate explains, unseen half-cycles, pulls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from torsight.core.symbols import plain_symbol
+from torsight.core.wording import effect_name, number
+from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
+from torsight.report.figures.residuals import pairs_of_bars
+from torsight.report.plots.panels import Axis, Panel
+from torsight.report.sections.priors import Prior, common_reach
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NARROW: Final = 0.62
+_MOST_CANDIDATES: Final = 8
+
+
+def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
+    """Draw the answer in one picture: the motion above, what either model leaves of it below."""
+    time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
+    plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
+    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
+    span = Axis.along("", time_s)
+    motion = Panel(span, Axis.around(ANGLE, angle, plain, extended), width=720, height=225)
+    shade_held_out(motion, curves)
+    models(motion, time_s, angle, plain, extended, ordered=True)
+    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=245)
+    shade_held_out(left, curves)
+    left.rule(0.0, "zero", upright=False)
+    if floor_deg:
+        left.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+    alike = not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
+    left.line(time_s, before, "before", label="error" if alike else "error before")
+    if not alike:
+        left.line(time_s, after, "after", label="error after")
+    title = "The motion, and the error of the plain and of the extended model"
+    return Figure("before_after", "Before and after", "", (motion, left), title, CURVES)
+
+
+def candidates(discovery: Mapping[str, Any]) -> Figure | None:
+    """Draw what every candidate alone explains, as a share of what the best one does."""
+    evidence = discovery.get("evidence") or {}
+    gains = {name: float(gain) for name, gain in (evidence.get("gains") or {}).items() if gain is not None}
+    best = max([*gains.values(), 0.0])
+    verdict = discovery.get("verdict")
+    if best <= 0.0 or verdict == "none" or (verdict == "unknown" and not _whole(discovery)):
+        # A share of next to nothing would look like an explanation.
+        return None
+    share_of = "what there is to explain" if _whole(discovery) else "the best one's"
+    ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
+    named = {str(effect["id"]) for effect in discovery.get("effects") or []}
+    rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
+    places = list(range(len(ranked), 0, -1))
+    plot = Panel(
+        Axis(f"explained alone (% of {share_of})", 0.0, 118.0),
+        Axis("", 0.4, len(ranked) + 0.6),
+        width=520,
+        height=70.0 + 26.0 * len(ranked),
+        x_names=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
+        y_names=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
+    )
+    for place, (name, gain) in zip(places, ranked, strict=True):
+        share = 100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0)
+        kind = "after" if name in named else ("rival" if name in rivals else "quiet")
+        plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
+        plot.note(share, place, f"{share:.1f} %" if share < 99.95 else "100 %")
+    data: dict[str, list[Any]] = {
+        "effect": [name for name, _ in ranked],
+        "gain": [gain for _, gain in ranked],
+        "percent": [100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0) for _, gain in ranked],
+    }
+    caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
+    title = "What the known effects explain" if verdict == "unknown" else "What else could explain it"
+    return Figure("candidates", title, caption.strip(), (plot,), "What every candidate explains alone", data=data)
+
+
+def _whole(discovery: Mapping[str, Any], *, otherwise: float = 0.0) -> float:
+    """Return the share of what there is to explain that the best single effect explains, where no effect was named."""
+    evidence = discovery.get("evidence") or {}
+    share = evidence.get("share_explained")
+    if discovery.get("verdict") != "unknown" or len(evidence.get("best_set") or []) != 1 or share is None:
+        return otherwise
+    return float(share)
+
+
+def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
+    """Say how far behind the next one is, where one effect alone was named."""
+    if len(named) != 1 or len(ranked) < 2 or ranked[0][0] not in named:
+        return ""
+    behind = ranked[0][1] - ranked[1][1]
+    return f"{effect_name(ranked[1][0]).capitalize()} comes next, behind by {number(behind)} (12 tell two apart)."
+
+
+def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:
+    """Draw the error on every half-cycle, predicted from the others, before and after."""
+    parts = [(discovery.get(name) or {}).get("by_half_cycle_deg") or [] for name in ("before", "after")]
+    held = [int(one) for one in discovery.get("held_out") or []]
+    if not held or any(len(part) != len(held) for part in parts):
+        return None
+    before, after = ([float("nan") if one is None else float(one) for one in part] for part in parts)
+    names = [str(label + 1) for label in held]
+    title = "Error on half-cycles that the fit did not see"
+    plot = pairs_of_bars("half-cycle", "rms error (°)", names, list(zip(before, after, strict=True)), height=220.0)
+    data: dict[str, list[Any]] = {"half_cycle": names, "before_deg": before, "after_deg": after}
+    caption = "Each was left out of the fit once, and predicted by it."
+    return Figure("unseen_half_cycles", title, caption, (plot,), data=data)
+
+
+def pulls(
+    known: Mapping[str, Prior], plain: Mapping[str, Any], after: Mapping[str, Any], *, extended: bool
+) -> Figure | None:
+    """Draw how far either fit lies from the characterised values, in their standard deviations."""
+    names = [name for name, prior in known.items() if prior.sigma and name in plain and not plain[name].get("fixed")]
+    if not names:
+        return None
+    fits = [(plain, "before", 0.17), (after, "after", -0.17)] if extended else [(plain, "before", 0.0)]
+    found = {(name, kind): known[name].pull(fit.get(name)) for name in names for fit, kind, _ in fits}
+    reach = common_reach(found.values())
+    places = {name: float(len(names) - k) for k, name in enumerate(names)}
+    plot = Panel(
+        Axis("fitted less characterised value (σ)", -reach, reach),
+        Axis("", 0.4, len(names) + 0.6),
+        height=84.0 + 26.0 * len(names),
+        y_names=[(place, plain_symbol(name)) for name, place in places.items()],
+    )
+    for width in (2.0, 1.0):
+        plot.band(-width, width, "prior", label="± 1 and ± 2 standard deviations" if width == 1.0 else "")
+    for name, place in places.items():
+        for fit, kind, shift in fits:
+            pull = found[name, kind]
+            if pull is None:
+                continue
+            ends = known[name].interval(fit[name])
+            if ends is not None:
+                shown = np.clip(ends, -reach, reach)
+                plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
+            plot.points(
+                [pull],
+                [place + shift],
+                kind,
+                label="plain model" if kind == "before" else "extended model",
+                radius=4.5,
+            )
+    data: dict[str, list[Any]] = {"parameter": names}
+    for fit, kind, _ in fits:
+        label = "plain" if kind == "before" else "extended"
+        spreads = [known[name].interval(fit.get(name) or {}) for name in names]
+        data[f"{label}_sigmas"] = [found[name, kind] for name in names]
+        data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]
+        data[f"{label}_high_sigmas"] = [None if end is None else end[1] for end in spreads]
+    words = "How far either fit pulled the characterised values"
+    return Figure("pulls", "How far the fit was pulled off", "", (plot,), words, data=data)

@@ -1,0 +1,51 @@
+"""Every figure of the report beside it: as an SVG that stands alone, with its numbers as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from torsight.core.storage import write_table, write_text
+from torsight.report.figures.motion import Figure
+from torsight.report.figures.residuals import LABELS
+
+FOLDER: Final = "figures"
+NAMES: Final = frozenset(
+    {"before_after", "candidates", "unseen_half_cycles", "next_experiment", "pulls", "angle_time", "temperatures"}
+    | {"angle_temperature_a", "angle_temperature_b", "angle_sigma", "both_clocks", "markers", "residual_left"}
+    | {f"residual_{name}" for name in (*LABELS, "direction", "half_cycle")}
+)
+"""Every figure that a report may hold, but for the laws; only files of these names are ever removed."""
+
+
+def write_figures(folder: Path, figures: Iterable[Figure], pictures: Mapping[str, str]) -> None:
+    """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
+
+    Files of figures that an earlier page showed and this one does not are removed; what others put there stays.
+
+    Parameters
+    ----------
+    folder : Path
+        The run's folder.
+    figures : iterable of Figure
+        The page's figures.
+    pictures : mapping of str to str
+        SVG of each of them by its name.
+    """
+    target = folder / FOLDER
+    written = set()
+    for figure in figures:
+        write_text(target / f"{figure.name}.svg", pictures[figure.name] + "\n")
+        written.add(f"{figure.name}.svg")
+        if figure.data is not None:
+            write_table(target / f"{figure.name}.csv", figure.data)
+            written.add(f"{figure.name}.csv")
+    for name in (f"{figure}{suffix}" for figure in NAMES for suffix in (".svg", ".csv")):
+        if name not in written:
+            (target / name).unlink(missing_ok=True)
+
+
+def data_link(figure: Figure) -> str:
+    """Return where a figure's numbers are, relative to the page; empty where they are not kept."""
+    return f"{FOLDER}/{figure.name}.csv" if figure.data is not None else figure.source

@@ -1,0 +1,100 @@
+"""Measured laws: one plot for each, in the report and as a picture beside its numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from torsight.core.series import runs
+from torsight.core.storage import atomic_path, write_table
+from torsight.core.wording import effect_name, variable_name
+from torsight.discovery.measured_law import MeasuredLaw
+from torsight.report.figures.motion import Figure
+from torsight.report.plots.panels import Axis, Panel
+
+PORTS: Final = {
+    "torque": "torque",
+    "friction": "friction torque",
+    "reading": "error of the angle's reading",
+    "temperature": "error of the temperature's reading",
+    "winding": "winding",
+    "phase": "phase",
+    "values": "change of a material value",
+}
+"""What a law of each port gives."""
+
+_UNITS: Final = {
+    "angle_deg": "°",
+    "winding_deg": "°",
+    "angle_rate_deg_s": "°/s",
+    "temp_active_c": "°C",
+    "temp_passive_c": "°C",
+    "temp_rate_c_s": "°C/s",
+    "time_s": "s",
+    "dwell_s": "s",
+}
+_OWN_FILES: Final = re.compile(rf"law_({'|'.join(PORTS)})_[a-z0-9_]+\.(csv|png)")
+_TWO_SIDED: Final = 1.96
+"""Standard deviations of a 95 % interval."""
+
+
+def law_figure(law: MeasuredLaw) -> Figure:
+    """Draw one law as a curve with its 95 % band; where the record reached its driver is shaded."""
+    panel = law_panel(law)
+    title = f"{PORTS.get(law.port, law.port).capitalize()} against {variable_name(law.driver)}"
+    about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
+    named = (
+        "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
+    )
+    caption = f"{law.sentence} {named}{about}".strip()
+    return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
+
+
+def law_panel(law: MeasuredLaw) -> Panel:
+    """Return the plot of one law."""
+    x, half = law.driver_values, _TWO_SIDED * law.sigma
+    low, high = law.value - half, law.value + half
+    counts = law.driver == "spring"
+    unit = _UNITS.get(law.driver)
+    across = variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
+    panel = Panel(
+        Axis.around(across, x, margin=0.3 if counts else 0.0),
+        Axis.around(PORTS.get(law.port, law.port) + (f" ({law.unit})" if law.unit else ""), low, high),
+        height=300.0,
+        x_names=[(0.0, "A"), (1.0, "B")] if counts else None,
+    )
+    for begin, end in [] if counts else runs(law.covered):
+        panel.band(x[begin], x[end - 1], "covered", label="the record reached this")
+    panel.rule(0.0, "zero", upright=False)
+    if counts:
+        for at, bottom, top in zip(x, low, high, strict=True):
+            panel.line([at, at], [bottom, top], "after interval")
+        panel.points(x, law.value, "after", label="measured law, with its 95 % interval", radius=4.5)
+        return panel
+    panel.ribbon(x, low, high, "after ribbon", label="95 %")
+    panel.line(x, law.value, "after", label="measured law")
+    return panel
+
+
+def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
+    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go.
+
+    Raises
+    ------
+    OutputError
+        When a file cannot be written.
+    """
+    from torsight.report.plots.still import png
+
+    kept = set()
+    for law in laws:
+        picture = folder / law.csv_name.replace(".csv", ".png")
+        write_table(folder / law.csv_name, law.table())
+        with atomic_path(picture) as temporary:
+            temporary.write_bytes(png([law_panel(law)]))
+        kept |= {law.csv_name, picture.name}
+    for path in folder.glob("law_*"):
+        if path.name not in kept and _OWN_FILES.fullmatch(path.name):
+            path.unlink()

@@ -1,0 +1,172 @@
+"""What all figures of the report share, and those of the motion; each one function from tables to panels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import runs
+from torsight.report.plots.panels import Axis, Panel, Style, style_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIME: Final = "time (s)"
+ANGLE: Final = "angle (°)"
+RESIDUAL: Final = "measured − model (°)"
+TEMPERATURE: Final = "temperature (°C)"
+_TOOLS_PX: Final = 32.0
+"""Height of Bokeh's row of tools."""
+
+
+CURVES: Final = "curves.csv"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figure:
+    """A figure: what it shows, and what to look for.
+
+    Attributes
+    ----------
+    name : str
+        Of its files and of its place in the page.
+    title, caption : str
+        What it shows, and what to look for.
+    panels : tuple of Panel
+        One above the other.
+    words : str
+        Said to people who cannot see it; the title where it is empty.
+    source : str
+        The table of the run's folder whose columns are drawn.
+    data : mapping of str to sequence, optional
+        Column by column, numbers that are drawn and stand in no table.
+    """
+
+    name: str
+    title: str
+    caption: str
+    panels: tuple[Panel, ...]
+    words: str = ""
+    source: str = ""
+    data: Mapping[str, Sequence[Any]] | None = None
+
+    @property
+    def height(self) -> float:
+        """Of all panels, pixels."""
+        return sum(panel.height for panel in self.panels)
+
+    @property
+    def drawn_height(self) -> float:
+        """With Bokeh's row of tools, which stands above panels that share it, pixels."""
+        return self.height + (_TOOLS_PX if len(self.panels) > 1 else 0.0)
+
+    @property
+    def legend(self) -> list[tuple[str, str, Style]]:
+        """What the curves and bands mean: kind of mark, words, style; every one once."""
+        found: dict[str, tuple[str, str, Style]] = {}
+        for panel in self.panels:
+            for mark, label in panel.legend():
+                found.setdefault(label, (type(mark).__name__.lower(), label, style_of(mark.kind)))
+        return list(found.values())
+
+
+def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    """Return a column as float64 (NaN throughout where it is absent)."""
+    if name not in table.columns:
+        return np.full(len(table), np.nan)
+    return np.asarray(table[name].to_numpy(dtype=np.float64))
+
+
+def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
+    """Shade the half-cycles that the fit did not see."""
+    held = column(curves, "held_out") > 0.5
+    if held.all():
+        # Every half-cycle was left out in turn: there is nothing to tell apart.
+        return
+    time_s = column(curves, "time_s")
+    for begin, end in runs(held):
+        plot.band(time_s[begin], time_s[end - 1], "held", label="half-cycle that the fit did not see")
+
+
+def angle_over_time(curves: pd.DataFrame, *, source: str = CURVES) -> Figure:
+    """Angle against time, measured and modelled (the paper's figure 15)."""
+    time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
+    plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
+    plot = Panel(Axis.along(TIME, time_s), Axis.around(ANGLE, angle, plain, extended), height=330)
+    shade_held_out(plot, curves)
+    models(plot, time_s, angle, plain, extended, ordered=True)
+    return Figure(
+        "angle_time",
+        "Angle against time",
+        "Positive is counter-clockwise as the film shows it.",
+        (plot,),
+        "Angle against time, measured and modelled",
+        source,
+    )
+
+
+def models(
+    plot: Panel,
+    x: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    plain: NDArray[np.float64],
+    extended: NDArray[np.float64],
+    *,
+    ordered: bool,
+) -> None:
+    """Draw the measured curve and the models that there are."""
+    alone = not np.isfinite(plain).any()
+    plot.line(x, angle, "ink" if alone else "measured", label="measured", ordered=ordered)
+    if np.isfinite(plain).any():
+        plot.line(x, plain, "before", label="plain model", ordered=ordered)
+    if np.isfinite(extended).any() and not np.array_equal(extended, plain, equal_nan=True):
+        plot.line(x, extended, "after", label="extended model", ordered=ordered)
+
+
+def temperatures_over_time(table: pd.DataFrame, *, source: str = CURVES) -> Figure:
+    """Both springs' temperatures against time (the paper's figure 16)."""
+    time_s = column(table, "time_s")
+    temp_a, temp_b = column(table, "temp_a_c"), column(table, "temp_b_c")
+    plot = Panel(Axis.along(TIME, time_s), Axis.around(TEMPERATURE, temp_a, temp_b), height=240)
+    plot.line(time_s, temp_a, "spring-a", label="spring A")
+    plot.line(time_s, temp_b, "spring-b", label="spring B")
+    return Figure(
+        "temperatures",
+        "Temperatures against time",
+        "Where one spring is heated, look at how far the other one follows.",
+        (plot,),
+        "Temperatures of both springs against time",
+        source,
+    )
+
+
+def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str = CURVES) -> Figure | None:
+    """Angle against the temperature of the spring that is driven (the paper's figure 17); None where it never is."""
+    temp_c = column(curves, f"temp_{spring}_c")
+    if "active" in curves.columns:
+        driven = (curves["active"].astype(str).str.lower() == spring).to_numpy()
+    else:
+        driven = temp_c >= np.fmax(column(curves, "temp_a_c"), column(curves, "temp_b_c"))
+    if driven.sum() < 3:
+        return None
+    names = ("angle_deg", "plain_deg", "extended_deg")
+    angle, plain, extended = (np.where(driven, column(curves, name), np.nan) for name in names)
+    plot = Panel(
+        Axis.around(f"temperature of spring {spring.upper()} (°C)", temp_c[driven]),
+        Axis.around(ANGLE, angle, plain, extended),
+        width=420,
+        height=330,
+    )
+    models(plot, temp_c, angle, plain, extended, ordered=False)
+    return Figure(
+        f"angle_temperature_{spring}",
+        f"While spring {spring.upper()} is driven",
+        "",
+        (plot,),
+        f"Angle against the temperature of spring {spring.upper()}",
+        source,
+    )

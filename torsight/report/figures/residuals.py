@@ -1,0 +1,225 @@
+"""Figures of the residual: over time, against what a missing effect may depend on, by direction and half-cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.wording import number
+from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, column, shade_held_out
+from torsight.report.plots.panels import Axis, Panel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | None:
+    """Residual of the extended model alone, on its own scale, with the noise floor; None where it is the plain one."""
+    time_s, after = column(curves, "time_s"), column(curves, "residual_after_deg")
+    if not np.isfinite(after).any() or np.array_equal(after, column(curves, "residual_before_deg"), equal_nan=True):
+        return None
+    reach = [-(floor_deg or 0.0), floor_deg or 0.0]
+    plot = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, after, reach), height=220)
+    shade_held_out(plot, curves)
+    plot.line(time_s, after, "after", label="after: extended model")
+    if floor_deg:
+        plot.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+    words = "What is left after the extension, on its own scale"
+    return Figure("residual_left", "What is left", "The error after, on its own scale.", (plot,), words, CURVES)
+
+
+LABELS: Final = {
+    "angle_deg": "angle (°)",
+    "temp_active_c": "temperature of the driven spring (°C)",
+    "temp_passive_c": "temperature of the other spring (°C)",
+    "temp_rate_c_s": "rate of the driven spring's temperature (°C/s)",
+    "angle_rate_deg_s": "rate of the angle (°/s)",
+}
+"""Drivers that the residual is drawn against, with their labels."""
+
+
+def driver_columns(curves: pd.DataFrame, *, window_s: float = 2.0) -> dict[str, NDArray[np.float64]]:
+    """Return the variables that a missing effect may depend on, as curves over the record.
+
+    Rates are slopes over ``window_s`` of the model's angle and of the temperature as driven: those of the measured
+    ones would be noise.
+    """
+    temp_a, temp_b = column(curves, "temp_a_c"), column(curves, "temp_b_c")
+    if "active" in curves.columns:
+        is_a = (curves["active"].astype(str).str.lower() == "a").to_numpy()
+    else:
+        is_a = temp_a >= temp_b
+    active, passive = np.where(is_a, temp_a, temp_b), np.where(is_a, temp_b, temp_a)
+    smooth = column(curves, "extended_deg")
+    smooth = smooth if np.isfinite(smooth).any() else column(curves, "plain_deg")
+    time_s = column(curves, "time_s")
+    # A slope may not cross from one driven spring to the other.
+    apart = np.concatenate([[False], is_a[1:] != is_a[:-1]])
+    return {
+        "angle_deg": column(curves, "angle_deg"),
+        "temp_active_c": active,
+        "temp_passive_c": passive,
+        "temp_rate_c_s": slope(time_s, active, window_s=window_s, apart=apart),
+        "angle_rate_deg_s": slope(time_s, smooth, window_s=window_s),
+    }
+
+
+def slope(
+    time_s: NDArray[np.float64],
+    values: NDArray[np.float64],
+    *,
+    window_s: float,
+    apart: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """Return the slope of ``values`` across a window centred on each sample; NaN across a mark of ``apart``."""
+    n = len(time_s)
+    first = np.searchsorted(time_s, time_s - window_s / 2.0)
+    last = np.minimum(np.searchsorted(time_s, time_s + window_s / 2.0, side="right") - 1, n - 1)
+    # Records slower than the window: take the neighbours.
+    short = last - first < 2
+    first = np.where(short, np.maximum(np.arange(n) - 1, 0), first)
+    last = np.where(short, np.minimum(np.arange(n) + 1, n - 1), last)
+    step_s = time_s[last] - time_s[first]
+    result = (values[last] - values[first]) / np.where(step_s > 0, step_s, np.nan)
+    if apart is not None:
+        count = np.cumsum(apart)
+        result = np.where(count[last] > count[first], np.nan, result)
+    return np.asarray(result)
+
+
+def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.float64]) -> Figure | None:
+    """Residual of both models against one variable, with the mean of every branch in twenty-five bins."""
+    known = np.isfinite(values)
+    if known.sum() < 10 or np.ptp(values[known]) <= 0:
+        return None
+    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
+    low, high = np.quantile(values[known], [0.001, 0.999])
+    inside = known & (values >= low) & (values <= high)
+    plot = Panel(
+        Axis.around(LABELS[variable], values[inside]),
+        Axis.around(RESIDUAL, before[inside], after[inside]),
+        width=370,
+        height=240,
+    )
+    for residual, kind, label in ((before, "before", "before"), (after, "after", "after")):
+        good = inside & np.isfinite(residual)
+        if good.any():
+            plot.points(values[good], residual[good], f"{kind} faint", label=label)
+    data: dict[str, list[float | str]] = {"residual": [], "branch": [], variable: [], "mean_deg": []}
+    parts = branches(curves)
+    for residual, kind in ((before, "before"), (after, "after")):
+        for name, branch in parts.items():
+            good = inside & branch & np.isfinite(residual)
+            if good.sum() > 2:
+                centre, mean = bin_means(values[good], residual[good], bins=25)
+                plot.line(centre, mean, f"{kind} mean")
+                kept = np.isfinite(mean)
+                data["residual"] += [kind] * int(kept.sum())
+                data["branch"] += [name] * int(kept.sum())
+                data[variable] += centre[kept].tolist()
+                data["mean_deg"] += mean[kept].tolist()
+    title = f"Against {LABELS[variable].split(' (')[0]}"
+    words = f"Residual before and after against {LABELS[variable]}"
+    return Figure(f"residual_{variable}", title, "", (plot,), words, data=data)
+
+
+def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:
+    """Return the samples of each branch of the motion, by its name: one spring, heating or cooling.
+
+    The two springs' branches mirror each other, and heating and cooling often differ in sign: a mean over all of
+    them would hide what each shows.
+    """
+    keys = [name for name in ("active", "direction") if name in curves.columns]
+    if not keys:
+        return {"all": np.ones(len(curves), dtype=bool)}
+    number_of = curves.groupby(keys, sort=False).ngroup().to_numpy()
+    moving = np.ones(len(curves), dtype=bool)
+    if "direction" in curves.columns:
+        moving = (curves["direction"].astype(str) != "rest").to_numpy()
+    found: dict[str, NDArray[np.bool_]] = {}
+    for one in range(int(number_of.max(initial=-1)) + 1):
+        rows = number_of == one
+        name = " ".join(str(part) for part in curves[keys].iloc[int(np.argmax(rows))])
+        found[name] = np.asarray(moving & rows)
+    return {name: branch for name, branch in found.items() if branch.any()}
+
+
+def bin_means(
+    x: NDArray[np.float64], y: NDArray[np.float64], *, bins: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    count = np.bincount(place, minlength=bins)
+    total = np.bincount(place, weights=y, minlength=bins)
+    enough = count > 0.05 * len(x) / bins
+    mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
+    return (edges[:-1] + edges[1:]) / 2.0, mean
+
+
+def by_direction(curves: pd.DataFrame) -> Figure | None:
+    """Root mean square of both residuals while heating, cooling and at rest."""
+    return _by_group(curves, "direction", "By direction", "direction", width=370.0, height=240.0)
+
+
+def by_half_cycle(curves: pd.DataFrame) -> Figure | None:
+    """Root mean square of both residuals of every half-cycle; those that the fit did not see are shaded."""
+    return _by_group(curves, "half_cycle", "By half-cycle", "half-cycle", width=860.0, height=200.0)
+
+
+def _by_group(curves: pd.DataFrame, by: str, title: str, words: str, *, width: float, height: float) -> Figure | None:
+    if by not in curves.columns:
+        return None
+    keys = list(dict.fromkeys(curves[by].dropna().tolist()))
+    names = [str(int(key) + 1) if by == "half_cycle" else str(key) for key in keys]
+    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
+    groups = [(curves[by] == key).to_numpy() for key in keys]
+    levels = [(_rms(before[group]), _rms(after[group])) for group in groups]
+    unseen_rows = column(curves, "held_out") > 0.5
+    unseen = [by == "half_cycle" and bool(unseen_rows[g].any() and not unseen_rows.all()) for g in groups]
+    if not np.isfinite(levels).any():
+        return None
+    plot = pairs_of_bars(words, "rms residual (°)", names, levels, unseen=unseen, width=width, height=height)
+    data: dict[str, list[Any]] = {
+        by: names,
+        "before_deg": [level[0] for level in levels],
+        "after_deg": [level[1] for level in levels],
+    }
+    return Figure(f"residual_{by}", title, "", (plot,), data=data)
+
+
+def pairs_of_bars(
+    words: str,
+    label: str,
+    names: Sequence[str],
+    levels: Sequence[tuple[float, float]],
+    *,
+    unseen: Sequence[bool] = (),
+    width: float = 860.0,
+    height: float = 200.0,
+) -> Panel:
+    """Return a before and an after bar per name; a level that is not finite is left out."""
+    top = float(np.nanmax([*np.ravel(levels), 1e-9]))
+    plot = Panel(
+        Axis(words, -0.6, len(names) - 0.4),
+        Axis(label, 0.0, 1.08 * top),
+        width=width,
+        height=height,
+        x_names=[(float(place), name) for place, name in enumerate(names)],
+    )
+    for place, pair in enumerate(levels):
+        if any(unseen[place : place + 1]):
+            plot.band(place - 0.48, place + 0.48, "held", label="half-cycle that the fit did not see")
+        for offset, level, kind in zip((-0.36, 0.02), pair, ("before", "after"), strict=True):
+            if np.isfinite(level):
+                ends = (place + offset, place + offset + 0.34)
+                plot.box(ends, (0.0, level), kind, tip=f"{kind} {level:.3g}°", label=kind)
+    return plot
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

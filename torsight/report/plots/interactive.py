@@ -1,0 +1,337 @@
+"""Plots for the screen, drawn with Bokeh: zoom, values under the pointer, one time axis for all of them.
+
+All plots are one document, so that axes of the same quantity can be one axis. The page holds it as JSON and draws it
+with BokehJS, which the page carries with it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from torsight.report.plots.palette import LIGHT
+from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
+
+if TYPE_CHECKING:
+    from bokeh.models import Range1d
+    from bokeh.plotting import figure as Plot  # noqa: N812 - the class, by another name than our figures
+
+_BINS: Final = 1000
+"""Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see."""
+_FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
+"""What the page's style sheet says of everything else: a plot has a style sheet of its own."""
+_MOST_POINTS: Final = 2500
+_FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Plots as the page needs them.
+
+    Attributes
+    ----------
+    document : str
+        All plots, JSON.
+    roots : mapping of str to str
+        Name of every figure to the plot's identifier in the document.
+    """
+
+    document: str
+    roots: Mapping[str, str]
+
+    def content(self) -> str:
+        """Return what stands in the page; ``<`` is written so that no word in it can end the element around it."""
+        return json.dumps({"document": json.loads(self.document), "roots": dict(self.roots)}).replace("<", "\\u003c")
+
+
+def library() -> str:
+    """Return BokehJS: plots without widgets, tables and formulas."""
+    from bokeh.resources import Resources
+
+    (text,) = Resources(mode="inline", components=["bokeh"]).js_raw[:1]
+    # No word in it may end the element around it.
+    return text.replace("</script", "<\\/script")
+
+
+def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
+    """Return figures, panels by name, as one Bokeh document; time axes of one clock are one axis.
+
+    The same panels make the same text.
+    """
+    from bokeh.document import Document
+
+    document = Document()
+    shared: dict[str, Range1d] = {}
+    roots = {}
+    for name, panels in figures.items():
+        root = _figure(panels, shared)
+        document.add_root(root)
+        roots[name] = root.id
+    text = json.dumps(document.to_json(deferred=False), separators=(",", ":"), allow_nan=False)
+    # Bokeh counts its models over the whole process.
+    names: dict[str, str] = {}
+
+    def again(found: re.Match[str]) -> str:
+        return names.setdefault(found.group(), f'"p{len(names) + 1}"')
+
+    text = re.sub(r'"p\d+"', again, text)
+    return Drawing(text, {name: names[f'"{root}"'].strip('"') for name, root in roots.items()})
+
+
+def _figure(panels: Sequence[Panel], shared: dict[str, Range1d]) -> Any:
+    from bokeh.layouts import gridplot
+
+    plots = [_plot(panel, shared) for panel in panels]
+    if len(plots) == 1:
+        return plots[0]
+    rows: list[list[Any]] = [[plot] for plot in plots]
+    grid = gridplot(rows, merge_tools=True, toolbar_location="above", sizing_mode="stretch_width")
+    grid.toolbar.logo = None
+    grid.toolbar.stylesheets = [_FOCUS]
+    return grid
+
+
+def _plot(panel: Panel, shared: dict[str, Range1d]) -> Plot:
+    from bokeh.models import (
+        BoxZoomTool,
+        CrosshairTool,
+        HoverTool,
+        PanTool,
+        Range1d,
+        ResetTool,
+        WheelZoomTool,
+        ZoomInTool,
+        ZoomOutTool,
+    )
+    from bokeh.plotting import figure
+
+    across = Range1d(start=panel.x.low, end=panel.x.high)
+    if panel.x.clock:
+        across = shared.setdefault(panel.x.clock, across)
+        across.start, across.end = min(across.start, panel.x.low), max(across.end, panel.x.high)
+    box = BoxZoomTool(match_aspect=panel.square)
+    plot = figure(
+        x_range=across,
+        y_range=Range1d(start=panel.y.low, end=panel.y.high),
+        height=round(panel.height),
+        match_aspect=panel.square,
+        tools=[PanTool(), box, WheelZoomTool(), ZoomInTool(), ZoomOutTool(), ResetTool()],
+        active_drag=box,
+        active_scroll=None,
+        toolbar_location="above",
+        aspect_ratio=1.0 if panel.square else None,
+        sizing_mode="scale_width" if panel.square else "stretch_width",
+    )
+    plot.toolbar.logo = None
+    plot.toolbar.stylesheets = [_FOCUS]
+    _dress(plot, panel)
+    if panel.x.clock:
+        plot.add_tools(CrosshairTool(dimensions="height", line_color=LIGHT["muted"], line_alpha=0.6, visible=False))
+    hover: dict[str, list[Any]] = {}
+    for alike in _alike(panel.marks):
+        for words, renderer in _Screen(plot, panel).draw(alike):
+            hover.setdefault(words, []).append(renderer)
+    for words, renderers in hover.items():
+        mode: Any = "vline" if panel.x.clock and words == _CURVE else "mouse"
+        plot.add_tools(HoverTool(renderers=renderers, tooltips=words, mode=mode, visible=False))
+    return plot
+
+
+def _dress(plot: Plot, panel: Panel) -> None:
+    """Set labels, fonts and colours."""
+    from bokeh.models import FixedTicker
+
+    plot.background_fill_color = plot.border_fill_color = None
+    plot.outline_line_color = None
+    plot.min_border_left, plot.min_border_right = 64, 12
+    for axis, grid, label, names in (
+        (plot.xaxis[0], plot.xgrid[0], panel.x.label, panel.x_names),
+        (plot.yaxis[0], plot.ygrid[0], panel.y.label, panel.y_names),
+    ):
+        axis.axis_label = label or None
+        axis.axis_label_text_font = axis.major_label_text_font = _FONT
+        axis.axis_label_text_font_size = axis.major_label_text_font_size = "12px"
+        axis.axis_label_text_font_style = "normal"
+        axis.axis_label_text_color = axis.major_label_text_color = LIGHT["muted"]
+        axis.axis_line_color = axis.major_tick_line_color = LIGHT["rule"]
+        axis.minor_tick_line_color = None
+        grid.grid_line_color = LIGHT["rule"]
+        if names is not None:
+            axis.ticker = FixedTicker(ticks=[value for value, _ in names])
+            axis.major_label_overrides = dict(names)
+            grid.grid_line_color = None
+
+
+_CURVE: Final = "<b>$name</b> @y{0.[000]} at @x{0.[00]}"
+_TIP: Final = "@tip"
+_Drawn = list[tuple[str, Any]]
+"""What is said under the pointer, and of what."""
+
+
+def _alike(marks: Sequence[Mark]) -> list[list[Mark]]:
+    """Return marks that one renderer can draw together, in the order of the first of each; a renderer is a kilobyte."""
+    found: dict[tuple[Any, ...], list[Mark]] = {}
+    for number, mark in enumerate(marks):
+        # A curve with a name of its own is one renderer, which says it.
+        alone = number if isinstance(mark, Ribbon) or (isinstance(mark, Line) and mark.label) else -1
+        upright = mark.upright if isinstance(mark, (Band, Rule)) else True
+        kind = "" if isinstance(mark, Note) else mark.kind
+        found.setdefault((type(mark), kind, upright, alone), []).append(mark)
+    return list(found.values())
+
+
+def _source(**columns: Any) -> Any:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({name: _column(values) for name, values in columns.items()})
+
+
+def _column(values: Any) -> Any:
+    """Return a column in single precision: a page of half the size, and 0.1 ms in an hour."""
+    if isinstance(values, np.ndarray) or (values and isinstance(values[0], float)):
+        return np.asarray(values, np.float32)
+    return values
+
+
+@dataclass(frozen=True, slots=True)
+class _Screen:
+    """A plot that marks are drawn on; every method takes marks that one renderer can draw."""
+
+    plot: Plot
+    panel: Panel
+
+    def draw(self, alike: Sequence[Any]) -> _Drawn:
+        """Draw marks of one type."""
+        methods: dict[type, Callable[[Sequence[Any]], _Drawn]] = {
+            Line: self.lines,
+            Points: self.points,
+            Ribbon: self.ribbon,
+            Band: self.bands,
+            Box: self.boxes,
+            Rule: self.rules,
+            Note: self.notes,
+        }
+        return methods[type(alike[0])](alike)
+
+    def lines(self, alike: Sequence[Line]) -> _Drawn:
+        """Draw curves of one kind."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        style = style_of(mark.kind)
+        look: dict[str, Any] = {
+            "line_color": style.colour,
+            "line_width": style.width,
+            "line_dash": list(style.dash),
+            "line_alpha": style.opacity,
+            "line_cap": "round",
+            "line_join": "round",
+        }
+        lines = [line.thinned(self.panel, _BINS) for line in alike if len(line.x)]
+        if not lines:
+            return []
+        if not mark.label:
+            # Gaps part them.
+            x, y = (np.concatenate([np.append(line[k], np.nan) for line in lines]) for k in (0, 1))
+            self.plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look))
+            return []
+        drawn = self.plot.add_glyph(
+            _source(x=lines[0][0], y=lines[0][1]), glyphs.Line(x="x", y="y", **look), name=mark.label
+        )
+        return [(_CURVE, drawn)]
+
+    def points(self, alike: Sequence[Points]) -> _Drawn:
+        """Draw points of one kind."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        style = style_of(mark.kind)
+        pixel = (
+            abs(self.panel.x.high - self.panel.x.low) / self.panel.width,
+            abs(self.panel.y.high - self.panel.y.low) / self.panel.height,
+        )
+        x, y = (np.concatenate([getattr(one, name) for one in alike]) for name in "xy")
+        x, y = thin_points(x, y, spot=pixel, most=_MOST_POINTS)
+        dots = glyphs.Scatter(
+            x="x", y="y", size=2.0 * mark.radius, fill_color=style.colour, fill_alpha=style.opacity, line_color=None
+        )
+        drawn = self.plot.add_glyph(_source(x=x, y=y), dots, name=mark.label or None)
+        return [(_CURVE, drawn)] if mark.label else []
+
+    def ribbon(self, alike: Sequence[Ribbon]) -> _Drawn:
+        """Draw a filled band between two curves."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        style = style_of(mark.kind)
+        known = np.isfinite(mark.low) & np.isfinite(mark.high)
+        source = _source(x=mark.x[known], low=mark.low[known], high=mark.high[known])
+        area = glyphs.VArea(x="x", y1="low", y2="high", fill_color=style.colour, fill_alpha=style.opacity)
+        self.plot.add_glyph(source, area)
+        return []
+
+    def bands(self, alike: Sequence[Band]) -> _Drawn:
+        """Shade ranges of an axis."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        style = style_of(mark.kind)
+        source = _source(low=[one.low for one in alike], high=[one.high for one in alike])
+        look: dict[str, Any] = {"fill_color": style.colour, "fill_alpha": style.opacity, "line_color": None}
+        strip = (
+            glyphs.VStrip(x0="low", x1="high", **look) if mark.upright else glyphs.HStrip(y0="low", y1="high", **look)
+        )
+        self.plot.add_glyph(source, strip, level="underlay")
+        return []
+
+    def boxes(self, alike: Sequence[Box]) -> _Drawn:
+        """Draw rectangles."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        source = _source(
+            left=[min(one.x) for one in alike],
+            right=[max(one.x) for one in alike],
+            bottom=[min(one.y) for one in alike],
+            top=[max(one.y) for one in alike],
+            tip=[one.tip for one in alike],
+        )
+        colour = style_of(mark.kind).colour
+        quad = glyphs.Quad(left="left", right="right", bottom="bottom", top="top", fill_color=colour, line_color=None)
+        return [(_TIP, self.plot.add_glyph(source, quad))]
+
+    def rules(self, alike: Sequence[Rule]) -> _Drawn:
+        """Draw straight lines."""
+        from bokeh.models import glyphs
+
+        mark = alike[0]
+        style = style_of(mark.kind)
+        source = _source(at=[one.value for one in alike], tip=[one.tip for one in alike])
+        look: dict[str, Any] = {"line_color": style.colour, "line_width": style.width, "line_dash": list(style.dash)}
+        span = glyphs.VSpan(x="at", **look) if mark.upright else glyphs.HSpan(y="at", **look)
+        drawn = self.plot.add_glyph(source, span)
+        return [(_TIP, drawn)] if any(one.tip for one in alike) else []
+
+    def notes(self, alike: Sequence[Note]) -> _Drawn:
+        """Write words."""
+        from bokeh.core.properties import value
+        from bokeh.models import glyphs
+
+        source = _source(x=[one.x for one in alike], y=[one.y for one in alike], words=[one.words for one in alike])
+        words = glyphs.Text(
+            x="x",
+            y="y",
+            text="words",
+            x_offset=5,
+            text_baseline="middle",
+            text_font=value(_FONT),
+            text_font_size="12px",
+            text_color=LIGHT["muted"],
+        )
+        self.plot.add_glyph(source, words)
+        return []

@@ -1,0 +1,277 @@
+"""Plots as SVG pictures, drawn with matplotlib: for paper, for a browser without scripts, and for other programs.
+
+A canvas of its own draws them: what backend matplotlib is set to, and whether that is installed, does not matter.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote
+
+import numpy as np
+from markupsafe import Markup
+
+from torsight.report.plots.palette import LIGHT
+from torsight.report.plots.panels import Band, Box, Line, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
+
+_PX_PER_INCH: Final = 96.0
+"""Pixels of a style sheet per inch, by the standard of CSS."""
+_POINTS_PER_PX: Final = 72.0 / _PX_PER_INCH
+_BINS: Final = 400
+"""Bins of a curve: two points each, about one per pixel of the picture."""
+_MOST_POINTS: Final = 1000
+"""Points of a cloud: more only fill it in."""
+_SAFE: Final = " !$'()*+,-./:;<=>?@[]^_`{|}~"
+"""What an attribute in double quotes may hold as it is."""
+_CHARACTER_PX: Final = 6.9
+"""Mean width of a character of 12 px in a wide font."""
+_SETTINGS: Final[dict[Any, Any]] = {
+    "svg.fonttype": "none",
+    # Otherwise its identifiers are drawn by lot, and the same results make other bytes.
+    "svg.hashsalt": "torsight",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 12.0 * _POINTS_PER_PX,
+    "axes.unicode_minus": True,
+    "axes.edgecolor": LIGHT["rule"],
+    "axes.labelcolor": LIGHT["muted"],
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": LIGHT["rule"],
+    "grid.linewidth": _POINTS_PER_PX,
+    "xtick.color": LIGHT["rule"],
+    "ytick.color": LIGHT["rule"],
+    "xtick.labelcolor": LIGHT["muted"],
+    "ytick.labelcolor": LIGHT["muted"],
+    "text.color": LIGHT["ink"],
+    "legend.frameon": False,
+    "path.simplify": True,
+}
+
+
+def still(panels: Sequence[Panel]) -> str:
+    """Return panels one above the other as the text of an SVG that stands alone."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_SETTINGS):
+        buffer = io.StringIO()
+        _picture(panels).savefig(buffer, format="svg", transparent=True)
+    return bare(buffer.getvalue())
+
+
+def bare(svg: str) -> str:
+    """Return matplotlib's SVG without what says when and by what it was made: the same results make the same bytes."""
+    return re.sub(r"<metadata>.*?</metadata>\s*", "", svg[svg.index("<svg") :], flags=re.DOTALL).strip()
+
+
+def png(panels: Sequence[Panel]) -> bytes:
+    """Return panels one above the other as a PNG on white, at twice the resolution of a plain screen."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_SETTINGS):
+        buffer = io.BytesIO()
+        _picture(panels).savefig(buffer, format="png", dpi=2.0 * _PX_PER_INCH, facecolor="white")
+    return buffer.getvalue()
+
+
+def _picture(panels: Sequence[Panel]) -> Picture:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Picture
+
+    width, height = panels[0].width, sum(panel.height for panel in panels)
+    picture = Picture(figsize=(width / _PX_PER_INCH, height / _PX_PER_INCH))
+    FigureCanvasAgg(picture)
+    top = height
+    for panel in panels:
+        _draw(picture, panel, top, width, height)
+        top -= panel.height
+    return picture
+
+
+def picture_data(svg: str) -> Markup:
+    """Return an address that holds a picture itself, a quarter shorter than in base64, for an attribute of a page."""
+    words = " ".join(svg.replace("'", "&apos;").replace('"', "'").split())
+    return Markup("data:image/svg+xml," + quote(words, safe=_SAFE))  # noqa: S704 - quote leaves no '"' and no '&'
+
+
+def _draw(picture: Picture, panel: Panel, top: float, width: float, height: float) -> None:
+    """Draw one panel whose upper edge is ``top`` pixels above the lower edge of the picture."""
+    widest = max((len(name) for _, name in panel.y_names or []), default=0)
+    left = max(64.0, 20.0 + _CHARACTER_PX * widest)
+    rows = _legend_rows(panel, width - left)
+    above, below = 10.0 + 20.0 * len(rows), 46.0 if panel.x.label else 26.0
+    place = (
+        left / width,
+        (top - panel.height + below) / height,
+        (width - left - 16.0) / width,
+        (panel.height - above - below) / height,
+    )
+    axes = picture.add_axes(place)
+    axes.set_xlim(panel.x.low, panel.x.high)
+    axes.set_ylim(panel.y.low, panel.y.high)
+    axes.set_xlabel(panel.x.label)
+    axes.set_ylabel(panel.y.label)
+    for names, axis in ((panel.x_names, axes.xaxis), (panel.y_names, axes.yaxis)):
+        if names is not None:
+            axis.set_ticks([value for value, _ in names], [_plain(name) for _, name in names])
+            axis.grid(visible=False)
+    if panel.square:
+        axes.set_aspect("equal", adjustable="box")
+    for mark in panel.marks:
+        _Paper(axes, panel).draw(mark)
+    for row, entries in enumerate(rows):
+        handles = [_handle(mark) for mark, _ in entries]
+        legend = axes.legend(
+            handles,
+            [_plain(label) for _, label in entries],
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0 + 20.0 * (len(rows) - 1 - row) / (panel.height - above - below)),
+            borderaxespad=0.2,
+            ncols=len(entries),
+            columnspacing=1.4,
+            handlelength=1.6,
+        )
+        axes.add_artist(legend)
+
+
+def _plain(words: str) -> str:
+    """Return words in which matplotlib sees no formula."""
+    return words.replace("$", r"\$")
+
+
+def _legend_rows(panel: Panel, width: float) -> list[list[tuple[Any, str]]]:
+    """Return the legend's entries, in as many rows as the width makes of them."""
+    rows: list[list[tuple[Any, str]]] = []
+    room = 0.0
+    for mark, label in panel.legend():
+        needed = 46.0 + _CHARACTER_PX * len(label)
+        if not rows or needed > room:
+            rows, room = [*rows, []], width
+        rows[-1].append((mark, label))
+        room -= needed
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Paper:
+    """Axes that marks are drawn on."""
+
+    axes: Axes
+    panel: Panel
+
+    def draw(self, mark: Any) -> None:
+        """Draw one mark of any type."""
+        methods: dict[type, Callable[[Any], None]] = {
+            Line: self.line,
+            Points: self.points,
+            Ribbon: self.ribbon,
+            Band: self.band,
+            Box: self.box,
+            Rule: self.rule,
+            Note: self.note,
+        }
+        methods[type(mark)](mark)
+
+    def line(self, mark: Line) -> None:
+        """Draw a curve."""
+        self.axes.add_line(_line(mark, *mark.thinned(self.panel, _BINS)))
+
+    def points(self, mark: Points) -> None:
+        """Draw points."""
+        style = style_of(mark.kind)
+        spot = (
+            (self.panel.x.high - self.panel.x.low) / self.panel.width * 2.0,
+            abs(self.panel.y.high - self.panel.y.low) / self.panel.height * 2.0,
+        )
+        x, y = thin_points(mark.x, mark.y, spot=spot, most=_MOST_POINTS)
+        # Thousands of points are one picture within the picture.
+        self.axes.plot(
+            x,
+            y,
+            linestyle="none",
+            marker="o",
+            markersize=2.0 * mark.radius * _POINTS_PER_PX,
+            markeredgewidth=0.0,
+            color=style.colour,
+            alpha=style.opacity,
+            rasterized=len(x) > 300,
+        )
+
+    def ribbon(self, mark: Ribbon) -> None:
+        """Draw a filled band between two curves."""
+        style = style_of(mark.kind)
+        self.axes.fill_between(mark.x, mark.low, mark.high, color=style.colour, alpha=style.opacity, linewidth=0.0)
+
+    def band(self, mark: Band) -> None:
+        """Shade a range of an axis."""
+        style = style_of(mark.kind)
+        span = self.axes.axvspan if mark.upright else self.axes.axhspan
+        span(mark.low, mark.high, color=style.colour, alpha=style.opacity, linewidth=0.0)
+
+    def box(self, mark: Box) -> None:
+        """Draw a rectangle."""
+        (left, right), (low, high) = sorted(mark.x), sorted(mark.y)
+        self.axes.bar(
+            left, high - low, right - left, low, align="edge", color=style_of(mark.kind).colour, linewidth=0.0
+        )
+
+    def rule(self, mark: Rule) -> None:
+        """Draw a straight line."""
+        style = style_of(mark.kind)
+        rule = self.axes.axvline if mark.upright else self.axes.axhline
+        rule(mark.value, color=style.colour, linewidth=style.width * _POINTS_PER_PX, linestyle=_dashes(style.dash))
+
+    def note(self, mark: Note) -> None:
+        """Write words."""
+        self.axes.annotate(
+            _plain(mark.words),
+            (mark.x, mark.y),
+            xytext=(4.0, 0.0),
+            textcoords="offset points",
+            va="center",
+            color=LIGHT["muted"],
+        )
+
+
+def _line(mark: Line, x: Any, y: Any) -> Any:
+    from matplotlib.lines import Line2D
+
+    style = style_of(mark.kind)
+    return Line2D(
+        x,
+        y,
+        color=style.colour,
+        linewidth=style.width * _POINTS_PER_PX,
+        linestyle=_dashes(style.dash),
+        alpha=style.opacity,
+        solid_capstyle="round",
+    )
+
+
+def _dashes(dash: tuple[int, ...]) -> Any:
+    return (0, tuple(_POINTS_PER_PX * one for one in dash)) if dash else "solid"
+
+
+def _handle(mark: Any) -> Any:
+    """Return what stands before a label of the legend."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if isinstance(mark, (Band, Box, Ribbon)):
+        style = style_of(mark.kind)
+        return Patch(facecolor=style.colour, alpha=style.opacity, linewidth=0.0)
+    if isinstance(mark, Points):
+        return Line2D([], [], linestyle="none", marker="o", markersize=5.0, color=style_of(mark.kind).colour)
+    if isinstance(mark, Rule):
+        return _line(Line(np.empty(0), np.empty(0), mark.kind), [], [])
+    return _line(mark, [], [])

@@ -1,0 +1,211 @@
+"""What to do next with a result: what limits it, what would halve its intervals, whether a controller may trust it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from torsight.core.errors import TorsightError
+from torsight.core.results import RunResults
+from torsight.core.units import DEG
+from torsight.core.wording import EXPLAINED, error_left, not_explained, number
+from torsight.report.figures.motion import column
+from torsight.report.plots.symbols import symbol, with_symbols
+from torsight.report.sections.information import HALVED, Measure, best_measures
+from torsight.report.sections.limitations import as_sentence
+from torsight.report.sections.priors import priors
+from torsight.report.sections.tables import measured_angle
+
+if TYPE_CHECKING:
+    from torsight.actuator.fitted import FittedModel
+
+_HONEST: Final = 0.90
+"""Least share of the samples within two predicted sigmas: 0.95 where the noise is normal, less half the samples' worth
+of a half-cycle or so."""
+
+
+class Step(NamedTuple):
+    """A question and its answer; ``good`` where the answer is one that nobody has to worry about."""
+
+    question: str
+    answer: Markup
+    good: bool | None = None
+
+
+def next_steps(results: RunResults) -> list[Step]:
+    """Return what a person can do next; nothing where no discovery was made."""
+    if results.discovery is None or error_left(results.discovery) is None:
+        return []
+    model = _model(results)
+    return [
+        Step("What limits the result now?", with_symbols(_limit(results))),
+        *_halving(results, model),
+        _control(results, model),
+    ]
+
+
+def _model(results: RunResults) -> FittedModel | None:
+    from torsight.actuator.fitted import read_model
+
+    if results.model is None:
+        return None
+    try:
+        return read_model(results.folder / "model.json")
+    except TorsightError:
+        # A model of other effects than are installed here: what needs it is left out.
+        return None
+
+
+def _limit(results: RunResults) -> str:
+    discovery = results.discovery or {}
+    left, floor = error_left(discovery), discovery.get("noise_floor_deg")
+    verdict = discovery.get("verdict")
+    if left is None or not floor:
+        return "The record's noise floor is not known, so nothing can be said."
+    if left > EXPLAINED * floor:
+        return (
+            f"The model, not the measurement: {number(left, 2)}° rms are left, {number(left / floor, 2)} times the "
+            f"noise floor of {number(floor, 2)}°. A longer record will not narrow the intervals honestly before "
+            "what is left is explained."
+        )
+    if verdict == "ambiguous":
+        return "The programme: it moves the actuator alike under each of the explanations. Run the one proposed below."
+    return f"Noise, not the model: {number(left, 2)}° rms are left, and no model can leave less than about " + _noise(
+        results, float(floor)
+    )
+
+
+def _noise(results: RunResults, floor: float) -> str:
+    """Say how much of the noise floor is the film's, and what to do about the larger part."""
+    table = next((one for one in (results.merged, results.curves, results.angle) if one is not None), None)
+    sigma = np.empty(0) if table is None else column(table, "angle_sigma_deg")
+    sigma = sigma[np.isfinite(sigma)]
+    if not len(sigma):
+        return f"{number(floor, 2)}°."
+    film = float(np.sqrt(np.mean(sigma**2)))
+    begin = f"{number(floor, 2)}°. The film's share of that is {number(min(film, floor), 2)}°"
+    if film**2 < 0.5 * floor**2:
+        return (
+            f"{begin}; the rest comes from the temperatures' readings. Log them more often, or with less noise: "
+            "four readings for each one of today halve their part."
+        )
+    advice = (results.track or {}).get("advice") or []
+    first = advice if isinstance(advice, str) else str(advice[0]) if advice else ""
+    return f"{begin}, the greater part. {as_sentence(first) if first.strip() else 'Film the markers larger.'}"
+
+
+def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
+    """Return which measurement would halve the intervals that people look at first."""
+    if model is None or model.doubt is None or not np.isfinite(model.doubt.covariance).all():
+        return []
+    names, covariance = model.doubt.names, model.doubt.covariance
+    sigma = {parameter.name: parameter.sigma for parameter in model.model.parameters}
+    of_effects = [
+        next((name for name in effect.get("parameters") or {} if name in names), None)
+        for effect in (results.discovery or {}).get("effects") or []
+    ]
+    targets = [name for name in dict.fromkeys(["tau_c_mnm", *of_effects]) if name in names]
+    lines = []
+    for target in targets:
+        longer, sharper = best_measures(target, names, covariance, [sigma.get(name) for name in names])
+        lines.append(Markup("<b>{}</b>: {}").format(symbol(target), _halved(results, longer, sharper)))
+    if not lines:
+        return []
+    if not_explained(results.discovery or {}):
+        lines.append(Markup("All this holds once what is left has been explained."))
+    return [Step("Which measurement would halve the intervals?", Markup("<br>").join(lines))]
+
+
+def _halved(results: RunResults, longer: Measure, sharper: Measure | None) -> Markup:
+    """Say what halves an interval: the least that does, or how far the strongest single measurement goes."""
+    record = escape(f"{longer.factor:g} times as many half-cycles{_instead(results, longer.factor)}")
+    ways = [(record, longer), *([] if sharper is None else [(_characterised(results, sharper), sharper)])]
+    enough = [words for words, measure in ways if measure.ratio <= HALVED]
+    if enough:
+        return Markup("{}.").format(Markup(", or ").join(enough))
+    # Four times the information from every source is a quarter of the variance, whatever the correlations.
+    words, strongest = min(ways, key=lambda one: one[1].ratio)
+    return Markup(
+        "nothing alone; four times as many half-cycles and every characterised value twice as well together do. The "
+        "strongest single measurement is {}: it leaves {:.0f} % of the interval."
+    ).format(words, 100.0 * strongest.ratio)
+
+
+def _instead(results: RunResults, factor: float) -> str:
+    curves = results.curves
+    if curves is None or "half_cycle" not in curves.columns:
+        return ""
+    count = int(curves["half_cycle"].nunique())
+    return f" ({factor * count:.0f} instead of {count})"
+
+
+def _characterised(results: RunResults, measure: Measure) -> Markup:
+    prior = priors(results).get(measure.name)
+    if prior is None or not prior.sigma:
+        return Markup("{} known {} times as well from elsewhere").format(symbol(measure.name), f"{measure.factor:g}")
+    return Markup("{} characterised to ±{} instead of ±{}").format(
+        symbol(measure.name), number(prior.sigma / measure.factor, 2), number(prior.sigma, 2)
+    )
+
+
+def _control(results: RunResults, model: FittedModel | None) -> Step:
+    """Say whether the model may be trusted for control: held-out error and predicted sigma against the range."""
+    discovery = results.discovery or {}
+    question = "Can the model be trusted for control?"
+    left, floor = error_left(discovery) or 0.0, discovery.get("noise_floor_deg") or 0.0
+    angle = measured_angle(results)
+    range_deg = float(np.ptp(angle)) if len(angle) else 0.0
+    if range_deg <= 0.0:
+        return Step(question, Markup("The range of motion is not known here."))
+    held_out = (discovery.get("after") or {}).get("rmse_held_out_deg") is not None
+    seen = "on half-cycles that the fit did not see" if held_out else "on the half-cycles that were fitted"
+    numbers = [
+        f"{number(left, 2)}° rms error {seen}, {number(100.0 * left / range_deg, 2)} % of the {range_deg:.0f}° range"
+    ]
+    sigma, share = _predicted(results, model)
+    if sigma is not None:
+        numbers.append(
+            f"{number(sigma, 2)}° predicted sigma ({number(100.0 * sigma / range_deg, 2)} % of the range), and "
+            f"{100.0 * share:.0f} % of the measured angles lie within two of it"
+        )
+    against = [
+        *(["no half-cycle could be held out"] if not held_out else []),
+        *(["the record is not explained"] if floor and left > EXPLAINED * floor else []),
+        *(["a measured law stands in for a cause that is not known"] if discovery.get("verdict") == "unknown" else []),
+        *(["it is not known which explanation is right"] if discovery.get("verdict") == "ambiguous" else []),
+        *(["the predicted sigma is too small"] if sigma is not None and share < _HONEST else []),
+    ]
+    ends = f" {'; '.join(numbers)}."
+    if against:
+        return Step(question, escape(f"Not yet, because {', and '.join(against)}.{ends}"), good=False)
+    within = f"Yes, within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
+    return Step(question, escape(f"{within}, for temperatures and rates like this record's.{ends}"), good=True)
+
+
+def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | None, float]:
+    """Return the median predicted sigma over the record (°), and the share of the samples within two sigmas."""
+    from torsight.core.records import TemperatureLog
+    from torsight.discovery.prediction import predict_with_sigma
+
+    table = results.merged
+    if model is None or model.doubt is None or table is None:
+        return None, 0.0
+    angle = column(table, "angle_deg")
+    known = np.flatnonzero(np.isfinite(angle))
+    if not len(known):
+        return None, 0.0
+    first = int(known[0])
+    columns: Mapping[str, Any] = {name: column(table, name)[first:] for name in ("time_s", "temp_a_c", "temp_b_c")}
+    try:
+        said = predict_with_sigma(model, TemperatureLog(**columns), start_angle_rad=float(angle[first]) * DEG)
+    except TorsightError:
+        # A record that cannot drive a model by itself, such as one that was cut by hand.
+        return None, 0.0
+    sigma, off = said.sigma_rad / DEG, np.abs(said.angle_rad / DEG - angle[first:])
+    both = np.isfinite(sigma) & np.isfinite(off)
+    if not both.any():
+        return None, 0.0
+    return float(np.median(sigma[both])), float(np.mean(off[both] <= 2.0 * sigma[both]))

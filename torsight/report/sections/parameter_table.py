@@ -1,0 +1,69 @@
+"""The table of parameters and the plain fit's own account."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from torsight.core.results import RunResults
+from torsight.core.wording import estimate, fixed, number
+from torsight.report.plots.symbols import symbol
+from torsight.report.sections.priors import Prior, priors
+from torsight.report.sections.tables import score
+
+
+def parameter_table(results: RunResults) -> dict[str, Any]:
+    """Return the table of parameters: characterised, plain fit, extended fit, and how far each was pulled."""
+    discovery = results.discovery or {}
+    plain = dict(discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {})
+    extended = dict(discovery.get("parameters") or {})
+    known = priors(results)
+    own = {
+        name: value
+        for effect in (results.discovery or {}).get("effects") or []
+        for name, value in (effect.get("parameters") or {}).items()
+    }
+    both = {
+        name: (plain.get(name), extended.get(name, own.get(name))) for name in dict.fromkeys([*plain, *extended, *own])
+    }
+    free = {name: pair for name, pair in both.items() if not (pair[1] or pair[0] or {}).get("fixed")}
+    rows = [_row(name, known.get(name), *pair) for name, pair in free.items()]
+    exact = [_exact(name, pair[1] or pair[0] or {}) for name, pair in both.items() if name not in free]
+    return {"rows": rows, "exact": exact, "pulled": any(row["prior"] for row in rows), "extended": bool(extended)}
+
+
+def _exact(name: str, value: Mapping[str, Any]) -> Markup:
+    words = f"{value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
+    return Markup("{} {}").format(symbol(name), words)
+
+
+def _row(
+    name: str, prior: Prior | None, plain: Mapping[str, Any] | None, after: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    shown = after or plain or {}
+    pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
+    return {
+        "name": symbol(name),
+        "unit": shown.get("unit") or "",
+        "prior": "" if prior is None else prior.words(),
+        "plain": "" if plain is None else estimate({**plain, "unit": ""}),
+        "after": "" if after is None else estimate({**after, "unit": ""}),
+        "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
+        "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
+    }
+
+
+def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
+    """Return the plain fit's own account."""
+    fit = results.fit
+    if fit is None:
+        return []
+    lines: list[tuple[str | Markup, str]] = [
+        ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
+        ("R²", score(fit.get("r2"))),
+        ("case of the cooling", f"({fit.get('case')})"),
+    ]
+    angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
+    return lines + [(symbol(name), f"{fixed(fit.get(name), 1)}°") for name in angles]

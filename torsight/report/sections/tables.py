@@ -1,0 +1,390 @@
+"""The report's words and tables, from the JSON results; where one is absent the answer is empty."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from torsight.core.errors import InputError
+from torsight.core.results import RunResults
+from torsight.core.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
+from torsight.report.figures.planned import segments, worth
+from torsight.report.plots.symbols import equation_pictures, symbol
+
+FILES: Final = {
+    "angle.csv": "angle of every frame",
+    "markers.csv": "positions of the four markers",
+    "merged.csv": "angle and temperatures on one clock",
+    "curves.csv": "the curves and residuals of this page",
+    "track.json": "account of the tracking",
+    "track.png": "frames of the film with what was read in them",
+    "sync.json": "the two clocks",
+    "fit.json": "the plain model's fit",
+    "discovery.json": "what was missing",
+    "model.json": "the model, for torsight predict",
+    "next_experiment.csv": "the programme that would tell the explanations apart",
+    "recording.rrd": "the run to look at, for torsight view",
+    "provenance.json": "versions, inputs, configuration",
+}
+
+
+_WIDEST_PX: Final = 2240
+"""Of the picture of the tracking in the page: twice its widest column."""
+_WEBP_QUALITY: Final = 80
+"""OpenCV's own middle, at which letters of ten pixels are clean; measured on the demo's picture: 17 % of the PNG."""
+
+
+class Tile(NamedTuple):
+    """A big number with its unit and a line about it; symbols in both carry their own markup."""
+
+    label: str
+    value: str
+    unit: str
+    note: str
+
+
+def lead(results: RunResults) -> str:
+    """Return the sentence under the headline: what the extension did to the error."""
+    discovery = results.discovery or {}
+    before = (discovery.get("before") or {}).get("rmse_held_out_deg")
+    after = (discovery.get("after") or {}).get("rmse_held_out_deg")
+    floor = discovery.get("noise_floor_deg")
+    ends = f" The noise floor of the record is {number(floor, 2)}°." if floor is not None else ""
+    if before is None:
+        return ends.strip()
+    if not discovery.get("effects") and discovery.get("verdict") == "none":
+        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+    if after is None:
+        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+    seen = "the error on half-cycles that the fit did not see"
+    return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
+
+
+def error(value_deg: float) -> str:
+    """Return an error with three digits, or two below one degree."""
+    return f"{number(value_deg, 3 if value_deg >= 1.0 else 2)}°"
+
+
+def tiles(results: RunResults) -> list[Tile]:
+    """Return the three big numbers at the head of the page."""
+    discovery = results.discovery
+    if discovery is None:
+        return [*_range_tile(results), *_friction_tile(results), *_frames_tile(results)]
+    return [*_error_tile(discovery), _missing_tile(discovery), *_friction_tile(results)]
+
+
+def facts(results: RunResults) -> list[Tile]:
+    """Return the smaller numbers that follow the big ones."""
+    if results.discovery is None:
+        return []
+    found = _range_tile(results)
+    floor = results.discovery.get("noise_floor_deg")
+    if floor is not None:
+        found.append(Tile("Noise floor", number(floor, 2), "°", "no model can do better on this record"))
+    return [*found, *_frames_tile(results)]
+
+
+def _range_tile(results: RunResults) -> list[Tile]:
+    angle = measured_angle(results)
+    if not len(angle):
+        return []
+    return [Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")]
+
+
+def _frames_tile(results: RunResults) -> list[Tile]:
+    if results.angle is None or not len(results.angle):
+        return []
+    valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
+    return [Tile("Frames measured", f"{100.0 * valid.mean():.1f}", "%", f"{int(valid.sum())} of {len(valid)}")]
+
+
+def _friction_tile(results: RunResults) -> list[Tile]:
+    friction = best_parameters(results).get("tau_c_mnm")
+    if friction is None:
+        return []
+    words, _, interval = estimate(friction).partition(" (")
+    value, _, unit = words.partition(" ")
+    note = interval.rstrip(")") or "no interval"
+    discovery = results.discovery or {}
+    plain = (discovery.get("plain_parameters") or {}).get("tau_c_mnm")
+    if plain is not None and number(plain.get("value"), 2) != number(friction.get("value"), 2):
+        note += f"; the plain model said {number(plain.get('value'))}"
+    return [Tile(Markup("Friction torque {}").format(symbol("tau_c_mnm")), value, unit, note)]
+
+
+def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
+    effects = discovery.get("effects") or []
+    verdict = str(discovery.get("verdict"))
+    if verdict == "none" or (not effects and verdict not in {"unknown", "ambiguous"}):
+        return Tile("Missing effect", "none", "", "that this record can show")
+    if verdict == "ambiguous":
+        options = explanations(discovery)
+        return Tile("Missing effect", f"1 of {max(2, len(options))}", "", listed(options, last="or"))
+    if verdict == "unknown":
+        drivers = [variable_name(str(one["variable"])) for one in (discovery.get("drivers") or [])[:2]]
+        depends = f"; it depends on {listed(drivers)}" if drivers else ""
+        return Tile("Missing effect", "no known one", "", f"a measured law stands in{depends}")
+    names = listed([effect_name(str(effect["id"])) for effect in effects])
+    values = [_telling(effect, discovery) for effect in effects]
+    label = "Missing effect" if len(effects) == 1 else "Missing effects"
+    return Tile(label, names, "", Markup("<br>").join(value for value in values if value))
+
+
+def _telling(effect: Mapping[str, Any], discovery: Mapping[str, Any]) -> Markup:
+    """Return the value of an effect that says most to people: one made of the fitted values, else the first of them."""
+    own = dict(effect.get("parameters") or {})
+    made = {name: value for name, value in own.items() if name not in (discovery.get("parameters") or {})} or own
+    values = [Markup("{} {}").format(symbol(name), value_words(value)) for name, value in list(made.items())[:1]]
+    title = str(effect.get("title") or "")
+    return Markup(": ").join([*([escape(title)] if title else []), *values])
+
+
+def value_words(value: Mapping[str, Any]) -> str:
+    """Return an estimate in words; angles in radians also in degrees."""
+    words = estimate(value)
+    if value.get("unit") != "rad" or value.get("value") is None:
+        return words
+    return f"{words}, {fixed(math.degrees(float(value['value'])), 1)}°"
+
+
+def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
+    before, after = (discovery.get(name) or {} for name in ("before", "after"))
+    seen = "rmse_held_out_deg"
+    note = "rms on half-cycles that the fit did not see"
+    if before.get(seen) is None:
+        seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
+    if before.get(seen) is None:
+        return []
+    value = error(before[seen])[:-1]
+    if after.get(seen) is not None and discovery.get("verdict") != "none":
+        value = f"{value} → {error(after[seen])[:-1]}"
+    return [Tile("Error", value, "°", note)]
+
+
+def measured_angle(results: RunResults) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the measured angles that are known, deg."""
+    for table in (results.angle, results.merged, results.curves):
+        if table is not None:
+            values = table["angle_deg"].to_numpy(dtype=np.float64)
+            if "valid" in table.columns:
+                values = values[table["valid"].to_numpy(dtype=np.float64) > 0.5]
+            return np.asarray(values[np.isfinite(values)])
+    return np.empty(0)
+
+
+def best_parameters(results: RunResults) -> dict[str, Any]:
+    """Return the parameters of the extended model, or of the plain one where there is no other."""
+    for document in (results.discovery, results.fit):
+        if document is not None and document.get("parameters"):
+            return dict(document["parameters"])
+    return {}
+
+
+def missing(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the missing effect shows."""
+    discovery = results.discovery
+    if discovery is None:
+        return {}
+    shares = _shares(discovery)
+    effects = [
+        {
+            "name": effect_name(str(effect["id"])),
+            "share": shares.get(str(effect["id"])),
+            "equation": equation_pictures(str(effect["id"])),
+            "family": effect_name(str(effect.get("family", ""))),
+            "title": str(effect.get("title") or ""),
+            "probability": effect.get("probability"),
+            "parameters": [
+                (symbol(name), value_words(value)) for name, value in (effect.get("parameters") or {}).items()
+            ],
+        }
+        for effect in discovery.get("effects") or []
+    ]
+    largest = max((float(item["share"]) for item in discovery.get("drivers") or []), default=0.0)
+    drivers = [
+        {
+            "name": variable_name(str(item["variable"])),
+            "percent": 100.0 * float(item["share"]),
+            "length": 100.0 * float(item["share"]) / largest if largest > 0 else 0.0,
+        }
+        for item in discovery.get("drivers") or []
+    ]
+    scores = [
+        (label, [(discovery.get(name) or {}).get(key) for name in ("before", "after")])
+        for label, key in (
+            ("rms on the half-cycles that were fitted (°)", "rmse_train_deg"),
+            ("rms on half-cycles that were not seen (°)", "rmse_held_out_deg"),
+            ("R² on half-cycles that were not seen", "r2_held_out"),
+        )
+    ]
+    return {
+        "verdict": discovery.get("verdict"),
+        "effects": effects,
+        "drivers": drivers,
+        "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],
+        "next": planned(discovery.get("next_experiment")),
+        "scores": [(label, *(score(value) for value in values)) for label, values in scores],
+        "held_out": _held_out(results),
+    }
+
+
+def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:
+    """Return how much of the plain model's squared error each effect explains, percent.
+
+    What the set explains is shared out by what would be lost without each member.
+    """
+    gains = {str(effect["id"]): effect.get("gain") for effect in discovery.get("effects") or []}
+    if len(gains) == 1:
+        gains = dict.fromkeys(gains, 1.0)
+    errors = [(discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after")]
+    if any(gain is None or gain <= 0.0 for gain in gains.values()) or None in errors or not errors[0]:
+        return {}
+    explained = 100.0 * max(0.0, 1.0 - (errors[1] / errors[0]) ** 2)
+    total = sum(gains.values())
+    return {name: explained * gain / total for name, gain in gains.items()}
+
+
+def _held_out(results: RunResults) -> str:
+    numbers = [int(one) + 1 for one in (results.discovery or {}).get("held_out") or []]
+    if not numbers:
+        return ""
+    curves = results.curves
+    if curves is not None and "held_out" in curves.columns and (curves["held_out"].to_numpy() > 0.5).all():
+        return "Each half-cycle was left out of the fit once, and predicted by it."
+    return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
+
+
+def score(value: float | None) -> str:
+    """Return an error or a share of variance: of the latter as many nines as there are, and two digits more."""
+    if value is None:
+        return "–"
+    if not 0.9 < value < 1.0:
+        return number(value)
+    return f"{value:.{min(9, 2 - math.floor(math.log10(1.0 - value)))}f}"
+
+
+def planned(content: Any) -> dict[str, Any]:
+    """Return what is said of the next experiment: its sentence, its worth, its segments, or whatever else there is."""
+    if not isinstance(content, Mapping):
+        return {"other": plain_items(content)} if content else {}
+    known = {"text", "segments", "duration_s", "pairs", "file", "needed_gain"}
+    other = {key: value for key, value in content.items() if key not in known and "separation" not in key}
+    return {
+        "text": content.get("text"),
+        "worth": worth(content),
+        "segments": segments(content),
+        "other": plain_items(other),
+    }
+
+
+def plain_items(value: Any) -> list[tuple[str, str]]:
+    """Return a JSON value as rows of name and words, nested names joined by a dot."""
+    if value is None or value in ({}, []):
+        return []
+    if isinstance(value, Mapping):
+        rows: list[tuple[str, str]] = []
+        for name, item in value.items():
+            if isinstance(item, Mapping):
+                rows += [(f"{name}.{inner}", words) for inner, words in plain_items(item)]
+            else:
+                rows.append((str(name), in_words(item)))
+        return rows
+    return [("", in_words(value))]
+
+
+def in_words(value: Any) -> str:
+    """Return a JSON value as words on one line."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {in_words(item)}" for name, item in value.items())
+    if isinstance(value, (list, tuple)):
+        separator = "; " if any(isinstance(item, (Mapping, list)) for item in value) else ", "
+        return separator.join(in_words(item) for item in value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "–" if value is None else str(value)
+
+
+def tracking(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the tracking shows."""
+    track = results.track or {}
+    events = [
+        (
+            number(event.get("time_s"), 5),
+            str(event.get("frame", "")),
+            str(event.get("kind", "")),
+            str(event.get("text")),
+        )
+        for event in track.get("events") or []
+    ]
+    advice = track.get("advice") or []
+    left_out = {"events", "advice", "schema"}
+    return {
+        "events": events[:200],
+        "more_events": max(0, len(events) - 200),
+        "advice": [advice] if isinstance(advice, str) else [in_words(one) for one in advice],
+        "account": plain_items({name: value for name, value in track.items() if name not in left_out})[:40],
+    }
+
+
+def track_picture(results: RunResults) -> str | None:
+    """Return ``track.png`` as an address that holds the picture itself; None where no film was tracked.
+
+    In the page it is a WebP, a fifth as large; the file beside the page has every pixel.
+    """
+    import cv2
+
+    path = results.folder / "track.png"
+    if results.track is None or not path.is_file():
+        return None
+    picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise InputError("is not a picture", where=str(path), do="delete it, or track the film again")
+    scale = min(1.0, _WIDEST_PX / max(picture.shape[:2]))
+    picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else picture
+    _, content = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _WEBP_QUALITY])
+    return f"data:image/webp;base64,{base64.b64encode(content.tobytes()).decode('ascii')}"
+
+
+def clocks(results: RunResults) -> list[tuple[str, str]]:
+    """Return the lines on the two clocks."""
+    sync = results.sync
+    if sync is None:
+        return []
+    lines = []
+    for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
+        part = sync.get(name) or {}
+        low, high = part.get("ci95") or (None, None)
+        interval = "interval unknown" if low is None or high is None else f"95 %: {number(low)} to {number(high)}"
+        lines.append((label, f"{number(part.get('value'), 4)} {unit} ({interval})"))
+    lines.append(("evidence", str(sync.get("method", "not said"))))
+    lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
+    return lines
+
+
+def origin(results: RunResults) -> dict[str, Any]:
+    """Return what the section on the provenance shows."""
+    content = results.provenance
+    if content is None:
+        return {}
+    return {
+        "command": content.get("command"),
+        "seed": content.get("seed"),
+        "versions": list((content.get("versions") or {}).items()),
+        "inputs": [(name, str(value)) for name, value in (content.get("inputs") or {}).items()],
+        "configuration": plain_items(content.get("configuration")),
+    }
+
+
+def files(folder: Path) -> list[tuple[str, str]]:
+    """Return the result files that lie beside the page."""
+    return [(name, words) for name, words in FILES.items() if (folder / name).exists()]
+
+
+def _deg(value: float) -> str:
+    return f"{value:.1f}°".replace("-", "−")

@@ -1,0 +1,239 @@
+"""Hidden effects that a rig can have: what each does there, its parameters, and the laws it can follow.
+
+The first twelve carry the ids of the public contract; their laws here are written for a rig that moves, and most have
+a second form that is not the one an effect file assumes. Torques that grow past an onset are given as their value 100°
+beyond it. What stands outside the contract's list is in :mod:`torsight.synthetic.effects.mechanisms`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from torsight.core.config import get_table
+from torsight.core.storage import check_keys
+from torsight.core.units import DEG, MNM
+from torsight.synthetic.effects.mechanisms import (
+    Backlash,
+    Creep,
+    DirectionFriction,
+    EndStop,
+    Gravity,
+    GreaseTemperature,
+    HiddenEffect,
+    Imbalance,
+    KineticsShape,
+    LatentHeat,
+    LocalTorque,
+    ReadingDrift,
+    RoomDrift,
+    RPhase,
+    StaticFriction,
+    ThermistorCurve,
+    TorqueBias,
+    UnlikeSprings,
+)
+from torsight.synthetic.keys import key, read_section
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLag(HiddenEffect):
+    """The sensor follows the wire late: τ dT_m/dt = T − T_m, once or in two stages of τ/2."""
+
+    lag_s: float = key(6.0, "time constant of the sensor", lower=0.0, upper=600.0)
+    form: str = key("first_order", "law", choices=("first_order", "two_stage"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"lag_s": self.lag_s, "lag_stages": 2 if self.form == "two_stage" else 1}
+
+
+@dataclass(frozen=True, slots=True)
+class SensorGain(HiddenEffect):
+    """The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter."""
+
+    gain: float = key(0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0)
+    form: str = key("linear", "law", choices=("linear", "curved"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"sensor_gain": self.gain, "sensor_form": int(self.form == "curved")}
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset(HiddenEffect):
+    """A clock error that nobody corrected: the temperatures of a merged table are this late or early."""
+
+    offset_s: float = key(1.0, "temperature time less film time at the start", lower=-600.0, upper=600.0)
+    drift_ppm: float = key(0.0, "drift between the clocks", lower=-1000.0, upper=1000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class HeatCrosstalk(HiddenEffect):
+    """More heat passes to the other spring, which starts to transform at its own temperature and stress."""
+
+    conductance_w_per_k: float = key(0.012, "heat passing directly between the wires", lower=0.0, upper=1.0)
+    share: float = key(1.0, "share of the other spring that gets warm", lower=0.0, upper=1.0)
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"crosstalk": 1, "crosstalk_share": self.share, "between_more": self.conductance_w_per_k}
+
+
+@dataclass(frozen=True, slots=True)
+class NonuniformTemperature(HiddenEffect):
+    """Ends and contacts are cooler: two zones, or a profile along the wire."""
+
+    cooler_c: float = key(8.0, "how much cooler the ends are than the middle", lower=0.0, upper=50.0)
+    share: float = key(0.25, "share of the wire that is cool (two zones)", lower=0.0, upper=1.0)
+    form: str = key("two_zone", "law", choices=("two_zone", "profile"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        profile = self.form == "profile"
+        return {"zone_scale": 50.0 if profile else 5.0, "zone_form": int(profile)}
+
+
+@dataclass(frozen=True, slots=True)
+class CoilFriction(HiddenEffect):
+    """Tight coils rub: friction that grows with the winding of either spring past an onset."""
+
+    rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0)
+    onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0)
+    form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = ("linear", "quadratic", "exponential").index(self.form)
+        return {"coil": self.rise_mnm * MNM, "coil_onset": self.onset_deg * DEG, "coil_form": form}
+
+
+@dataclass(frozen=True, slots=True)
+class ViscousFriction(HiddenEffect):
+    """Grease: torque with the speed, or with its power 0.7."""
+
+    viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0)
+    form: str = key("linear", "law", choices=("linear", "power"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        return {"viscous": self.viscous_mnm_s_per_rad * MNM, "viscous_form": int(self.form == "power")}
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFriction(HiddenEffect):
+    """Friction that changes once per turn: a sine, or one flattened at its extremes."""
+
+    amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95)
+    phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0)
+    form: str = key("sine", "law", choices=("sine", "flattened"))
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = int(self.form == "flattened")
+        return {"position": self.amplitude, "position_phase": self.phase_rad, "position_form": form}
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffening(HiddenEffect):
+    """The stress-induced martensite ends: a wound spring stiffens past an onset."""
+
+    rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0)
+    onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
+    form: str = key(
+        "cubic",
+        "law; 'loading' is a third slope of the loading curve, which is unwound along the first, 'bend' a cubic of it",
+        choices=("cubic", "third_slope", "quadratic", "loading", "bend"),
+    )
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = ("cubic", "third_slope", "quadratic", "loading", "bend").index(self.form)
+        return {"stiff": self.rise_mnm * MNM, "stiff_onset": self.onset_deg * DEG, "stiff_form": form}
+
+
+@dataclass(frozen=True, slots=True)
+class Eccentricity(HiddenEffect):
+    """Disk or markers off the axis: the stick's angle errs once per turn."""
+
+    amplitude_deg: float = key(1.5, "size of the error", lower=0.0, upper=30.0)
+    phase_rad: float = key(0.0, "phase of the error", lower=-10.0, upper=10.0)
+    form: str = key("sine", "law; 'lever' is the exact angle of an offset lever", choices=("sine", "lever"))
+
+
+@dataclass(frozen=True, slots=True)
+class Fatigue(HiddenEffect):
+    """The recoverable angle falls from cycle to cycle, without end or towards a limit."""
+
+    loss: float = key(0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9)
+    cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4)
+    form: str = key(
+        "geometric",
+        "law; 'plastic' saturates, and an angle is lost: that share of what a winding by 0.66 of both leaves",
+        choices=("geometric", "saturating", "plastic"),
+    )
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants that it sets."""
+        form = ("geometric", "saturating", "plastic").index(self.form)
+        return {"fatigue": self.loss, "fatigue_cycles": self.cycles, "fatigue_form": form}
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSlip(HiddenEffect):
+    """The moving stick slips on its disk, at one moment of the film or within a few seconds."""
+
+    time_s: float = key(300.0, "when, on the film's clock", lower=-1e7, upper=1e7)
+    step_deg: float = key(4.0, "by how much", lower=-180.0, upper=180.0)
+    lasts_s: float = key(0.0, "how long it takes", lower=0.0, upper=1e5)
+
+
+HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
+    "sensor_lag": SensorLag,
+    "sensor_gain": SensorGain,
+    "clock_offset": ClockOffset,
+    "heat_crosstalk": HeatCrosstalk,
+    "nonuniform_temperature": NonuniformTemperature,
+    "coil_friction": CoilFriction,
+    "viscous_friction": ViscousFriction,
+    "position_friction": PositionFriction,
+    "stiffening": Stiffening,
+    "eccentricity": Eccentricity,
+    "fatigue": Fatigue,
+    "marker_slip": MarkerSlip,
+    "creep": Creep,
+    "torque_bias": TorqueBias,
+    "gravity": Gravity,
+    "grease_temperature": GreaseTemperature,
+    "backlash": Backlash,
+    "static_friction": StaticFriction,
+    "direction_friction": DirectionFriction,
+    "r_phase": RPhase,
+    "thermistor_curve": ThermistorCurve,
+    "end_stop": EndStop,
+    "imbalance": Imbalance,
+    "unlike_springs": UnlikeSprings,
+    "local_torque": LocalTorque,
+    "reading_drift": ReadingDrift,
+    "room_drift": RoomDrift,
+    "latent_heat": LatentHeat,
+    "kinetics_shape": KineticsShape,
+}
+"""Effects by id; the first twelve are those of the public contract."""
+
+
+def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, HiddenEffect]:
+    """Read the table [effects]: one sub-table per effect that the rig has.
+
+    Raises
+    ------
+    ConfigError
+        For an effect or a key that is not known (naming the nearest).
+    """
+    check_keys(table, tuple(HIDDEN), where=f"{where}, [effects]")
+    found: dict[str, HiddenEffect] = {}
+    for name in table:
+        place = f"{where}, [effects.{name}]"
+        found[name] = read_section(HIDDEN[name], get_table(table, name, where=f"{where}, [effects]"), where=place)
+    return found

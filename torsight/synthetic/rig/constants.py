@@ -1,0 +1,273 @@
+"""The rig's numbers as the compiled integrator takes them: one flat record, effects at their nulls unless on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
+from torsight.core.units import DEG
+from torsight.synthetic.effects.hidden import NonuniformTemperature
+from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
+from torsight.synthetic.effects.random_laws import NODES, SLOTS, RigLaw
+from torsight.synthetic.rig.values import RigValues
+
+ONSET_SCALE_RAD: Final = 100.0 * DEG
+"""Torques that grow past an onset are given at this distance from it."""
+
+
+class Constants(NamedTuple):
+    """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law)."""
+
+    k_a: float
+    k_m: float
+    k_s: float
+    theta_cr: float
+    theta_p: float
+    stress_per_nm: float
+    a_s: float
+    a_width: float
+    m_s: float
+    m_width: float
+    c_a: float
+    c_m: float
+    tau_c: float
+    inertia: float
+    damping: float
+    bristle: float
+    # heat
+    room_c: float
+    resistance: float
+    capacity: float
+    to_room: float
+    to_body: float
+    between: float
+    between_more: float
+    body_capacity: float
+    body_to_room: float
+    # control
+    gain_p: float
+    gain_i: float
+    current_max: float
+    # sensor
+    lag_s: float
+    lag_stages: int
+    sensor_gain: float
+    sensor_form: int
+    bulge_c: float
+    quantum_c: float
+    # hidden effects of phase, torque and friction
+    crosstalk: int
+    crosstalk_share: float
+    zone_scale: float
+    zone_form: int
+    coil: float
+    coil_onset: float
+    coil_form: int
+    viscous: float
+    viscous_form: int
+    position: float
+    position_phase: float
+    position_form: int
+    stiff: float
+    stiff_onset: float
+    stiff_form: int
+    fatigue: float
+    fatigue_cycles: float
+    fatigue_form: int
+    creep: float
+    creep_onset: float
+    bias: float
+    gravity: float
+    gravity_phase: float
+    grease: float
+    static_excess: float
+    static_ageing: float
+    asymmetry: float
+    r_step: float
+    r_start: float
+    r_width: float
+    latent: float
+    stop_low: float
+    stop_high: float
+    stop_stiffness: float
+    imbalance: float
+    local: float
+    local_angle: float
+    local_width: float
+    local_form: int
+    bend: float
+    tanaka: float
+
+
+_NULLS: Final[Mapping[str, float]] = {
+    "lag_s": 0.0,
+    "lag_stages": 1,
+    "sensor_gain": 1.0,
+    "sensor_form": 0,
+    "bulge_c": 0.0,
+    "crosstalk": 0,
+    "crosstalk_share": 1.0,
+    "between_more": 0.0,
+    "zone_scale": 5.0,
+    "zone_form": 0,
+    "coil": 0.0,
+    "coil_onset": 0.0,
+    "coil_form": 0,
+    "viscous": 0.0,
+    "viscous_form": 0,
+    "position": 0.0,
+    "position_phase": 0.0,
+    "position_form": 0,
+    "stiff": 0.0,
+    "stiff_onset": 0.0,
+    "stiff_form": 0,
+    "fatigue": 0.0,
+    "fatigue_cycles": 1.0,
+    "fatigue_form": 0,
+    "creep": 0.0,
+    "creep_onset": 1.0,
+    "bias": 0.0,
+    "gravity": 0.0,
+    "gravity_phase": 0.0,
+    "grease": 0.0,
+    "static_excess": 0.0,
+    "static_ageing": 1.0,
+    "asymmetry": 0.0,
+    "r_step": 0.0,
+    "r_start": 0.0,
+    "r_width": 1.0,
+    "latent": 0.0,
+    "stop_low": -1e9,
+    "stop_high": 1e9,
+    "stop_stiffness": 0.0,
+    "imbalance": 0.0,
+    "local": 0.0,
+    "local_angle": 0.0,
+    "local_width": 1.0,
+    "local_form": 0,
+    "bend": 0.0,
+    "tanaka": 0.0,
+}
+
+
+_WHOLE: Final = frozenset(
+    {"lag_stages", "sensor_form", "crosstalk", "zone_form", "coil_form", "viscous_form"}
+    | {"position_form", "stiff_form", "fatigue_form", "local_form"}
+)
+
+
+def to_records(
+    constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
+) -> NDArray[np.void]:
+    """Return the constants as two records, which compiled functions take by reference: with spring A's and B's values.
+
+    ``law`` holds each law's values on its nodes, one row per slot; where ``law_step`` is 0 there is none.
+    """
+    layout: list[Any] = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
+    layout += [("law", np.float64, (len(SLOTS), NODES)), ("law_start", np.float64, len(SLOTS))]
+    records = np.zeros(2, dtype=[*layout, ("law_step", np.float64, len(SLOTS))])
+    for record, own in zip(records, (constants, _second(constants, effects)), strict=True):
+        for name, value in own._asdict().items():
+            record[name] = value
+    for item in laws:
+        if (item.port, item.driver) in SLOTS:
+            row = SLOTS[item.port, item.driver]
+            for number in {"a": (0,), "b": (1,), "both": (0, 1)}[item.spring]:
+                records["law"][number, row] = item.on_nodes()
+                records["law_start"][number, row] = item.start
+                records["law_step"][number, row] = (item.stop - item.start) / (NODES - 1)
+    return records
+
+
+def _second(constants: Constants, effects: Mapping[str, HiddenEffect]) -> Constants:
+    """Return the constants with spring B's values."""
+    effect = effects.get("unlike_springs")
+    if not isinstance(effect, UnlikeSprings):
+        return constants
+    scaled = {name: getattr(constants, name) * effect.modulus_scale for name in ("k_a", "k_m", "k_s")}
+    return constants._replace(a_s=constants.a_s + effect.a_shift_c, m_s=constants.m_s + effect.m_shift_c, **scaled)
+
+
+@njit(cache=True)
+def has_law(c: Any, slot: int) -> bool:
+    """Return whether a rig has a law in a slot."""
+    return bool(c.law_step[slot] != 0.0)
+
+
+@njit(cache=True)
+def law(c: Any, slot: int, x: float) -> float:
+    """Return a law's value, 0 where the rig has none in that slot: lines between nodes, held beyond the ends."""
+    if not has_law(c, slot):
+        return 0.0
+    place = min(max((x - c.law_start[slot]) / c.law_step[slot], 0.0), NODES - 1.0)
+    node = min(int(place), NODES - 2)
+    part = place - node
+    return float((1.0 - part) * c.law[slot, node] + part * c.law[slot, node + 1])
+
+
+def pack(
+    values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, HiddenEffect]
+) -> Constants:
+    """Return the constants of a rig.
+
+    Parameters
+    ----------
+    values : RigValues
+        Its springs and its friction.
+    mechanics, thermal
+        Sections of the scene (:mod:`torsight.synthetic.scene`).
+    quantum_c : float
+        Step of the temperature reading.
+    effects : mapping
+        Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
+    """
+    plain: dict[str, Any] = {
+        **_NULLS,
+        "k_a": values.stiffness_a,
+        "k_m": values.stiffness_m,
+        "k_s": values.stiffness_s,
+        "theta_cr": values.theta_cr_rad,
+        "theta_p": values.theta_p_rad,
+        "stress_per_nm": values.stress_per_nm,
+        "a_s": values.a_s_c,
+        "a_width": values.a_f_c - values.a_s_c,
+        "m_s": values.m_s_c,
+        "m_width": values.m_s_c - values.m_f_c,
+        "c_a": values.c_a,
+        "c_m": values.c_m,
+        "tau_c": values.friction_nm,
+        "inertia": mechanics.inertia_kg_m2,
+        "damping": mechanics.damping_n_m_s,
+        "bristle": values.friction_nm / (mechanics.presliding_deg * DEG),
+        "room_c": thermal.room_c,
+        "resistance": thermal.resistance_ohm,
+        "capacity": thermal.wire_capacity_j_per_k,
+        "to_room": thermal.wire_to_room_w_per_k,
+        "to_body": thermal.wire_to_body_w_per_k,
+        "between": thermal.between_wires_w_per_k,
+        "body_capacity": thermal.body_capacity_j_per_k,
+        "body_to_room": thermal.body_to_room_w_per_k,
+        "gain_p": thermal.gain_p_a_per_k,
+        "gain_i": thermal.gain_i_a_per_k_s,
+        "current_max": thermal.current_max_a,
+        "quantum_c": quantum_c,
+    }
+    for effect in effects.values():
+        plain |= effect.constants()
+    return Constants(**plain)
+
+
+def zones(effects: Mapping[str, HiddenEffect]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
+    effect = effects.get("nonuniform_temperature")
+    if not isinstance(effect, NonuniformTemperature):
+        return np.ones(1), np.zeros(1)
+    if effect.form == "two_zone":
+        return np.array([1.0 - effect.share, effect.share]), np.array([0.0, effect.cooler_c])
+    # A parabola from the middle to the end, seven points of equal length.
+    place = (np.arange(7, dtype=np.float64) + 0.5) / 7.0
+    return np.full(7, 1.0 / 7.0), effect.cooler_c * place**2

@@ -1,0 +1,248 @@
+"""The moving rig in time, compiled: switches, control, heat, phase and motion in fixed steps."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
+from torsight.synthetic.effects.random_laws import SLOTS
+from torsight.synthetic.rig.constants import Constants, law
+from torsight.synthetic.rig.heat import control, heat_step, lag_step, sense
+from torsight.synthetic.rig.mechanics import (
+    BODY,
+    BRISTLE,
+    DRIVEN,
+    PHI,
+    REST,
+    SPEED,
+    Floats,
+    Pair,
+    Springs,
+    friction_limit,
+    step_angle,
+)
+from torsight.synthetic.rig.spring_state import (
+    COLD,
+    FACTOR,
+    HEATING,
+    MODE,
+    XI,
+    commit_spring,
+    follow_passive,
+    restart_heating,
+    retake_reference,
+    set_cold,
+    start_cooling,
+    start_heating,
+)
+
+SIGNALS: Final = (
+    "angle_rad",
+    "rate_rad_s",
+    "wire_a_c",
+    "wire_b_c",
+    "body_c",
+    "temp_a_c",
+    "temp_b_c",
+    "current_a_a",
+    "current_b_a",
+    "xi_a",
+    "xi_b",
+    "friction_nm",
+)
+"""Columns of the recorded signals."""
+
+_SLACK_C: Final = 0.1
+_RELEASED: Final = 0.9
+_OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
+_OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
+_RATE_FOLLOWS_S: Final = 2.0
+"""A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
+
+
+@njit(cache=True)
+def winding(c: Constants, spring: int, phi: float) -> float:
+    """Return a spring's angle, rad."""
+    return 0.5 * c.theta_p + phi if spring == 0 else 0.5 * c.theta_p - phi
+
+
+@njit(cache=True)
+def switch(
+    pair: Pair,
+    springs: Springs,
+    phi: float,
+    temps_c: Floats,
+    active: int,
+    command: int,
+    cycle: float,
+    share: float,
+) -> int:
+    """Switch a spring on (``command`` 1, 2) or off (−1, −2); return which one is active now."""
+    s, xi0, xi, _, _ = springs
+    if command > 0:
+        if active >= 0:
+            c = pair[active]
+            set_cold(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
+        active = command - 1
+        s[active, FACTOR] = 1.0
+        c = pair[active]
+        theta = winding(c, active, phi)
+        start_heating(c, s[active], xi0[active], xi[active], theta, temps_c[active], cycle, share)
+    elif active >= 0 and s[active, MODE] == HEATING:
+        c = pair[active]
+        start_cooling(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
+    return active
+
+
+@njit(cache=True)
+def lead(
+    c: Constants, springs: Springs, phi: float, wire_c: float, active: int, reference_c: float, furthest: Floats
+) -> None:
+    """Turn the driven spring's transformation where its reference turns and the wire has followed.
+
+    ``furthest`` holds the furthest reference and wire temperature on the present way up or down.
+    """
+    s, xi0, xi, _, _ = springs
+    up = s[active, MODE] == HEATING
+    sign = 1.0 if up else -1.0
+    furthest[0] = sign * max(sign * furthest[0], sign * reference_c)
+    furthest[1] = sign * max(sign * furthest[1], sign * wire_c)
+    if sign * (furthest[0] - reference_c) <= _SLACK_C or sign * (furthest[1] - wire_c) <= _SLACK_C:
+        return
+    theta = winding(c, active, phi)
+    if up:
+        start_cooling(c, s[active], xi0[active], xi[active], theta, wire_c)
+    else:
+        restart_heating(c, s[active], xi0[active], xi[active], theta, wire_c)
+    furthest[0], furthest[1] = reference_c, wire_c
+
+
+@njit(cache=True)
+def passive_step(c: Constants, springs: Springs, temps_c: Floats, passive: int, since_s: float) -> None:
+    """Let the spring that is not driven creep and follow its own temperature, where the rig has that."""
+    s, xi0, xi, _, _ = springs
+    if c.creep > 0.0:
+        s[passive, FACTOR] = 1.0 - c.creep * math.log10(1.0 + since_s / c.creep_onset)
+    if c.crosstalk == 1 and s[passive, MODE] == COLD:
+        follow_passive(s[passive], xi0[passive], xi[passive], temps_c[passive], _SLACK_C)
+
+
+@njit(cache=True)
+def move(
+    pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, active: int, sliding: int
+) -> int:
+    """Move the rig one step on; return 1 where it slides.
+
+    Where sticking turns into sliding the active spring's reference is taken anew.
+    """
+    s, xi0, xi, weight, cooler_c = springs
+    c = pair[0]
+    w, deflection, slips = step_angle(pair, springs, motion, temps_c, step_s)
+    for i in range(2):
+        commit_spring(pair[i], s[i], xi0[i], xi[i], weight, cooler_c, winding(c, i, w), temps_c[i])
+    if slips and sliding == 0 and active >= 0:
+        retake_reference(pair[active], s[active], winding(c, active, w), temps_c[active])
+    motion[REST] = 0.0 if slips else motion[REST] + step_s
+    motion[SPEED] = (w - motion[PHI]) / step_s
+    motion[PHI], motion[BRISTLE] = w, deflection
+    # Friction must have fallen well below its limit before the rig counts as stuck again.
+    limit = friction_limit(c, w, temps_c, 1.0 if deflection >= 0.0 else -1.0, motion[SPEED], 0.0)
+    return 1 if slips or (sliding == 1 and abs(c.bristle * deflection) > _RELEASED * limit) else 0
+
+
+@njit(cache=True)
+def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Floats) -> None:
+    """Fill ``felt_c`` with what springs and friction feel: wires, body, driven spring."""
+    for i in range(2):
+        felt_c[i] = temps_c[i] + law(pair[i], _OVER_TEMPERATURE, temps_c[i]) + law(pair[i], _OVER_RATE, rates_k_s[i])
+    felt_c[BODY] = temps_c[BODY]
+    felt_c[DRIVEN] = temps_c[max(active, 0)]
+
+
+@njit(cache=True)
+def integrate(
+    pair: Pair,
+    start: Floats,
+    s: Floats,
+    weight: Floats,
+    cooler_c: Floats,
+    command: NDArray[np.int64],
+    reference_c: Floats,
+    cycle: Floats,
+    share: Floats,
+    noise_c: Floats,
+    sample_s: float,
+    substeps: int,
+) -> Floats:
+    """Run the rig and return one row of :data:`SIGNALS` per sample.
+
+    Parameters
+    ----------
+    pair : (2,) record
+        The rig's numbers with spring A's and B's values (:func:`torsight.synthetic.rig.constants.to_records`).
+    start : (4,) float64
+        Angle, and temperatures of wire A, wire B and the body.
+    s : (2, columns) float64
+        States of both springs; changed in place.
+    weight, cooler_c : (z,) float64
+        Zones of the wire: weights, and how much cooler than the middle.
+    command : (n,) int64
+        Per sample: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
+    reference_c, cycle : (n,) float64
+        Temperature reference; number of the spring's earlier cycles, for fatigue.
+    share : (n,) float64
+        What laws leave of the recoverable angle.
+    noise_c : (n, 2) float64
+        Noise of the two readings.
+    sample_s, substeps
+        Sampling time; steps per sample.
+    """
+    c = pair[0]
+    out = np.empty((command.size, 12))
+    step_s = sample_s / substeps
+    springs = (s, np.ones((2, weight.size)), np.ones((2, weight.size)), weight, cooler_c)
+    motion = np.array([start[0], 0.0, 0.0, 0.0])
+    temps_c, felt_c, rates_k_s, before_c = start[1:].copy(), np.zeros(4), np.zeros(2), start[1:].copy()
+    feel(pair, temps_c, rates_k_s, -1, felt_c)
+    lagged_c = np.column_stack((temps_c[:2], temps_c[:2]))
+    before_xi, pace = np.ones(2), np.zeros(2)
+    current, reading, work, furthest = np.zeros(2), np.zeros(2), np.zeros((3, 3)), np.zeros(2)
+    integral, since_s, active, sliding, before = 0.0, 0.0, -1, 0, 0
+    for k in range(command.size):
+        for i in range(2):
+            reading[i] = sense(c, lagged_c[i, c.lag_stages - 1] - c.latent * pace[i], noise_c[k, i])
+        if command[k] != before:
+            before, sliding = command[k], 0
+            active = switch(pair, springs, motion[PHI], felt_c, active, before, cycle[k], share[k])
+            if before > 0:
+                integral, since_s = 0.0, 0.0
+                furthest[0], furthest[1] = reference_c[k], temps_c[active]
+        current[:] = 0.0
+        if before > 0:
+            lead(pair[active], springs, motion[PHI], temps_c[active], active, reference_c[k], furthest)
+            current[active], integral = control(c, reference_c[k] - reading[active], integral, sample_s)
+        out[k, :2] = motion[PHI], motion[SPEED]
+        out[k, 2:5] = temps_c
+        out[k, 5:7] = reading
+        out[k, 7:9] = current
+        out[k, 9:] = s[0, XI], s[1, XI], c.bristle * motion[BRISTLE]
+        for _ in range(substeps):
+            before_c[:] = temps_c
+            heat_step(c, temps_c, current, work, step_s)
+            for i in range(2):
+                rates_k_s[i] += ((temps_c[i] - before_c[i]) / step_s - rates_k_s[i]) * min(
+                    step_s / _RATE_FOLLOWS_S, 1.0
+                )
+            feel(pair, temps_c, rates_k_s, active, felt_c)
+            lag_step(c, temps_c, lagged_c, step_s)
+            since_s += step_s
+            if active >= 0:
+                passive_step(c, springs, felt_c, 1 - active, since_s)
+            before_xi[:] = s[:, XI]
+            sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
+            pace[:] = (s[:, XI] - before_xi) / step_s
+    return out

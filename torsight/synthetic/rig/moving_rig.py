@@ -1,0 +1,312 @@
+"""The rig from its values and its protocol to signals in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.units import DEG
+from torsight.synthetic.effects.hidden import Eccentricity, MarkerSlip
+from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
+from torsight.synthetic.effects.random_laws import RigLaw, read_with, recoverable_share
+from torsight.synthetic.keys import key
+from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
+from torsight.synthetic.rig.integrator import SIGNALS, integrate
+from torsight.synthetic.rig.protocol import Commands, Protocol, commands
+from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
+from torsight.synthetic.rig.values import RigValues
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanics:
+    """Section [mechanics]: mass and regularised friction."""
+
+    inertia_kg_m2: float = key(2e-8, "moment of inertia of what turns, at time factor 1", lower=0.0, upper=1.0)
+    damping_n_m_s: float = key(1e-7, "viscous damping", lower=0.0, upper=1.0)
+    presliding_deg: float = key(0.02, "elastic deflection of the friction before it slides", lower=1e-6, upper=5.0)
+    substeps: int = key(1, "steps of the integrator per sample of the log", lower=1, upper=1000)
+
+
+@dataclass(frozen=True, slots=True)
+class Thermal:
+    """Section [thermal]: heat, and the PI law that drives it. The protocol's time factor scales what sets its pace."""
+
+    room_c: float = key(23.4, "room temperature", lower=-50.0, upper=100.0)
+    resistance_ohm: float = key(0.45, "resistance of one wire", lower=1e-3, upper=1e3)
+    wire_capacity_j_per_k: float = key(0.5, "heat capacity of a wire with what sticks to it", lower=1e-4, upper=1e3)
+    wire_to_room_w_per_k: float = key(0.010, "loss of a wire to the room", lower=0.0, upper=10.0)
+    wire_to_body_w_per_k: float = key(0.0015, "loss of a wire to the rig's body", lower=0.0, upper=10.0)
+    between_wires_w_per_k: float = key(0.0004, "heat passing directly between the wires", lower=0.0, upper=10.0)
+    body_capacity_j_per_k: float = key(1.2, "heat capacity of the body", lower=1e-4, upper=1e5)
+    body_to_room_w_per_k: float = key(0.010, "loss of the body to the room", lower=0.0, upper=10.0)
+    gain_p_a_per_k: float = key(0.10, "proportional gain Kp", lower=0.0, upper=100.0)
+    gain_i_a_per_k_s: float = key(0.004, "integral gain Ki", lower=0.0, upper=100.0)
+    current_max_a: float = key(2.5, "limit of the current source", lower=1e-3, upper=100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """Section [sensor]: what the temperature readings are like."""
+
+    sample_s: float = key(0.015, "sampling time of log and controller", lower=1e-3, upper=10.0)
+    noise_c: float = key(0.03, "standard deviation of a reading", lower=0.0, upper=10.0)
+    quantum_c: float = key(0.01, "step of a reading; 0 for none", lower=0.0, upper=5.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigRecord:
+    """What a rig did, sample by sample on its own clock; 0 is the first sample.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Sampling instants.
+    angle_rad, rate_rad_s : (n,) float64
+        Actuator angle φ and its speed.
+    wire_a_c, wire_b_c, body_c : (n,) float64
+        True temperatures.
+    temp_a_c, temp_b_c : (n,) float64
+        Temperatures as the sensors read them.
+    heat_a, heat_b : (n,) bool
+        Heating switches.
+    current_a_a, current_b_a : (n,) float64
+        Currents.
+    xi_a, xi_b : (n,) float64
+        Martensite fractions.
+    friction_nm : (n,) float64
+        Friction torque, positive against positive motion.
+    half_cycle : (n,) int64
+        Number of the half-cycle; −1 before the first.
+    """
+
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    rate_rad_s: NDArray[np.float64]
+    wire_a_c: NDArray[np.float64]
+    wire_b_c: NDArray[np.float64]
+    body_c: NDArray[np.float64]
+    temp_a_c: NDArray[np.float64]
+    temp_b_c: NDArray[np.float64]
+    heat_a: NDArray[np.bool_]
+    heat_b: NDArray[np.bool_]
+    current_a_a: NDArray[np.float64]
+    current_b_a: NDArray[np.float64]
+    xi_a: NDArray[np.float64]
+    xi_b: NDArray[np.float64]
+    friction_nm: NDArray[np.float64]
+    half_cycle: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def angle_at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the actuator angle at any instants, rad; held beyond the ends."""
+        return between_samples(self.angle_rad, time_s / (self.time_s[1] - self.time_s[0]))
+
+
+def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a sampled signal at places in units of samples: cubic, without overshoot, held beyond the ends."""
+    last = len(values) - 1
+    place = np.clip(place, 0.0, last - 1e-6)
+    index = place.astype(np.int64)
+    u = place - index
+    start, end = values[index], values[index + 1]
+    rise = end - start
+    slopes = (end - values[np.maximum(index - 1, 0)], values[np.minimum(index + 2, last)] - start)
+    # Fritsch and Carlson's limit: no overshoot where a motion starts or stops within a sample.
+    bound = 3.0 * np.abs(rise)
+    first, second = (np.where(m * rise > 0, np.clip(0.5 * m, -bound, bound), 0.0) for m in slopes)
+    result: NDArray[np.float64] = (
+        start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * first + u * u * (u - 1) * second
+    )
+    return result
+
+
+def simulate_rig(
+    values: RigValues,
+    protocol: Protocol,
+    *,
+    effects: Mapping[str, HiddenEffect] | None = None,
+    laws: Sequence[RigLaw] = (),
+    mechanics: Mechanics | None = None,
+    thermal: Thermal | None = None,
+    sensor: Sensor | None = None,
+    rng: np.random.Generator | None = None,
+    before_s: float = 0.0,
+    after_s: float = 0.0,
+) -> RigRecord:
+    """Run a rig through a protocol.
+
+    Parameters
+    ----------
+    values : RigValues
+        Its springs and friction.
+    protocol : Protocol
+        What is done to it.
+    effects : mapping, optional
+        Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
+    laws : sequence of RigLaw
+        Laws of no particular form (:mod:`torsight.synthetic.effects.random_laws`); those of the reading are not part of
+        the record.
+    mechanics, thermal, sensor
+        Sections of the scene; defaults where left out.
+    rng : numpy Generator, optional
+        Noise of the temperature readings; none where left out.
+    before_s, after_s : float
+        Rest that is recorded before and after.
+
+    Returns
+    -------
+    RigRecord
+        Signals at every sample, homing left out.
+    """
+    effects = effects or {}
+    mechanics, thermal, sensor = mechanics or Mechanics(), thermal or Thermal(), sensor or Sensor()
+    constants = scaled_constants(values, protocol, effects, mechanics=mechanics, thermal=thermal, sensor=sensor)
+    orders = commands(protocol, sample_s=sensor.sample_s, room_c=thermal.room_c, before_s=before_s, after_s=after_s)
+    count = len(orders.command)
+    noise_c = np.zeros((count, 2)) if rng is None else sensor.noise_c * rng.standard_normal((count, 2))
+    since_s = sensor.sample_s * np.maximum(np.arange(count) - orders.recorded, 0)
+    noise_c += _room_drift(since_s, effects)[:, None]
+    start_rad = home_angle(values)
+    weight, cooler_c = zones(effects)
+    pair = to_records(constants, effects, laws)
+    rows = integrate(
+        pair,
+        np.array([start_rad, thermal.room_c, thermal.room_c, thermal.room_c]),
+        home_state(pair, start_rad),
+        weight,
+        cooler_c,
+        orders.command,
+        orders.reference_c,
+        orders.cycle,
+        recoverable_share(laws, half_cycle=orders.half_cycle, cycle=orders.cycle),
+        noise_c,
+        sensor.sample_s,
+        mechanics.substeps,
+    )
+    return _record(rows, orders, sample_s=sensor.sample_s)
+
+
+def scaled_constants(
+    values: RigValues,
+    protocol: Protocol,
+    effects: Mapping[str, HiddenEffect],
+    *,
+    mechanics: Mechanics,
+    thermal: Thermal,
+    sensor: Sensor,
+) -> Constants:
+    """Return the rig's constants scaled to the protocol's pace.
+
+    Heat capacities and integral time go with the time factor f, inertia with f², damping with f: a shortened record is
+    the paper's record on a faster clock, as quasi-static as it was.
+    """
+    plain = pack(values, mechanics=mechanics, thermal=thermal, quantum_c=sensor.quantum_c, effects=effects)
+    factor = protocol.time_factor
+    return plain._replace(
+        capacity=plain.capacity * factor,
+        body_capacity=plain.body_capacity * factor,
+        inertia=plain.inertia * factor**2,
+        damping=plain.damping * factor,
+        gain_i=plain.gain_i / factor,
+    )
+
+
+def home_angle(values: RigValues) -> float:
+    """Return an angle near the home of the stable cycle, rad: where the homing starts from."""
+    return min(0.33 * (0.5 * values.theta_p_rad - values.theta_cr_rad) * 1.5, 0.5 * values.theta_p_rad)
+
+
+def home_state(pair: NDArray[np.void], angle_rad: float) -> NDArray[np.float64]:
+    """Return both springs as cold martensite at an angle, driven there by B (the model's home).
+
+    Each is on its loading curve; where that leaves more than the friction torque between them, A was unwound
+    elastically until the friction holds the rest.
+    """
+    state = np.zeros((2, COLUMNS))
+    state[:, [FACTOR, WARMING, XI]] = 1.0
+    half_rad = 0.5 * pair[0]["theta_p"]
+    theta_a, theta_b = half_rad + angle_rad, half_rad - angle_rad
+    held_nm = loading(pair[1], theta_b) + pair[0]["tau_c"]
+    state[:, THETA_MAX] = unwound_from(pair[0], theta_a, held_nm), theta_b
+    return state
+
+
+def _room_drift(since_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]) -> NDArray[np.float64]:
+    """Return what the room adds to both readings, °C, so long after the record began."""
+    drift_c = np.zeros_like(since_s)
+    for effect in effects.values():
+        if isinstance(effect, RoomDrift):
+            since_h = since_s / 3600.0
+            swing = np.cos(2.0 * math.pi * since_h / effect.period_h) - 1.0
+            drift_c += effect.rate_c_h * since_h + effect.swing_c * swing
+    return drift_c
+
+
+def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> RigRecord:
+    kept = rows[orders.recorded :]
+    command = orders.command[orders.recorded :]
+    signals = {name: np.ascontiguousarray(kept[:, i]) for i, name in enumerate(SIGNALS)}
+    return RigRecord(
+        time_s=sample_s * np.arange(len(kept), dtype=np.float64),
+        heat_a=command == 1,
+        heat_b=command == 2,
+        half_cycle=orders.half_cycle[orders.recorded :],
+        **signals,
+    )
+
+
+def reading_angle(
+    angle_rad: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    effects: Mapping[str, HiddenEffect],
+    laws: Sequence[RigLaw] = (),
+) -> NDArray[np.float64]:
+    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip, drift and laws on top of φ.
+
+    Parameters
+    ----------
+    angle_rad : (n,) float64
+        Actuator angle φ.
+    time_s : (n,) float64
+        Film clock.
+    effects : mapping
+        Hidden effects by id.
+    laws : sequence of RigLaw
+        Those of the reading are added.
+    """
+    read = angle_rad + read_with(laws, angle_rad=angle_rad, time_s=time_s)
+    for effect in effects.values():
+        if isinstance(effect, Backlash):
+            read = play(read, effect.gap_deg * DEG)
+    for effect in effects.values():
+        if isinstance(effect, Eccentricity):
+            turned = read + effect.phase_rad
+            size = math.sin(effect.amplitude_deg * DEG)
+            lever = np.arctan2(size * np.sin(turned), 1.0 - size * np.cos(turned))
+            read = read + (lever if effect.form == "lever" else effect.amplitude_deg * DEG * np.sin(turned))
+    for effect in effects.values():
+        if isinstance(effect, MarkerSlip):
+            since_s = time_s - effect.time_s
+            done = np.clip(since_s / effect.lasts_s, 0.0, 1.0) if effect.lasts_s > 0.0 else since_s >= 0.0
+            read = read + done * effect.step_deg * DEG
+        if isinstance(effect, ReadingDrift):
+            settles_s = effect.settles_h * 3600.0
+            read = read - effect.rate_deg_h / 3600.0 * DEG * settles_s * np.expm1(-np.maximum(time_s, 0.0) / settles_s)
+    return read
+
+
+def play(angle_rad: NDArray[np.float64], gap_rad: float) -> NDArray[np.float64]:
+    """Return what follows ``angle_rad`` through a play of width ``gap_rad``, started in its middle."""
+    out = np.empty_like(angle_rad)
+    follower = float(angle_rad[0])
+    half = 0.5 * gap_rad
+    for i, angle in enumerate(angle_rad.tolist()):
+        follower = min(max(follower, angle - half), angle + half)
+        out[i] = follower
+    return out

@@ -1,0 +1,373 @@
+"""Phase fraction and torque of one spring in the moving rig, compiled.
+
+A spring is cold martensite (being wound or unwound), heating, or cooling. Phase and torque hold each other: stress
+shifts the transformation, the transformation makes stress. Both laws are monotone, so the pair has one solution; it
+is found by a bracketed secant on the torque.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
+from torsight.synthetic.effects.random_laws import SLOTS
+from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
+
+# Columns of a spring's state.
+THETA_MAX: Final = 0
+MODE: Final = 1
+THETA_R: Final = 2
+TAU_R: Final = 3
+XI_R: Final = 4
+THETA_L: Final = 5
+TURN_C: Final = 6
+WARMING: Final = 7
+TAU: Final = 8
+XI: Final = 9
+FACTOR: Final = 10
+COLUMNS: Final = 11
+
+COLD: Final = 0.0
+HEATING: Final = 1.0
+COOLING: Final = 2.0
+
+LOADING: Final = 3
+BEND: Final = 4
+"""Stiffening that belongs to the loading curve: a third slope, or a cubic."""
+
+_WINDING: Final = SLOTS["winding", "winding"]
+_LOADING: Final = SLOTS["loading", "winding"]
+_STEEPEST: Final = 0.8
+"""Share of the way from the second slope to the first that a bend may steepen: what is steeper is no spring."""
+
+_TORQUE_TOLERANCE_NM: Final = 1e-12
+_LN_100: Final = math.log(100.0)
+
+
+@njit(cache=True)
+def loading(c: Constants, theta: float) -> float:
+    """Return the martensite loading curve, N·m: two slopes, and where the rig has one a third, a bend or a law."""
+    if theta <= c.theta_cr:
+        return c.k_m * theta
+    tau: float = c.k_m * c.theta_cr + c.k_s * (theta - c.theta_cr) + third_slope(c) * max(theta - c.stiff_onset, 0.0)
+    return tau + bend(c, theta) + law(c, _LOADING, theta)
+
+
+@njit(cache=True)
+def bend(c: Constants, theta: float) -> float:
+    """Return what a loading curve that stiffens as a cubic has more than two slopes, N·m."""
+    if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
+        return 0.0
+    steepest = _STEEPEST * (c.k_m - c.k_s)
+    limit = ONSET_SCALE_RAD * math.sqrt(steepest * ONSET_SCALE_RAD / (3.0 * c.stiff))
+    past = theta - c.stiff_onset
+    return c.stiff * (min(past, limit) / ONSET_SCALE_RAD) ** 3 + steepest * max(past - limit, 0.0)
+
+
+@njit(cache=True)
+def third_slope(c: Constants) -> float:
+    """Return by how much the loading curve's third slope is steeper than its second, N·m/rad."""
+    return c.stiff / ONSET_SCALE_RAD if c.stiff_form == LOADING else 0.0
+
+
+@njit(cache=True)
+def unwound_from(c: Constants, theta: float, tau: float) -> float:
+    """Return the angle from which cold martensite was unwound that carries ``tau``; ``theta`` on its loading curve."""
+    if tau >= loading(c, theta):
+        return theta
+    start = max(theta, c.theta_cr)
+    if c.stiff_form == BEND or has_law(c, _LOADING):
+        return unwound_along(c, theta, tau, start)
+    over = max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0)
+    second = max(c.stiff_onset - start, 0.0) if c.stiff_form == LOADING else np.inf
+    if over <= second * (c.k_m - c.k_s):
+        return start + over / (c.k_m - c.k_s)
+    return start + second + (over - second * (c.k_m - c.k_s)) / (c.k_m - c.k_s - third_slope(c))
+
+
+@njit(cache=True)
+def unwound_along(c: Constants, theta: float, tau: float, start: float) -> float:
+    """Return the same for a loading curve of any shape that is nowhere as steep as K_M, by bisection."""
+    low, reach = start, 0.1
+    while loading(c, start + reach) - c.k_m * (start + reach - theta) > tau and reach < 1e3:
+        low, reach = start + reach, 2.0 * reach
+    high = start + reach
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if loading(c, middle) - c.k_m * (middle - theta) > tau:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
+    """Return a torque that starts at an onset and reaches ``rise`` 100° past it."""
+    if rise == 0.0 or theta <= onset:
+        return 0.0
+    return rise * math.pow((theta - onset) / ONSET_SCALE_RAD, power)
+
+
+@njit(cache=True)
+def recoverable(c: Constants, theta_max: float) -> float:
+    """Return the angle that heating recovers after winding to ``theta_max``."""
+    return max(theta_max - loading(c, theta_max) / c.k_m, 0.0)
+
+
+@njit(cache=True)
+def side_torque(c: Constants, theta: float, temp_c: float) -> float:
+    """Return what stands beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
+    power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
+    tau = law(c, _WINDING, theta)
+    if c.stiff_form < LOADING:
+        tau += past_onset(theta, c.stiff_onset, c.stiff, power)
+    if c.r_step != 0.0:
+        x = min(max((temp_c - c.r_start) / c.r_width, 0.0), 1.0)
+        tau += c.k_m * c.r_step * 0.5 * (1.0 - math.cos(math.pi * x))
+    return tau
+
+
+@njit(cache=True)
+def progress(c: Constants, share: float) -> float:
+    """Return how far the transformation is (0 to 1) at a share of its window."""
+    x = min(max(share, 0.0), 1.0)
+    if c.bend != 0.0:
+        x += c.bend * math.sin(math.pi * x) / math.pi
+    usual = 0.5 * (1.0 - math.cos(math.pi * x))
+    if c.tanaka == 0.0:
+        return usual
+    return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.exp(-_LN_100 * max(share, 0.0)))
+
+
+@njit(cache=True)
+def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
+    """Return the martensite fraction of one zone; it only advances."""
+    stress = c.stress_per_nm * tau
+    if warming == 1:
+        done = progress(c, (temp_c - c.a_s - stress / c.c_a) / c.a_width)
+        return min(xi, xi0 * (1.0 - done))
+    done = progress(c, (c.m_s + stress / c.c_m - temp_c) / c.m_width)
+    return max(xi, xi0 + (1.0 - xi0) * done)
+
+
+@njit(cache=True)
+def zone_temperature(c: Constants, temp_c: float, cooler_c: float) -> float:
+    """Return the temperature of a zone that is cooler than the middle."""
+    if cooler_c == 0.0:
+        return temp_c
+    excess = max(temp_c - c.room_c, 0.0) / c.zone_scale
+    return temp_c - cooler_c * (excess if c.zone_form == 1 else min(excess, 1.0))
+
+
+@njit(cache=True)
+def fraction(
+    c: Constants,
+    warming: int,
+    temp_c: float,
+    tau: float,
+    xi0: NDArray[np.float64],
+    xi: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    cooler_c: NDArray[np.float64],
+) -> float:
+    """Return the martensite fraction of the whole wire."""
+    total = 0.0
+    for i in range(weight.size):
+        zone_c = zone_temperature(c, temp_c, cooler_c[i])
+        total += weight[i] * zone_fraction(c, warming, zone_c, tau, xi0[i], xi[i])
+    return total
+
+
+@njit(cache=True)
+def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c: float) -> float:
+    """Return a spring's torque at an angle and a martensite fraction, N·m."""
+    stiffness = c.k_a + xi * (c.k_m - c.k_a)
+    tau: float
+    if s[MODE] == COLD:
+        wound = max(theta, s[THETA_MAX])
+        tau = (loading(c, wound) - c.k_m * (wound - theta)) * s[FACTOR]
+        if xi < 1.0:
+            tau += c.crosstalk_share * stiffness * recoverable(c, wound) * (1.0 - xi)
+    else:
+        tau = s[TAU_R] + stiffness * ((theta - s[THETA_R]) - s[THETA_L] * (xi - s[XI_R]))
+        if s[MODE] == COOLING:
+            wound = max(theta, s[THETA_MAX])
+            tau = max(tau, loading(c, wound) - c.k_m * (wound - theta))
+    return tau + side_torque(c, theta, temp_c)
+
+
+@njit(cache=True)
+def transforms(c: Constants, s: NDArray[np.float64]) -> bool:
+    """Return whether the spring's phase can change now."""
+    return s[MODE] != COLD or c.crosstalk == 1
+
+
+@njit(cache=True)
+def solve_spring(
+    c: Constants,
+    s: NDArray[np.float64],
+    xi0: NDArray[np.float64],
+    xi: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    cooler_c: NDArray[np.float64],
+    theta: float,
+    temp_c: float,
+) -> float:
+    """Return the torque at which phase and stress agree, N·m; the state stays as it is."""
+    if not transforms(c, s):
+        return torque(c, s, theta, s[XI], temp_c)
+    warming = int(s[WARMING])
+    a = s[TAU]
+    b = torque(c, s, theta, fraction(c, warming, temp_c, a, xi0, xi, weight, cooler_c), temp_c)
+    # More torque leaves more martensite, more martensite makes less torque: the answer lies between a and b.
+    ga = a - b
+    if abs(ga) < _TORQUE_TOLERANCE_NM:
+        return b
+    gb = b - torque(c, s, theta, fraction(c, warming, temp_c, b, xi0, xi, weight, cooler_c), temp_c)
+    for _ in range(100):
+        if abs(gb) < _TORQUE_TOLERANCE_NM or abs(b - a) < _TORQUE_TOLERANCE_NM:
+            break
+        new = b - gb * (b - a) / (gb - ga)
+        g = new - torque(c, s, theta, fraction(c, warming, temp_c, new, xi0, xi, weight, cooler_c), temp_c)
+        if (g > 0.0) == (gb > 0.0):
+            # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
+            ga *= 0.5
+        else:
+            a, ga = b, gb
+        b, gb = new, g
+    return b
+
+
+@njit(cache=True)
+def commit_spring(
+    c: Constants,
+    s: NDArray[np.float64],
+    xi0: NDArray[np.float64],
+    xi: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    cooler_c: NDArray[np.float64],
+    theta: float,
+    temp_c: float,
+) -> None:
+    """Move the spring's state to an angle and a temperature."""
+    tau = solve_spring(c, s, xi0, xi, weight, cooler_c, theta, temp_c)
+    if transforms(c, s):
+        total = 0.0
+        for i in range(weight.size):
+            zone_c = zone_temperature(c, temp_c, cooler_c[i])
+            xi[i] = zone_fraction(c, int(s[WARMING]), zone_c, tau, xi0[i], xi[i])
+            total += weight[i] * xi[i]
+        s[XI] = total
+    s[TAU] = tau
+    if s[MODE] == COLD:
+        s[THETA_MAX] = max(s[THETA_MAX], theta)
+
+
+@njit(cache=True)
+def turn(s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], warming: int) -> None:
+    """Begin a transformation in the other direction from the present fractions."""
+    s[WARMING] = warming
+    for i in range(xi.size):
+        xi0[i] = xi[i]
+
+
+@njit(cache=True)
+def follow_passive(
+    s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], temp_c: float, slack_c: float
+) -> None:
+    """Let a spring that nobody drives change its direction with its own temperature."""
+    if s[WARMING] > 0.5:
+        if temp_c > s[TURN_C]:
+            s[TURN_C] = temp_c
+        elif temp_c < s[TURN_C] - slack_c:
+            turn(s, xi0, xi, 0)
+            s[TURN_C] = temp_c
+    elif temp_c < s[TURN_C]:
+        s[TURN_C] = temp_c
+    elif temp_c > s[TURN_C] + slack_c:
+        turn(s, xi0, xi, 1)
+        s[TURN_C] = temp_c
+
+
+@njit(cache=True)
+def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c: float) -> None:
+    """Take the present state as the reference of the active spring's torque."""
+    s[THETA_R] = theta
+    s[TAU_R] = s[TAU] - side_torque(c, theta, temp_c)
+    s[XI_R] = s[XI]
+
+
+@njit(cache=True)
+def set_cold(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Make a spring that was active cold martensite on its loading curve; one that lay below it stays there."""
+    s[MODE] = COLD
+    s[THETA_MAX] = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
+    s[FACTOR] = 1.0
+    set_martensite(c, s, xi0, xi, theta, temp_c)
+
+
+@njit(cache=True)
+def set_martensite(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Make all of a cold spring martensite, its winding kept; warming is the next thing that can happen to it."""
+    xi[:] = 1.0
+    s[XI] = 1.0
+    turn(s, xi0, xi, 1)
+    s[TURN_C] = temp_c
+    s[TAU] = torque(c, s, theta, 1.0, temp_c)
+
+
+@njit(cache=True)
+def start_heating(
+    c: Constants,
+    s: NDArray[np.float64],
+    xi0: NDArray[np.float64],
+    xi: NDArray[np.float64],
+    theta: float,
+    temp_c: float,
+    cycle: float,
+    share: float,
+) -> None:
+    """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
+    set_martensite(c, s, xi0, xi, theta, temp_c)
+    left = (1.0 - c.fatigue) ** cycle
+    if c.fatigue_form != 0:
+        left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
+    whole = share * recoverable(c, s[THETA_MAX])
+    if c.fatigue_form == 2:
+        s[THETA_L] = max(0.0, whole - (1.0 - left) * recoverable(c, 0.66 * c.theta_p))
+    else:
+        s[THETA_L] = whole * left
+    retake_reference(c, s, theta, temp_c)
+    s[MODE] = HEATING
+
+
+@njit(cache=True)
+def restart_heating(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Heat a spring again before it is cold: it recovers what it had recovered, and no more than its winding left."""
+    wound = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
+    s[THETA_L] = min(s[THETA_L], recoverable(c, wound) / max(s[XI], 1e-9))
+    turn(s, xi0, xi, 1)
+    retake_reference(c, s, theta, temp_c)
+    s[MODE] = HEATING
+
+
+@njit(cache=True)
+def start_cooling(
+    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
+) -> None:
+    """Switch a heated spring off: one that lies below its loading curve then counts as unwound from further off."""
+    turn(s, xi0, xi, 0)
+    retake_reference(c, s, theta, temp_c)
+    s[MODE] = COOLING
+    s[THETA_MAX] = unwound_from(c, theta, s[TAU_R])

@@ -1,0 +1,159 @@
+"""A camera of this computer: its pictures, the times at which it took them, and those that it lost."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.viewer.live.frames.intake import Picture
+
+SILENT_S: Final = 10.0
+"""A camera or a stream that gives no picture for this long has ended."""
+
+_RECENT_S: Final = 1.0
+"""A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this."""
+_STEPS: Final = 31
+_LOST_BY_STAMPS: Final = 1.5
+_LOST_BY_ARRIVAL: Final = 2.5
+"""A step of this many usual steps is a lost picture; arrivals are delayed by other programs too, stamps are not."""
+
+
+class Capture(Protocol):
+    """What is used of ``cv2.VideoCapture``."""
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        """Return whether there is a camera."""
+
+    def grab(self) -> bool:
+        """Wait for the next picture."""
+
+    def retrieve(self) -> tuple[bool, Any]:
+        """Return the picture that was waited for."""
+
+    def get(self, prop: int) -> float:
+        """Return a property."""
+
+    def release(self) -> None:
+        """Let go of the camera."""
+
+
+def open_capture(number: int, fps: float | None) -> Capture:
+    """Open OpenCV's capture of a camera, at a rate if one is asked for; its own words on an absent one are hushed."""
+    import cv2
+
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(0)
+    try:
+        capture = cv2.VideoCapture(number)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if fps is not None and capture.isOpened():
+        capture.set(cv2.CAP_PROP_FPS, fps)
+    return capture
+
+
+class Camera:
+    """A camera by its number; times are those of its driver where it gives them, else those of arrival.
+
+    Parameters
+    ----------
+    number : int
+        Number of the camera.
+    fps : float, optional
+        Rate to ask of it.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+
+    speed: float | None = None
+    waits = False
+    pixel_aspect = 1.0
+
+    def __init__(self, number: int, *, fps: float | None = None) -> None:
+        self.name = f"camera {number}"
+        self.ended_because = ""
+        self._capture = open_capture(number, fps)
+        if not self._capture.isOpened():
+            raise InputError(
+                "there is no camera of this number, or another program has it",
+                where=self.name,
+                do="plug it in, close other programs, or try another number; a film is given by its path",
+            )
+
+    def frames(self, stop: threading.Event) -> Iterator[Picture]:
+        """Give the camera's pictures until it goes silent."""
+        clock = _Stamps()
+        last = time.perf_counter()
+        try:
+            while not stop.is_set():
+                good = self._capture.grab()
+                now = time.perf_counter()
+                if not good:
+                    if now - last > SILENT_S:
+                        self.ended_because = f"no picture for {SILENT_S:g} s; it may have been unplugged"
+                        return
+                    stop.wait(0.01)
+                    continue
+                last = now
+                taken_s, missed = clock.of(now, self._driver_s())
+                read, picture = self._capture.retrieve()
+                luma = _luma(picture) if read else None
+                yield Picture(taken_s - clock.begin_s, luma, not read, arrived_s=taken_s, missed=missed)
+        finally:
+            self._capture.release()
+
+    def _driver_s(self) -> float:
+        import cv2
+
+        return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
+
+    def describe(self) -> dict[str, Any]:
+        """Return what is known of the camera."""
+        return {"kind": "camera", "name": self.name}
+
+
+def _luma(picture: Any) -> NDArray[np.uint8]:
+    import cv2
+
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if np.ndim(picture) == 3 else picture
+    return np.asarray(grey, dtype=np.uint8)
+
+
+class _Stamps:
+    """When each picture was taken, and how many were lost before it."""
+
+    def __init__(self) -> None:
+        self.begin_s = 0.0
+        self._last_s: float | None = None
+        self._by_driver = False
+        self._steps: deque[float] = deque(maxlen=_STEPS)
+
+    def of(self, now_s: float, driver_s: float) -> tuple[float, int]:
+        """Return when a picture was taken, on this computer's clock, and how many were lost just before it."""
+        by_driver = 0.0 <= now_s - driver_s < _RECENT_S and driver_s > 0.0
+        if self._last_s is None:
+            self._by_driver = by_driver
+        taken_s = driver_s if self._by_driver and by_driver else now_s
+        if self._last_s is None:
+            self.begin_s = self._last_s = taken_s
+            return taken_s, 0
+        # A driver that repeats itself, or goes back, cannot be asked; time goes on all the same.
+        taken_s = taken_s if taken_s > self._last_s else max(now_s, self._last_s + 1e-6)
+        step_s, self._last_s = taken_s - self._last_s, taken_s
+        usual_s = statistics.median(self._steps) if len(self._steps) >= 5 else None
+        self._steps.append(step_s)
+        limit = _LOST_BY_STAMPS if self._by_driver else _LOST_BY_ARRIVAL
+        if usual_s is None or step_s < limit * usual_s:
+            return taken_s, 0
+        return taken_s, max(1, round(step_s / usual_s) - 1)

@@ -1,0 +1,85 @@
+"""What can be watched: a film that plays, a camera by number, a stream on this computer, a film that still grows."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from torsight.core.errors import ConfigError
+from torsight.viewer.live.frames.camera import Camera
+from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.frames.stream import GrowingFilm, Stream
+
+if TYPE_CHECKING:
+    from torsight.viewer.live.frames.intake import Pictures
+    from tracker.source import FrameSource
+
+
+def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
+    """Open what is to be watched.
+
+    Parameters
+    ----------
+    source : str
+        Number of a camera, address of a stream on this computer, film, folder or glob of pictures.
+    speed : float
+        How much faster than its own pace a film plays.
+    fps : float, optional
+        Frame rate of pictures; for a camera, the rate to ask of it.
+    grows : bool
+        The film is still being written: wait for more where it ends.
+
+    Raises
+    ------
+    ConfigError
+        When the stream is on another computer, or ``speed`` or ``fps`` is not above 0.
+    InputError
+        When there is no such camera, film or stream.
+    """
+    if not (np.isfinite(speed) and speed > 0.0):
+        raise ConfigError("is no speed", where="--speed", value=speed, limit="above 0")
+    if fps is not None and not (np.isfinite(fps) and fps > 0.0):
+        raise ConfigError("is no frame rate", where="--fps", value=fps, limit="above 0")
+    if re.fullmatch(r"\d+", source) and not Path(source).exists():
+        return Camera(int(source), fps=fps)
+    if re.match(r"[a-zA-Z][a-zA-Z0-9+.-]*://", source):
+        return Stream(source)
+    if grows:
+        return GrowingFilm(Path(source))
+    from tracker.source import open_source
+
+    return Film(open_source(source, fps=fps), name=source, speed=speed)
+
+
+def film_of(pictures: Pictures) -> str | None:
+    """Return the film that is watched; None for a camera or a stream."""
+    return pictures.name if isinstance(pictures, Film | GrowingFilm) else None
+
+
+class Film:
+    """A film, or a row of pictures, at its own pace."""
+
+    waits = True
+
+    def __init__(self, source: FrameSource, *, name: str, speed: float) -> None:
+        self.name = name
+        self.pixel_aspect = source.pixel_aspect
+        self.ended_because = ""
+        self.speed: float | None = speed
+        self._source = source
+
+    def frames(self, stop: threading.Event) -> Iterator[Picture]:
+        """Give the film's frames."""
+        for frame in self._source:
+            if stop.is_set():
+                return
+            yield Picture(frame.time_s, None if frame.luma is None else frame.luma.copy(), frame.damaged)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what is known of the film."""
+        return {**self._source.describe(), "speed": self.speed}

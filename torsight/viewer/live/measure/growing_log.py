@@ -1,0 +1,224 @@
+"""A temperature log that another program writes, row by row as it grows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sync.log.column_names import (
+    DATE,
+    NEEDED,
+    NOTHING_CHOSEN,
+    ChosenColumns,
+    LogColumn,
+    columns_note,
+    missing_column,
+    resolve,
+)
+from sync.log.header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
+from sync.log.wall_clock import RunningStamps
+from torsight.core.errors import InputError
+from torsight.core.storage import is_parquet, read_table
+
+OPTIONAL: Final = ("heat_a", "heat_b")
+_BLOCK: Final = 1 << 20
+
+
+class LogRow(NamedTuple):
+    """One row of a log: time, both temperatures, both switches (NaN where absent), and the line as it was written."""
+
+    numbers: tuple[float, ...]
+    text: str
+
+
+class LogFollower:
+    """Follows a CSV log: a last line without its end waits, a log that is rotated or cut is opened anew.
+
+    A Parquet table is taken whole, as soon as it is there.
+
+    Parameters
+    ----------
+    path : Path
+        The log; it need not be there yet.
+    tell : callable
+        Takes a sentence on what a person should know.
+    chosen : ChosenColumns
+        What the user says of the log's columns.
+    """
+
+    def __init__(self, path: Path, tell: Callable[[str], None], chosen: ChosenColumns = NOTHING_CHOSEN) -> None:
+        self.path = path
+        self.header = ""
+        self.refused = 0
+        self._tell = tell
+        self._file: int | None = None
+        self._identity: tuple[int, int] | None = None
+        self._rest = b""
+        self._chosen = chosen
+        self._columns: Mapping[str, LogColumn] | None = None
+        self._delimiter = ","
+        self._may_be_units = False
+        self._nearest: tuple[int, list[str]] = (-1, [])
+        self._stamps = RunningStamps()
+
+    def poll(self) -> list[LogRow]:
+        """Return the rows that have come since the last call.
+
+        Raises
+        ------
+        InputError
+            When the header lacks a column.
+        """
+        if is_parquet(self.path):
+            return self._whole()
+        rows: list[LogRow] = []
+        if self._file is None and not self._open():
+            return rows
+        rows += self._read()
+        if self._moved():
+            rows += self._read()
+            self._close()
+            self._tell(f"the log {self.path.name} was rotated; going on with the new one")
+            if self._open():
+                rows += self._read()
+        return rows
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._close()
+
+    def _whole(self) -> list[LogRow]:
+        """Return the rows of a table that does not grow, once it is there."""
+        if self.header or not self.path.exists():
+            return []
+        table = read_table(self.path)
+        header = table.head(0).to_csv(index=False).strip()
+        if not self._is_header(header):
+            self._nearest = 0, [str(name) for name in table.columns]
+            raise self._no_header()
+        self._may_be_units = False
+        lines = table.to_csv(index=False, header=False).splitlines()
+        return [row for line in lines if (row := self._row(line)) is not None]
+
+    def _open(self) -> bool:
+        try:
+            self._file = os.open(self.path, os.O_RDONLY)
+        except OSError:
+            return False
+        state = os.fstat(self._file)
+        self._identity = (state.st_dev, state.st_ino)
+        self._rest = b""
+        return True
+
+    def _close(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+        self._file, self._identity = None, None
+
+    def _moved(self) -> bool:
+        """Return whether the path is another file now, or the file is shorter than what was read of it."""
+        try:
+            state = self.path.stat()
+        except OSError:
+            # Between the old log's going and the new one's coming.
+            return False
+        if (state.st_dev, state.st_ino) != self._identity:
+            return True
+        return self._file is not None and state.st_size < os.lseek(self._file, 0, os.SEEK_CUR)
+
+    def _read(self) -> list[LogRow]:
+        rows: list[LogRow] = []
+        while self._file is not None and (block := os.read(self._file, _BLOCK)):
+            *lines, self._rest = (self._rest + block).split(b"\n")
+            rows += [row for line in lines if (row := self._row(line.decode("utf-8", "replace"))) is not None]
+        return rows
+
+    def _row(self, line: str) -> LogRow | None:
+        text = line.strip("\r\n").lstrip("\ufeff")
+        if not text.strip():
+            return None
+        if self._columns is None:
+            self._look_for_header(text)
+            return None
+        fields = split_line(text, self._delimiter)
+        if self._may_be_units:
+            self._may_be_units = False
+            if self._take_units(fields, text):
+                return None
+        try:
+            return LogRow(self._numbers(fields), text)
+        except (ValueError, IndexError):
+            pass
+        if not text.startswith("#") and not self._is_header(text):
+            self.refused += 1
+            if self.refused == 1:
+                self._tell(f"the log has a line that is no row of numbers: {text[:60]!r}; such lines are left out")
+        return None
+
+    def _look_for_header(self, text: str) -> None:
+        """Take the header, or go on with a preamble; a row of numbers before any header says that there is none."""
+        if not self._is_header(text):
+            _, names, columns = find_columns(text, self._chosen)
+            if len(columns) > self._nearest[0]:
+                self._nearest = len(columns), names
+            if len(names) >= 2 and is_row_of_numbers(text):
+                raise self._no_header()
+
+    def _no_header(self) -> InputError:
+        names = self._nearest[1]
+        columns = require_columns(resolve(names, self._chosen), where=str(self.path))
+        missing = next(role for role in self._chosen.required if role not in columns)
+        return missing_column(names, self._chosen, missing, where=str(self.path))
+
+    def _is_header(self, text: str) -> bool:
+        """Take the columns of a line that names all that are needed; return whether it does."""
+        delimiter, _, found = find_columns(text, self._chosen)
+        if any(role not in found for role in self._chosen.required):
+            return False
+        columns = require_columns(found, where=str(self.path))
+        if self._columns is None and (note := columns_note(columns)) is not None:
+            self._tell(note)
+        self.header = self.header or text
+        self._delimiter, self._columns, self._may_be_units = delimiter, columns, True
+        self._set_stamps(columns)
+        return True
+
+    def _take_units(self, fields: Sequence[str], text: str) -> bool:
+        """Take a row of units below the header; return whether it is one."""
+        units = units_row(fields, self._columns or {})
+        if units is None:
+            return False
+        self._columns = require_columns(units, where=str(self.path))
+        self._set_stamps(self._columns)
+        if "\n" not in self.header:
+            self.header = f"{self.header}\n{text}"
+        return True
+
+    def _set_stamps(self, columns: Mapping[str, LogColumn]) -> None:
+        unit = columns["time"].unit
+        self._stamps = RunningStamps(1.0 if unit is None else unit.factor)
+
+    def _numbers(self, fields: Sequence[str]) -> tuple[float, ...]:
+        assert self._columns is not None  # noqa: S101 - for the type checker: rows come after the header
+        stamp = self._plain(fields[self._columns["time"].index])
+        if DATE in self._columns:
+            stamp = f"{fields[self._columns[DATE].index]} {stamp}"
+        return (self._stamps.seconds(stamp), *(self._number(fields, role) for role in (*NEEDED[1:], *OPTIONAL)))
+
+    def _number(self, fields: Sequence[str], role: str) -> float:
+        column = (self._columns or {}).get(role)
+        if column is None:
+            return np.nan
+        text = self._plain(fields[column.index])
+        if not text:
+            return np.nan
+        value = float(text)
+        return value if column.unit is None else value * column.unit.factor + column.unit.offset
+
+    def _plain(self, field: str) -> str:
+        """Return a field with a decimal point; between commas a comma within a field is none."""
+        return field if self._delimiter == "," else field.replace(",", ".")

@@ -1,0 +1,108 @@
+"""What a live record says of itself: ``track.json``, ``live.json``, and the experiment with which ``run`` goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from torsight.core.storage import write_json, write_text
+
+if TYPE_CHECKING:
+    from torsight.viewer.live.record.outcome import Outcome
+    from tracker.plane import Orientation
+
+
+def write_track_account(
+    folder: Path,
+    *,
+    source: Mapping[str, Any],
+    outcome: Outcome,
+    orientation: Orientation | None,
+    events: Sequence[Mapping[str, Any]],
+) -> None:
+    """Write ``track.json`` of a finished record."""
+    frames: dict[str, Any] = {"total": outcome.frames, "dropped": outcome.dropped, "missed": outcome.missed}
+    report: Mapping[str, Any] = {}
+    if orientation is not None:
+        angles, report = orientation.angles, orientation.report
+        frames |= {
+            "with_angle": int(angles.valid.sum()),
+            "without_angle": int((~angles.valid).sum()),
+            "turn_uncertain": int(np.sum(~angles.branch_certain & angles.valid)),
+        }
+    write_json(
+        folder / "track.json",
+        {
+            "source": dict(source),
+            "frames": frames,
+            **{name: value for name, value in report.items() if name != "noise"},
+            "events": list(events),
+        },
+    )
+
+
+def write_experiment(
+    folder: Path,
+    *,
+    film: str | None,
+    actuator: Path | None,
+    offset_s: float | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
+
+    Parameters
+    ----------
+    folder : Path
+        The record.
+    film : str or None
+        The film that was played; None for a camera.
+    actuator : Path or None
+        Characterised values; without them the experiment says where to put them.
+    offset_s : float or None
+        Temperature log's time less film time, where it was given.
+    columns, units : mapping of str to str, optional
+        What was said of the log's columns.
+    """
+    if actuator is not None:
+        shutil.copyfile(actuator, folder / "actuator.toml")
+    lines = [
+        "# A live record; 'torsight run' goes on from it, to the report.",
+        "[angle]",
+        'file = "angle.csv"',
+        *([f"film = {_text(str(Path(film).absolute()))}"] if film else []),
+        "",
+        "[temperature]",
+        'path = "temps.csv"',
+        *([f"columns = {_inline(columns)}"] if columns else []),
+        *([f"units = {_inline(units)}"] if units else []),
+        "",
+        "[actuator]",
+        *(
+            []
+            if actuator is not None
+            else ["# The rig's characterised values belong here; 'torsight init' writes some to start from."]
+        ),
+        'file = "actuator.toml"',
+        "",
+        "[output]",
+        'dir = "results"',
+        *([] if offset_s is None else ["", "[sync]", f"offset_s = {offset_s!r}"]),
+        "",
+    ]
+    write_text(folder / "experiment.toml", "\n".join(lines))
+
+
+def _inline(table: Mapping[str, str]) -> str:
+    return f"{{ {', '.join(f'{key} = {_text(value)}' for key, value in table.items())} }}"
+
+
+def _text(words: str) -> str:
+    """Return a text as TOML writes it."""
+    return json.dumps(words, ensure_ascii=False)

@@ -1,0 +1,225 @@
+"""To the screen: a queue that drops its oldest entries, a thread that empties it, a process that talks to the viewer.
+
+A viewer that is absent, late, stopped or killed holds up that process at most. Whatever is shown was handed over
+before; whatever cannot be handed over in time is left out, and only there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.viewer.layout import FRAME, TIME
+from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
+from torsight.viewer.live.screen.latency import CELLS, Latency
+from torsight.viewer.overlay import Overlay, colour_of
+from torsight.viewer.program import LOOPBACK, address_of
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    import rerun as rr
+
+MOST_WAITING: Final = 300
+"""Entries that may wait to be shown."""
+MEMORY: Final = "256MB"
+"""What is kept for a viewer that comes late."""
+END_S: Final = 2.0
+
+
+class Feed:
+    """Hands pictures, curves and events to the viewer's side.
+
+    Parameters
+    ----------
+    port : int
+        Port of this computer at which viewers find the record.
+    """
+
+    def __init__(self, port: int) -> None:
+        self.port = port
+        self.left_out = 0
+        context = get_context("spawn")
+        counts = context.RawArray("q", CELLS)
+        self.latency = Latency(counts)
+        """From a frame to its angle, logged."""
+        self._waiting: deque[tuple[Any, ...]] = deque()
+        self._changed = threading.Condition()
+        self._ended = False
+        self._here, there = context.Pipe()
+        self._process = context.Process(target=serve, args=(there, port, counts), daemon=True, name="viewer feed")
+        self._process.start()
+        there.close()
+        self._thread = threading.Thread(target=self._hand_over, name="feed", daemon=True)
+        self._thread.start()
+
+    @property
+    def address(self) -> str:
+        """What a viewer opens to see the record."""
+        return address_of(self.port)
+
+    def wait_until_open(self, limit_s: float = 60.0) -> bool:
+        """Wait until viewers can connect, and return whether they can."""
+        end = time.monotonic() + limit_s
+        while self._process.is_alive() and time.monotonic() < end:
+            with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, self.port), timeout=0.5):
+                return True
+            time.sleep(0.05)
+        return False
+
+    @property
+    def running(self) -> bool:
+        """Whether the viewer's side still takes entries."""
+        return self._process.is_alive() and self._thread.is_alive()
+
+    @property
+    def process_id(self) -> int:
+        """Number of the process on the viewer's side."""
+        return int(self._process.pid or 0)
+
+    def put(self, *entry: Any) -> None:
+        """Queue one entry; the oldest one goes where too many wait."""
+        with self._changed:
+            self._waiting.append(entry)
+            if len(self._waiting) > MOST_WAITING:
+                self._waiting.popleft()
+                self.left_out += 1
+            self._changed.notify()
+
+    def close(self) -> None:
+        """Give what waits a moment to be shown, then end the viewer's side."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(END_S)
+        self._process.join(END_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def _hand_over(self) -> None:
+        with served_first(LOGGING):
+            while (entry := self._next()) is not None:
+                try:
+                    self._here.send(_packed(*entry))
+                except (BrokenPipeError, ConnectionError, OSError):
+                    return
+        self._here.close()
+
+    def _next(self) -> tuple[Any, ...] | None:
+        """Wait for the next entry; None once the record has ended and nothing waits any more."""
+        with self._changed:
+            while not self._waiting and not self._ended:
+                self._changed.wait()
+            return self._waiting.popleft() if self._waiting else None
+
+
+def _packed(kind: str, *entry: Any) -> tuple[Any, ...]:
+    """Return an entry as it is handed over: a picture as JPEG, which is quicker through the pipe."""
+    if kind != "picture":
+        return (kind, *entry)
+    import cv2
+
+    time_s, frame, luma, drawn = entry
+    return (kind, time_s, frame, cv2.imencode(".jpg", luma, (cv2.IMWRITE_JPEG_QUALITY, 75))[1].tobytes(), drawn)
+
+
+# --- in the process of its own ------------------------------------------------------------------------------------
+
+
+def serve(connection: Connection, port: int, counts: Any) -> None:
+    """Log what comes through the connection, until it closes."""
+    import signal
+
+    import rerun as rr
+
+    from torsight.viewer import layout
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    latency = Latency(counts)
+    stream = rr.RecordingStream(layout.APPLICATION)
+    sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=MEMORY)
+    stream.set_sinks(sink, default_blueprint=layout.blueprint())
+    layout.log_styles(stream)
+    layout.log_sizes(stream)
+    # What serves the viewers has a processor when nothing that measures or logs needs it.
+    step_back_others()
+    with served_first(LOGGING):
+        while True:
+            try:
+                kind, *entry = connection.recv()
+            except (EOFError, ConnectionError, OSError):
+                break
+            arrived_s = _LOGGERS[kind](stream, *entry)
+            if arrived_s is not None:
+                latency.add(time.perf_counter() - arrived_s)
+    stream.flush(timeout_sec=1.0)
+
+
+def _log_angle(
+    stream: rr.RecordingStream, time_s: float, frame: int, angle_deg: float, arrived_s: float | None
+) -> float | None:
+    """Log one angle, and return when its frame was there, where that counts."""
+    import rerun as rr
+
+    if np.isfinite(angle_deg):
+        _set_times(stream, time_s, frame)
+        stream.log("angle/measured", rr.Scalars(angle_deg))
+    return arrived_s
+
+
+def _log_picture(stream: rr.RecordingStream, time_s: float, frame: int, jpeg: bytes, drawn: Overlay) -> None:
+    import rerun as rr
+
+    _set_times(stream, time_s, frame)
+    stream.log("film/picture", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
+    shades = [colour_of(name) for name in drawn.names]
+    stream.log("film/markers", rr.Points2D(drawn.points_px, colors=shades, labels=drawn.names))
+    lines, colours, words = drawn.strokes()
+    stream.log("film/sticks", rr.LineStrips2D(lines, colors=colours, labels=words))
+
+
+def _set_times(stream: rr.RecordingStream, time_s: float, frame: int) -> None:
+    stream.set_time(TIME, duration=time_s)
+    stream.set_time(FRAME, sequence=frame)
+
+
+def _log_series(
+    stream: rr.RecordingStream, entity: str, time_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> None:
+    import rerun as rr
+
+    stream.send_columns(
+        entity, indexes=[rr.TimeColumn(TIME, duration=time_s)], columns=rr.Scalars.columns(scalars=values)
+    )
+
+
+def _log_event(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
+    import rerun as rr
+
+    stream.set_time(TIME, duration=time_s)
+    stream.log("events", rr.TextLog(text, level=level))
+
+
+def _log_summary(stream: rr.RecordingStream, text: str) -> None:
+    import rerun as rr
+
+    stream.log("summary", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+_LOGGERS: Final[dict[str, Callable[..., float | None]]] = {
+    "angle": _log_angle,
+    "picture": _log_picture,
+    "series": _log_series,
+    "event": _log_event,
+    "summary": _log_summary,
+}
