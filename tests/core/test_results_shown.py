@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass, replace
 
@@ -154,6 +156,21 @@ def test_a_plot_without_axes_makes_its_own_with_a_backend_that_has_no_screen() -
     assert isinstance(axes, Axes)
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), LOG.temp_a_c)
     plt.close(axes.figure)
+
+
+def test_a_backend_that_is_not_there_is_named_and_axes_of_ones_own_need_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "module://notebook_of_nobody.backend_inline")
+    code = (
+        "import numpy as np\nfrom matplotlib.figure import Figure\nfrom torsight.core import TemperatureLog\n"
+        "log = TemperatureLog(np.arange(3.0), np.arange(3.0), np.arange(3.0))\n"
+        "print(len(log.plot(Figure().subplots()).lines))\nlog.plot()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "2\n"
+    told = done.stderr.splitlines()[-1]
+    assert "ConfigError: MPLBACKEND" in told
+    assert "No module named 'notebook_of_nobody'" in told
+    assert "matplotlib-inline" in told
 
 
 def test_tables_are_in_the_units_of_files() -> None:
