@@ -55,18 +55,11 @@ def library() -> str:
     )
 
 
-PACKAGES = {
-    "tracker": "Film to angle",
-    "calibration": "Boards to cameras",
-    "sync": "Film and log on one clock",
-    "torsight.core": "Records, tables, errors",
-    "torsight.actuator": "The actuator's physics and its fit",
-    "torsight.discovery": "What a model lacks",
-    "torsight.synthetic": "Rigs with known answers",
-    "torsight.report": "The report",
-    "torsight.viewer": "The recording",
-}
-"""Packages whose public names are the reference for Python, with what each is for."""
+PACKAGES = (
+    *("tracker", "calibration", "sync", "torsight.core", "torsight.actuator", "torsight.discovery"),
+    *("torsight.synthetic", "torsight.report", "torsight.viewer"),
+)
+"""Packages whose public names are the reference for Python."""
 _CONSTANTS = ("DEG", "GPA", "MM", "MNM", "MPA", "MARKERS", "Progress")
 """Public names that are neither classes nor functions: their modules describe them."""
 
@@ -77,7 +70,7 @@ def reference(package: str) -> str:
     names = getattr(module, "__all__", None) or [name for name in dir(module) if not name.startswith("_")]
     known = [(name, getattr(module, name)) for name in names if name not in _CONSTANTS]
     shown = sorted(known, key=lambda item: (inspect.isfunction(item[1]), item[0].lower()))
-    lines = [f"# {package}", "", f"*{PACKAGES[package]}.*", "", "```{eval-rst}", f".. py:module:: {package}", ""]
+    lines = [f"# {package}", "", "```{eval-rst}", f".. py:module:: {package}", ""]
     lines += [inspect.cleandoc(module.__doc__ or ""), ""]
     for name, value in shown:
         kind = "autofunction" if inspect.isfunction(inspect.unwrap(value)) else "autoclass"

@@ -26,6 +26,19 @@ for name in ("SIGINT", "SIGHUP"):
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep tests that share what their module makes once on one worker: it is not made twice.
+
+    ``--dist loadgroup`` gives out the largest groups first and single tests last, so that no worker waits for long.
+    """
+    for item in items:
+        assert isinstance(item, pytest.Function)
+        used = [definition for found in item._fixtureinfo.name2fixturedefs.values() for definition in found]
+        if any(definition.scope == "module" for definition in used):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_temporary_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Give what the tests start a temporary directory that goes with them: viewers that are ended leave folders."""
