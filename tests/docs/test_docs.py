@@ -27,7 +27,7 @@ NOTEBOOKS = {
     "first_rig": (r"friction torque 0\.(79|8\d|9[01])\d mN·m", 4),
     # The rig has the declared 0.79 mN·m; the film is known to 0.2° of some 410°.
     "own_film": (r"tau_c_mnm\s*0\.(7|8)\d+ mN·m", 3),
-    "missing_effect": (r"The model lacks an effect: sensor lag.*lag (5\.[5-9]|6\.[0-5])\d s, 95 %", 2),
+    "missing_effect": (r"(?s)The model lacks an effect: sensor lag.*lag (5\.[5-9]|6\.[0-5])\d s, 95 %", 2),
 }
 """What the page of each notebook has to say, and how many pictures it holds."""
 
