@@ -1,4 +1,6 @@
-"""Sphinx: the pages from this folder, with the commands and the effects written from the code, and MathML for formulas.
+"""Sphinx: the pages from this folder; commands, effects and the Python reference are written from the code.
+
+Formulas are MathML; the notebooks run while the pages are built.
 
 Nothing is fetched while the pages are built or looked at.
 """
@@ -23,10 +25,20 @@ project = "Torsight"
 author = "The Torsight developers"
 copyright = "the Torsight developers"  # noqa: A001 - the name that Sphinx asks for
 release = version = __version__
-extensions = ["myst_parser"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 240
+nb_merge_streams = True
 exclude_patterns = ["_build"]
+autodoc_typehints = "none"  # the docstrings say shapes and units
+autodoc_member_order = "bysource"
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+suppress_warnings = ["ref.python"]  # attributes of one name in several classes
 html_theme = "furo"
 html_title = "Torsight"
 html_copy_source = False
@@ -41,6 +53,29 @@ def library() -> str:
     return "\n".join(
         ["# The library of effects", "", "Written from `torsight/actuator/effects/` by `make docs`.", "", *pages]
     )
+
+
+PACKAGES = (
+    *("tracker", "calibration", "sync", "torsight.core", "torsight.actuator", "torsight.discovery"),
+    *("torsight.synthetic", "torsight.report", "torsight.viewer"),
+)
+"""Packages whose public names are the reference for Python."""
+_CONSTANTS = ("DEG", "GPA", "MM", "MNM", "MPA", "MARKERS", "Progress")
+"""Public names that are neither classes nor functions: their modules describe them."""
+
+
+def reference(package: str) -> str:
+    """Return the page of a package: its docstring, and that of every public class and function."""
+    module = import_module(package)
+    names = getattr(module, "__all__", None) or [name for name in dir(module) if not name.startswith("_")]
+    known = [(name, getattr(module, name)) for name in names if name not in _CONSTANTS]
+    shown = sorted(known, key=lambda item: (inspect.isfunction(item[1]), item[0].lower()))
+    lines = [f"# {package}", "", "```{eval-rst}", f".. py:module:: {package}", ""]
+    lines += [inspect.cleandoc(module.__doc__ or ""), ""]
+    for name, value in shown:
+        kind = "autofunction" if inspect.isfunction(inspect.unwrap(value)) else "autoclass"
+        lines += [f".. {kind}:: {package}.{name}", *(["   :members:", ""] if kind == "autoclass" else [""])]
+    return "\n".join([*lines, "```", ""])
 
 
 def _effect(name: str, effect: Effect) -> str:
@@ -89,7 +124,10 @@ def _skip() -> Exception:
 
 def _write_pages(_app: Any, _config: Any) -> None:
     """Write the pages that come from the code; unchanged ones stay, so that they are not built again."""
-    for name, text in (("effects_library.md", library()), ("commands.md", command_reference())):
+    pages = {"effects_library.md": library(), "commands.md": command_reference()}
+    pages |= {f"reference/{package}.md": reference(package) for package in PACKAGES}
+    (HERE / "reference").mkdir(exist_ok=True)
+    for name, text in pages.items():
         target = HERE / name
         if not target.exists() or target.read_text(encoding="utf-8") != text:
             target.write_text(text, encoding="utf-8")

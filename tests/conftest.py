@@ -7,10 +7,13 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler.loadscope import LoadScopeScheduling
 
 # No test depends on how fast a machine is.
 settings.register_profile("torsight", deadline=None)
@@ -24,6 +27,30 @@ for name in ("SIGINT", "SIGHUP"):
         signal.signal(number, signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
 
 ROOT = Path(__file__).parents[1]
+
+
+class ByModule(LoadScopeScheduling):
+    """Give out single tests one by one; those of a module that makes something once go to one worker together.
+
+    The largest modules come first and single tests last, so that no worker waits for long.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        path = nodeid.partition("::")[0]
+        return path if makes_something_once(path) else nodeid
+
+
+@cache
+def makes_something_once(path: str) -> bool:
+    """Return whether a file of tests, or its folder, has a fixture that is made once for all of them."""
+    beside = [one for one in (ROOT / path, (ROOT / path).with_name("conftest.py")) if one.exists()]
+    return any('scope="module"' in one.read_text(encoding="utf-8") for one in beside)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByModule:
+    """Choose how tests are given to workers."""
+    return ByModule(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

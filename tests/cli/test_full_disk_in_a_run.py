@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
+from tests.few_effects import try_few
 from tests.full_disk import full_disk
 
 STAGES = ("track", "sync", "fit", "discover")
@@ -23,6 +25,14 @@ offset_s = 0.0
 [actuator]
 file = "actuator.toml"
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def little_is_tried() -> Iterator[None]:
+    """Try two effects and one law: what is found does not matter here, only what is written of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        try_few(patch)
+        yield
 
 
 @pytest.fixture(scope="module")

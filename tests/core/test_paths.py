@@ -38,7 +38,7 @@ from tracker import open_source, read_markers
 
 PACKAGES = (
     *("tracker", "sync", "calibration", "torsight.core", "torsight.actuator", "torsight.discovery"),
-    *("torsight.synthetic", "torsight.viewer"),
+    *("torsight.synthetic", "torsight.viewer", "torsight.report"),
 )
 
 

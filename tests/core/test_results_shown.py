@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass, replace
 
@@ -20,11 +22,13 @@ from sync.log.repairs import Repair, Restart
 from tests.core.test_paths import public_functions
 from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
 from torsight.actuator.characterised import Characterisation, Step
+from torsight.actuator.predicted import Prediction
 from torsight.core.parameter import Estimate
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.results import RunResults
 from torsight.core.shown import Shown
 from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.discovery import PredictedAngle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect
 from torsight.synthetic import Record
 from tracker import Orientation, TrackResult
@@ -40,6 +44,7 @@ ANGLES = StickAngles(np.arange(N), TIME_S, 0.1 * TIME_S, 1e-3 * ONES, ONES > 0, 
 TRACKS = MarkerTracks(
     np.arange(N), TIME_S, np.full((N, 4, 2), 20.0), np.tile(np.eye(2), (N, 4, 1, 1)), np.ones((N, 4), bool), (64, 48)
 )
+START_RAD = 3.0
 TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
 TAUS = {"tau_c_mnm": TAU.to_json()}
 
@@ -109,8 +114,11 @@ MADE: dict[type[Shown], Callable[[FitResult, FittedModel], Shown]] = {
     Simulation: lambda fit, _m: fit.simulation,
     FittedModel: lambda _f, model: model,
     DiscoveryReport: lambda _f, model: discovery(model),
+    Prediction: lambda _f, model: model.predict(LOG, start_angle_rad=START_RAD),
+    PredictedAngle: lambda _f, model: predict_with_sigma(model, LOG, start_angle_rad=START_RAD),
 }
 SERIES = (*list(MADE)[:2], MarkerTracks, StickAngles, LogReading, Found, TrackResult, Orientation, Record, FitResult)
+SERIES += (Prediction, PredictedAngle)
 
 
 @pytest.fixture(params=MADE, ids=lambda kind: kind.__name__)
@@ -150,6 +158,21 @@ def test_a_plot_without_axes_makes_its_own_with_a_backend_that_has_no_screen() -
     plt.close(axes.figure)
 
 
+def test_a_backend_that_is_not_there_is_named_and_axes_of_ones_own_need_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "module://notebook_of_nobody.backend_inline")
+    code = (
+        "import numpy as np\nfrom matplotlib.figure import Figure\nfrom torsight.core import TemperatureLog\n"
+        "log = TemperatureLog(np.arange(3.0), np.arange(3.0), np.arange(3.0))\n"
+        "print(len(log.plot(Figure().subplots()).lines))\nlog.plot()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "2\n"
+    told = done.stderr.splitlines()[-1]
+    assert "ConfigError: MPLBACKEND" in told
+    assert "No module named 'notebook_of_nobody'" in told
+    assert "matplotlib-inline" in told
+
+
 def test_tables_are_in_the_units_of_files() -> None:
     frame = TABLE.to_frame()
     np.testing.assert_allclose(frame["angle_deg"], np.rad2deg(TABLE.angle_rad))
@@ -175,4 +198,4 @@ def test_every_result_of_a_public_function_shows_itself() -> None:
     inputs = {"ActuatorSpec", "Board", "Camera", "MarkerHints", "Scene", "SpringTests", "ClosedForm", "LinearProblem"}
     inputs |= {"Parameter", "Candidate", "ModelProblem", "LawPort", "Ode"}
     others = {one.__name__ for one in results() if not issubclass(one, Shown)}
-    assert others - inputs <= {"Drawing", "CirclesPose", "Findings", "PredictedAngle", "DiskPose", "Seen", "Effect"}
+    assert others - inputs <= {"Drawing", "CirclesPose", "DiskPose", "Seen", "Effect"}

@@ -124,7 +124,7 @@ def record(effects: dict[str, dict[str, float]], protocol: list[dict[str, object
         "protocol": {"half_cycle": protocol},
         "effects": effects,
     }
-    return make_record(scene, seed=5, sigma_deg=0.15).table
+    return make_record(scene, seed=5, sigma_deg=0.15, rate_hz=1.0).table
 
 
 def field_of(table: SyncedTable, spec: ActuatorSpec, names: tuple[str, ...]) -> tuple[ActuatorProblem, Field]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tests.discovery.own_models import (
     LAG_S,
@@ -184,8 +185,9 @@ def test_findings_show_themselves(three_springs: Findings) -> None:
     html = three_springs._repr_html_()
     assert "<table>" in html
     assert "data:image/png;base64," in html
-    assert repr(three_springs) == "<Findings identified: hardening>"
-    assert len(three_springs.plot().axes) == 8
+    assert repr(three_springs) == "Findings(identified: hardening)"
+    assert three_springs.facts()["Missing"] == "hardening is missing"
+    assert len(three_springs.overview().axes) == 8
     content = three_springs.to_json()
     assert content["effects"][0]["id"] == "hardening"
     assert set(content["effects"][0]["parameters"]["cubic"]) == {"value", "sigma", "ci95", "unit", "fixed"}
@@ -193,6 +195,11 @@ def test_findings_show_themselves(three_springs: Findings) -> None:
     curves = three_springs.curves()
     assert list(curves) == ["record", "time_s", "x_mm", "x_mm_plain", "x_mm_extended"]
     assert {len(column) for column in curves.values()} == {600}
+    frame = three_springs.to_frame()
+    assert list(frame) == list(curves)
+    axes = Figure().subplots()
+    assert three_springs.plot(axes) is axes
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), frame["x_mm"][frame["record"] == frame["record"][0]])
 
 
 def test_another_record_is_predicted_with_its_doubt(three_springs: Findings) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -12,11 +14,22 @@ from typing import Any, get_args
 
 import pytest
 import typer
+from sphinx.util.inventory import InventoryFile
 
+from tests.core.test_paths import PACKAGES, public_functions
 from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, commands, named
 from torsight.actuator.effects import ActsOn, load_effects
 from torsight.cli.main import COMMANDS, app
 from torsight.cli.reference import command_reference
+
+NOTEBOOKS = {
+    # The friction torque is 0.855 mN·m there; a fit knows it to 0.02.
+    "first_rig": (r"friction torque 0\.(79|8\d|9[01])\d mN·m", 4),
+    # The rig has the declared 0.79 mN·m; the film is known to 0.2° of some 410°.
+    "own_film": (r"tau_c_mnm\s*0\.(7|8)\d+ mN·m", 3),
+    "missing_effect": (r"(?s)The model lacks an effect: sensor lag.*lag (5\.[5-9]|6\.[0-5])\d s, 95 %", 2),
+}
+"""What the page of each notebook has to say, and how many pictures it holds."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -39,7 +52,7 @@ def test_the_reference_holds_every_command_with_an_example() -> None:
 
 def test_every_page_is_linked_and_every_link_leads_somewhere() -> None:
     for page in PAGES:
-        for target in re.findall(r"\]\(([\w./-]+\.(?:md|png|py|toml))\)", page.read_text(encoding="utf-8")):
+        for target in re.findall(r"\]\(([\w./-]+\.(?:md|png|py|toml|ipynb))\)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists() or target in WRITTEN, f"{page.name}: {target}"
 
 
@@ -64,13 +77,40 @@ def test_the_readme_fits_one_screen() -> None:
     assert sum(1 + len(line) // 120 for line in lines) <= 60
 
 
-def test_the_pages_build_without_a_warning_and_fetch_nothing(tmp_path: Path) -> None:
+def test_the_site_is_built_from_notebooks_that_run_and_fetches_nothing(tmp_path: Path) -> None:
+    """One build, as ``make docs`` makes it: a page of a notebook is what its cells gave."""
+    site = tmp_path / "site"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(tmp_path / "trees")]
-    done = subprocess.run(
-        [*command, str(DOCS), str(tmp_path / "site")], capture_output=True, text=True, check=False, cwd=ROOT
-    )
+    done = subprocess.run([*command, str(DOCS), str(site)], capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    for page in (tmp_path / "site").rglob("*.html"):
+    for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r"""(?:src|<link[^>]*href)=["']https?://[^"']+""", text), page.name
-    assert "<math" in (tmp_path / "site" / "physics.html").read_text(encoding="utf-8")
+    assert "<math" in (site / "physics.html").read_text(encoding="utf-8")
+    for name, (told, pictures) in NOTEBOOKS.items():
+        text = (site / "notebooks" / f"{name}.html").read_text(encoding="utf-8")
+        assert re.search(told, re.sub(r"<[^>]+>", "", text)), name
+        assert len(re.findall(r'<img [^>]*src="\.\./_images/\w+\.png"', text)) == pictures, name
+    linked = InventoryFile.loads((site / "objects.inv").read_bytes(), uri="")
+    objects = {name for kind, found in linked.data.items() if kind.startswith("py:") for name in found}
+    assert {"sync.merge", "torsight.actuator.fit_model", "torsight.discovery.DiscoveryReport.facts"} <= objects
+
+
+def test_every_notebook_is_built_and_holds_no_output() -> None:
+    found = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in (DOCS / "notebooks").glob("*.ipynb")}
+    assert set(found) == set(NOTEBOOKS)
+    assert not [cell for made in found.values() for cell in made["cells"] if cell.get("outputs")]
+
+
+def test_the_reference_holds_every_public_name() -> None:
+    conf = runpy.run_path(str(DOCS / "conf.py"))
+    assert set(conf["PACKAGES"]) == {*PACKAGES}
+    pages = {package: conf["reference"](package) for package in PACKAGES}
+    known = {name for page in pages.values() for name in re.findall(r"^\.\. auto\w+:: ([\w.]+)$", page, re.MULTILINE)}
+    assert {name for name, _ in public_functions()} <= known
+
+
+def test_the_page_on_the_report_explains_every_number_of_its_picture() -> None:
+    marks = runpy.run_path(str(DOCS / "make_pictures.py"))["MARKS"]
+    text = (DOCS / "report.md").read_text(encoding="utf-8").partition("pictures/report.png")[2].partition("\n## ")[0]
+    assert [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)] == [*range(1, len(marks) + 1)]

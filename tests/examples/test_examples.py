@@ -21,7 +21,7 @@ LAG_S = 6.0
 SCENE = {
     "seed": 11,
     "protocol": {
-        "time_factor": 0.2,
+        "time_factor": 0.5,
         "rest_s": 40.0,
         "half_cycle": [
             {"spring": "a", "peak_c": 82.0},
@@ -40,7 +40,7 @@ def example(name: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def record() -> Record:
-    return make_record(SCENE, rate_hz=2.0)
+    return make_record(SCENE, rate_hz=0.5)
 
 
 @pytest.fixture(scope="module")

@@ -182,7 +182,7 @@ def test_an_empty_or_missing_folder_or_a_damaged_file_is_named(tmp_path: Path) -
     with pytest.raises(InputError, match="holds no results"):
         write_report(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
-        write_report(tmp_path / "nowhere")
+        write_report(str(tmp_path / "nowhere"))
     (tmp_path / "fit.json").write_text('{"schema": 1, "parameters"', encoding="utf-8")
     with pytest.raises(InputError, match=r"fit\.json.*is not JSON"):
         write_report(tmp_path)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from torsight.core.errors import ConfigError
 from torsight.core.wording import number
 
 if TYPE_CHECKING:
@@ -68,13 +69,30 @@ class Shown:
         -------
         matplotlib.axes.Axes
             The axes that were drawn into.
+
+        Raises
+        ------
+        ConfigError
+            When no axes are given and the backend that matplotlib is told to use is not there.
         """
         if axes is None:
-            from matplotlib import pyplot as plt
-
-            axes = plt.subplots(layout="constrained")[1]
+            axes = _own_axes()
         self._draw(axes)
         return axes
+
+
+def _own_axes() -> Any:
+    """Return the axes of a new figure, shown by whatever backend matplotlib is told to use."""
+    try:
+        from matplotlib import pyplot as plt
+
+        return plt.subplots(layout="constrained")[1]
+    except ImportError as error:
+        raise ConfigError(
+            f"matplotlib's backend cannot be loaded: {error}",
+            where="MPLBACKEND, or the notebook",
+            do="install it (in a notebook: matplotlib-inline), set MPLBACKEND=agg, or give plot() the axes of a figure",
+        ) from error
 
 
 def span(values: Any, unit: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import Simulation
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
+from torsight.core.shown import Shown, draw_series, share, span
 from torsight.core.units import DEG
 from torsight.discovery.temperature_errors import draw_errors, with_errors
 
@@ -23,8 +24,8 @@ _DRAWS: Final = 8
 """Draws of the temperatures' noise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PredictedAngle:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PredictedAngle(Shown):
     """Angles for the instants of a temperature log, all (n,).
 
     Attributes
@@ -40,6 +41,24 @@ class PredictedAngle:
     angle_rad: Array
     sigma_rad: Array
     simulation: Simulation
+
+    def facts(self) -> dict[str, str]:
+        """Return rows, time, angle and its standard deviation."""
+        return {
+            "rows": str(len(self.angle_rad)),
+            "time": span(self.simulation.time_s, "s"),
+            "angle": f"{span(self.angle_rad / DEG, '°')} in {share(np.isfinite(self.angle_rad))} of the rows",
+            "standard deviation": span(self.sigma_rad / DEG, "°"),
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        columns = dict(self.simulation.to_frame())
+        return {**columns, "angle_deg": self.angle_rad / DEG, "angle_sigma_deg": self.sigma_rad / DEG}
+
+    def _draw(self, axes: Any) -> None:
+        time_s, angle_deg, reach_deg = self.simulation.time_s, self.angle_rad / DEG, 1.96 * self.sigma_rad / DEG
+        axes.fill_between(time_s, angle_deg - reach_deg, angle_deg + reach_deg, alpha=0.25, label="95 %")
+        draw_series(axes, time_s, {"angle": angle_deg}, label="angle, °")
 
 
 def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Array:
@@ -88,9 +107,9 @@ def predict_with_sigma(
         return PredictedAngle(angle, np.full(len(angle), np.nan), simulation)
     own = simulation.angle_rad
     square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
-    for done, (other, its_drive, share) in enumerate(others):
+    for done, (other, its_drive, weight) in enumerate(others):
         progress("uncertainty", done, len(others))
-        square += share * (other.simulate(its_drive).angle_rad - own) ** 2
+        square += weight * (other.simulate(its_drive).angle_rad - own) ** 2
     progress("uncertainty", len(others), len(others))
     return PredictedAngle(angle, np.where(np.isfinite(angle), np.sqrt(square), np.nan), simulation)
 

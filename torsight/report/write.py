@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.results import RunResults, read_results
 from torsight.core.storage import write_text
@@ -26,12 +27,12 @@ _PARTS: Final = 6
 """Reading, the figures in four groups, and writing, as told to ``progress``."""
 
 
-def write_report(folder: Path, *, progress: Progress = silent) -> Path:
+def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
     """Write ``report.html`` into a run's folder from whatever results are there.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         Holds any of ``angle.csv``, ``markers.csv``, ``track.json``, ``track.png``, ``merged.csv``, ``sync.json``,
         ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is
         left out.
@@ -58,6 +59,7 @@ def write_report(folder: Path, *, progress: Progress = silent) -> Path:
     from torsight.report.plots.interactive import drawing
     from torsight.report.plots.still import still
 
+    folder = Path(folder)
     progress("report", 0, _PARTS)
     results = read_results(folder)
     shown = contents(results, progress=progress)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate
+from torsight.core.shown import Shown
 from torsight.discovery import engine
 from torsight.discovery.explanation import Explanation, Field
 from torsight.discovery.fitting import EffectSet, less
@@ -72,11 +73,12 @@ class FittedSet:
     rmse_held_out: float
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings(Shown):
     """What a model lacks.
 
-    ``print`` gives a summary, a notebook shows it; :meth:`predict`, :meth:`plot` and :meth:`to_json` go on from there.
+    ``print`` gives a summary, a notebook shows it; :meth:`predict`, :meth:`overview` and :meth:`to_json` go on from
+    there.
 
     Attributes
     ----------
@@ -292,6 +294,12 @@ class Findings:
         found = [one for one in larger if one.rmse_held_out < _BETTER * own.rmse_held_out]
         return tuple(sorted(found, key=lambda one: one.rmse_held_out))
 
+    def facts(self) -> dict[str, str]:
+        """Return what is missing, the errors, and what was found of each effect and law."""
+        from torsight.discovery.own.words import facts
+
+        return facts(self)
+
     def summary(self) -> str:
         """Return the answer in some lines."""
         from torsight.discovery.own.words import summary
@@ -302,15 +310,28 @@ class Findings:
         return self.summary()
 
     def __repr__(self) -> str:
-        return f"<Findings {self.verdict}: {', '.join(self.effects) or 'no name'}>"
+        effects = ", ".join(self.effects)
+        return f"Findings({self.verdict}{': ' if effects else ''}{effects})"
 
     def _repr_html_(self) -> str:
         from torsight.discovery.own.words import html
 
         return html(self)
 
-    def plot(self) -> Figure:
-        """Return a picture (matplotlib): measured and both models, residuals, and what each candidate explains."""
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.curves())
+
+    def _draw(self, axes: Any) -> None:
+        from torsight.discovery.own.pictures import draw_motion, series_of
+
+        draw_motion(axes, series_of(self)[0])
+        axes.legend(loc="best", fontsize="small", frameon=False)
+
+    def overview(self) -> Figure:
+        """Return a figure (matplotlib): measured and both models, residuals, and what each candidate explains.
+
+        :meth:`plot` draws the first of its panels, measured and both models of the first output, into axes.
+        """
         from torsight.discovery.own.pictures import overview
 
         return overview(self)

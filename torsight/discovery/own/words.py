@@ -64,6 +64,16 @@ def lines(found: Findings) -> list[tuple[str, str]]:
     return made
 
 
+def facts(found: Findings) -> dict[str, str]:
+    """Return the lines of the answer by their titles; what goes on under a title is put together."""
+    made: dict[str, str] = {}
+    title = ""
+    for own, text in lines(found):
+        title = own or title
+        made[title] = f"{made[title]}; {text}" if title in made else text
+    return made
+
+
 def _errors(before: Errors, after: Errors) -> str:
     if math.isnan(before.rmse_held_out):
         return f"{number(before.rmse_train)} → {number(after.rmse_train)} rms on the samples that were fitted"
