@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.few_effects import try_few
 from tests.record_files import write_record
 from tests.tracker.films import Rig, write_film
 from torsight.synthetic import Record, make_record
@@ -75,7 +76,10 @@ def test_fit_friction(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "tau_c_mnm" in capsys.readouterr().out
 
 
-def test_find_what_is_missing(folder: Path, record: Record, capsys: pytest.CaptureFixture[str]) -> None:
+def test_find_what_is_missing(
+    folder: Path, record: Record, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try_few(monkeypatch)  # what is named among all effects is tested with discovery; here the script
     start_deg = float(np.rad2deg(record.angle_rad[0]))
     later = folder / "later.csv"
     shutil.copy(folder / "temps.csv", later)
