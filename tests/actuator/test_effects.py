@@ -94,6 +94,10 @@ def made_with(effects: dict, *, seed: int):
     )
 
 
+START = ("home_torque", "start_winding")
+"""What came before a record is not in it: always fitted along."""
+
+
 def spec_of(made) -> ActuatorSpec:
     return ActuatorSpec({**made.played.scene.values.public, "zero_deg": 0.0})
 
@@ -103,7 +107,7 @@ def fitted(name: str, effects: tuple[str, ...]):
 
 
 def fitted_to(made, effects: tuple[str, ...]):
-    model = ActuatorModel(spec_of(made), (*effects, "home_torque"))
+    model = ActuatorModel(spec_of(made), (*effects, *START))
     drive = model.prepare(made.table)
     starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
     starts += [
@@ -183,7 +187,7 @@ def test_own_parameters_come_back_from_another_integrator(name):
 
 def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     made = made_with({"kinetics_shape": {"bend": 0.03}}, seed=12)
-    plain, bent = (ActuatorModel(spec_of(made), (*more, "home_torque")) for more in ((), ("phase_shape",)))
+    plain, bent = (ActuatorModel(spec_of(made), (*more, *START)) for more in ((), ("phase_shape",)))
     drive = plain.prepare(made.table)
     without, found = fit_model(plain, drive), fit_model(bent, drive)
     assert found.rmse_deg < 0.6 * without.rmse_deg

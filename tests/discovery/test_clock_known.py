@@ -36,7 +36,8 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
         fitter = Fitter(problem, information(Stretches.of(problem), Scales(0.1, 0.1, 4.0), problem.sigma))
         fit = fitter.extend(fitter.base(), "clock_offset")
         cost[sigma_s], offset_s[sigma_s] = fit.cost, fit.values["clock_offset_s"]
-    assert abs(offset_s[None]) > 2.0
+    # More than half of the lag; the start of either spring, free within 10°, takes up a part of the rest.
+    assert abs(offset_s[None]) > 1.5
     assert abs(offset_s[0.05]) < 0.5 * abs(offset_s[None])
     assert cost[0.05] > cost[None] + Settings().apart
 
