@@ -85,9 +85,11 @@ def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool
             chosen = judge.checked(chosen)
         if chosen.members:
             rivals = [one for one in answers[1:] if judge.is_rival(one, chosen)]
+    named = judge.names(chosen)
+    rivals += judge.other_forms(chosen, named)
     return Decision(
         chosen=chosen,
-        named=judge.names(chosen),
+        named=named,
         rivals=tuple(rivals),
         probability=probability,
         missing=missing,
@@ -186,6 +188,20 @@ class _Judge:
             explained = without - self._square(best)
             if explained >= self._settings.form_share * (without - self._square(chosen)):
                 found[item.law.id] = (name, best)
+        return found
+
+    def other_forms(self, chosen: Explanation, named: Mapping[str, tuple[str, Explanation]]) -> list[Explanation]:
+        """Return sets in which another form of the same law stands for a named member, and that are as credible."""
+        found, sets = [], self._field.explanations
+        forms = {one.id: set(one.laws) for one in self._field.base.fitter.problem.candidates}
+        for member, (name, where) in named.items():
+            others = less(chosen.members, member)
+            least = (1.0 / self._settings.credible - 1.0) * self.probability[where.members]
+            for other, laws in forms.items():
+                members = tuple(sorted((*others, other)))
+                shared = other not in (name, *others) and bool(laws & {*forms[name], member})
+                if shared and members in sets and self.probability[members] >= least:
+                    found.append(sets[members])
         return found
 
     def _square(self, one: Explanation) -> float:

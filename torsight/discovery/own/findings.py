@@ -113,22 +113,7 @@ class Findings(Shown):
         least = getattr(self.problem, "over_floor", None)
         if self.found.verdict == "none" and least is not None and self.decision.over_floor > least:
             return "unknown"
-        return "ambiguous" if self.found.verdict == "identified" and self._other_forms else self.found.verdict
-
-    @cached_property
-    def _other_forms(self) -> tuple[EffectSet, ...]:
-        """Sets in which another form of the same law stands for one of the named members, and that are as credible."""
-        probability, found = self.decision.probability, []
-        forms = {one.id: set(one.laws) for one in self.field.base.fitter.problem.candidates}
-        for member, (name, where) in self.decision.named.items():
-            others = less(self._chosen.members, member)
-            least = (1.0 / self.settings.credible - 1.0) * probability[where.members]
-            for other, laws in forms.items():
-                members = tuple(sorted((*others, other)))
-                shared = other not in (name, *others) and bool(laws & {*forms[name], member})
-                if shared and probability.get(members, 0.0) >= least:
-                    found.append(members)
-        return tuple(found)
+        return self.found.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -139,7 +124,7 @@ class Findings(Shown):
     @property
     def alternatives(self) -> tuple[tuple[str, ...], ...]:
         """Sets of ids, of effects and laws, that explain the record as well."""
-        return (*(one.members for one in self.decision.rivals), *self._other_forms)
+        return tuple(one.members for one in self.decision.rivals)
 
     @property
     def field(self) -> Field:
