@@ -52,7 +52,7 @@ def test_command_writes_what_fit_takes(tmp_path):
     assert set(spec.uncertainty) == set(true_values(Spring()))
     result = fit_to_folder(_record(spec, tmp_path), tmp_path / "out" / "actuator.toml", out=tmp_path / "fit")
     assert result.converged
-    assert set(result.free) == {*true_values(Spring()), "tau_c_mnm", "zero_deg"}
+    assert {*true_values(Spring()), "tau_c_mnm", "zero_deg"} <= set(result.free)
     content = json.loads((tmp_path / "out" / "characterisation.json").read_text())
     assert content["schema"] == 1
     assert content["phase_law"]["better"] == "liang_rogers"

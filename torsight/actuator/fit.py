@@ -307,11 +307,12 @@ def _result(problem: Problem, u: Array, weight: Array, *, converged: bool) -> Fi
         cycle=fitted_cycle(drive, simulation, values),
         converged=converged,
         silent_about=says_nothing_of,
-        notes=_notes(model, says_nothing_of, ratio, rows),
+        notes=notes_of_fit(model, says_nothing_of, ratio, rows),
     )
 
 
-def _notes(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
+def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
+    """Return what a person should know of a fit that leaves so many times the noise's variance, so correlated."""
     uncertain = (
         f"the residual is {np.sqrt(ratio):.1f} times what the noise of angle and temperatures makes, and one in "
         f"{rows:.0f} rows of it counts as independent; the intervals allow for both"

@@ -60,13 +60,18 @@ def fit_to_folder(
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json
     from torsight.core.tables import read_merged
+    from torsight.discovery.plain import fit_plain
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])
-    model = ActuatorModel(read_actuator(actuator), effects)
-    drive = model.prepare(read_merged(merged), where=str(merged))
-    result = fit_model(model, drive, progress=progress, where=str(merged))
+    table, spec = read_merged(merged), read_actuator(actuator)
+    model = ActuatorModel(spec, effects)
+    drive = model.prepare(table, where=str(merged))
+    if effects:
+        result = fit_model(model, drive, progress=progress, where=str(merged))
+    else:
+        result = fit_plain(table, spec, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
     doubt = Doubt(result.free, result.covariance, result.rmse_deg)
-    write_model(out / "model.json", fitted_model(model, result.values, drive, account=account, doubt=doubt))
+    write_model(out / "model.json", fitted_model(result.model, result.values, drive, account=account, doubt=doubt))
     return result

@@ -87,7 +87,7 @@ def discover(
 
 def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:
     field, decision = findings.field, findings.decision
-    base, chosen = field.base, decision.chosen
+    base, chosen = field.plain, decision.chosen
     spread = covariance(chosen)
     parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
     plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(covariance(base))))

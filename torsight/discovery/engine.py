@@ -79,7 +79,7 @@ def find_missing(
     search = Search(problem, settings=chosen_settings, progress=progress)
     field = search.run()
     decision = decide(field, settings=chosen_settings, choices=search.choices, can_hold_out=can_hold_out)
-    before = field.base.held_out if can_hold_out else None
+    before = field.plain.held_out if can_hold_out else None
     after = decision.chosen.held_out if can_hold_out else None
     return Findings(_verdict(decision), field, decision, before, after, _drivers(field, decision.chosen))
 

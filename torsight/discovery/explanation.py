@@ -82,12 +82,20 @@ class Field:
     stretches : Stretches
         Motion and rests of the record.
     explanations : dict
-        Members to explanation; the base model under the empty set.
+        Members to explanation; the base model under the empty set, where the others' optima may have led it further.
+    first : Explanation or None
+        The base model as it was fitted by itself; None: as it is there.
     """
 
     likelihood: Likelihood
     stretches: Stretches
     explanations: dict[EffectSet, Explanation]
+    first: Explanation | None = None
+
+    @property
+    def plain(self) -> Explanation:
+        """The base model as it was fitted by itself, whatever it was compared with later."""
+        return self.first or self.base
 
     @property
     def base(self) -> Explanation:

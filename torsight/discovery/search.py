@@ -56,7 +56,8 @@ class Search:
 
     def run(self) -> Field:
         """Return the base model and the sets that grew out of the best ones."""
-        self._keep([self._base()])
+        first = self.plain()
+        self._keep([first])
         for size in range(1, self._settings.most + 1):
             parents = self._ranked(size - 1)[: self._settings.beam if size > 1 else 1]
             parents = [parent for parent in parents if self._may_lead(parent)]
@@ -71,7 +72,7 @@ class Search:
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
-        return Field(self._likelihood, self._stretches, self._explanations)
+        return Field(self._likelihood, self._stretches, self._explanations, first)
 
     @property
     def needed(self) -> float:
@@ -99,7 +100,12 @@ class Search:
         held = sum(parameter.sigma is not None for parameter in explanation.fit.parameters)
         return 0.5 * max(0.0, explanation.prior - held)
 
-    def _base(self) -> Explanation:
+    @property
+    def likelihood(self) -> Likelihood:
+        """The likelihood under which sets are compared now."""
+        return self._likelihood
+
+    def plain(self) -> Explanation:
         """Fit the base model from the priors' means and from elsewhere."""
         problem, stretches = self._problem, self._stretches
         scales, floor = first_scales(problem, stretches), problem.sigma.copy()

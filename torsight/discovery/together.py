@@ -212,7 +212,7 @@ def _report(
     problem: SeveralRecords, findings: Findings, names: Sequence[str], *, seed: int, progress: Progress
 ) -> JointReport:
     field, decision = findings.field, findings.decision
-    base, chosen = field.base, decision.chosen
+    base, chosen = field.plain, decision.chosen
     spread, base_spread = covariance(chosen), covariance(base)
     parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
     plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(base_spread)))
@@ -262,7 +262,7 @@ def _records(
     progress: Progress,
 ) -> tuple[RecordAnswer, ...]:
     """Return the joint answer on every record."""
-    base, chosen = findings.field.base, findings.decision.chosen
+    base, chosen = findings.field.plain, findings.decision.chosen
     unseen = [_without(problem, one, progress=progress) for one in (base, chosen)]
     found = []
     for k, (part, name) in enumerate(zip(problem.parts, names, strict=True)):

@@ -85,6 +85,7 @@ def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool
             chosen = judge.checked(chosen)
         if chosen.members:
             rivals = [one for one in answers[1:] if judge.is_rival(one, chosen)]
+    chosen = chosen if chosen.members else field.plain
     named = judge.names(chosen)
     rivals += judge.other_forms(chosen, named)
     return Decision(

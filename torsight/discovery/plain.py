@@ -1,0 +1,95 @@
+"""The plain model of a record: what the discovery starts from, as a fit of its own.
+
+``torsight fit`` and ``torsight discover`` show the same values, torque and error of the plain model, because both are
+made here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from torsight.actuator.cycle import fitted_cycle
+from torsight.actuator.fit import FitResult, notes_of_fit, require_motion
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.progress import Progress, silent
+from torsight.core.records import SyncedTable
+from torsight.core.threads import one_thread
+from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.discover import errors_of, fixed_values
+from torsight.discovery.explanation import Explanation
+from torsight.discovery.intervals import covariance
+from torsight.discovery.report import estimates_of
+from torsight.discovery.search import Search
+from torsight.discovery.settings import Settings
+
+_SILENT = 0.9
+"""Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
+all information about it is the record's."""
+
+
+@one_thread()
+def fit_plain(
+    table: SyncedTable, spec: ActuatorSpec, *, progress: Progress = silent, where: str = "record"
+) -> FitResult:
+    """Fit the plain model to a record as the discovery does.
+
+    Parameters
+    ----------
+    table : SyncedTable
+        Angle and temperatures on one clock.
+    spec : ActuatorSpec
+        Characterised values with their uncertainties.
+    progress : Progress
+        Told how far the work is.
+    where : str
+        Name of the record in messages.
+
+    Raises
+    ------
+    InputError, NoResultError
+        When the record cannot drive the model, or nothing moves.
+    """
+    drive = ActuatorModel(spec).prepare(table, where=where)
+    require_motion(drive, where=where)
+    problem = ActuatorProblem(drive, spec)
+    search = Search(problem, settings=Settings(), progress=progress)
+    return _result(problem, search.plain(), search)
+
+
+def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitResult:
+    model, drive, fit = problem.model(), problem.drive, base.fit
+    spread = covariance(base)
+    sigma = np.sqrt(np.diag(spread))
+    errors = errors_of(problem, base, None)
+    values = {**model.nominal(), **fit.values}
+    simulation = problem.simulate(fit.values)
+    counted = np.isfinite(drive.angle_rad) & drive.known
+    residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
+    variance = search.likelihood.variance(base.residual)
+    row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
+    white = (residual / row_sigma)[counted]
+    total = drive.angle_rad[counted] - drive.angle_rad[counted].mean()
+    silent_about = tuple(
+        p.name for p, own in zip(fit.parameters, sigma, strict=True) if p.sigma is not None and own > _SILENT * p.sigma
+    )
+    ratio, rows = float(np.mean(white**2)), search.likelihood.correlation_samples
+    return FitResult(
+        model=model,
+        values=values,
+        estimates=estimates_of(fit.parameters, fit.solution.x, sigma) | fixed_values(problem),
+        free=tuple(p.name for p in fit.parameters),
+        covariance=spread,
+        simulation=simulation,
+        residual_rad=residual,
+        sigma_rad=row_sigma,
+        correlation_rows=rows,
+        variance_ratio=ratio,
+        rmse_deg=errors.rmse_train_deg,
+        r2=1.0 - float(np.sum(residual[counted] ** 2)) / float(np.sum(total**2)),
+        cycle=fitted_cycle(drive, simulation, values),
+        converged=fit.solution.converged,
+        silent_about=silent_about,
+        notes=notes_of_fit(model, silent_about, ratio, rows),
+    )
