@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.dot import DotFit, fit_dot, window_for
+from tracker.appearance.dot_fit import DotFit, fit_dot, window_for
 
 SMALLEST_PX: Final = 2.6
 LARGEST_PX: Final = 23.0

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.doubts import axis_px
-from tracker.flow import REACH_PX
+from tracker.follow.redetect import REACH_PX
 from tracker.sticks import crossing_point
 
 Luma = NDArray[np.uint8]

@@ -154,7 +154,7 @@ def moving_direction(
     moving_rad, bound = stick_direction(plane[2], plane[3])
     if outlier is not None:
         moving_rad[outlier] = np.nan
-    lone = lone_direction((plane[0], plane[1]), (scaled(plane[2], scale), scaled(plane[3], scale)), moving_rad)
+    lone = lone_direction((scaled(plane[2], scale), scaled(plane[3], scale)), moving_rad)
     one = np.isfinite(lone.angle_rad)
     return Moving(
         angle_rad=np.where(one, lone.angle_rad, moving_rad),

@@ -14,13 +14,11 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from tracker.detect import HUGE_PX, Dot, dot_near, find_dots, find_large_dots
-from tracker.follow import Follower
-from tracker.gauge import Gauge
+from tracker.follow.follower import Follower
+from tracker.follow.marker import Marker
 from tracker.hints import MarkerHints
-from tracker.marker import Marker
 from tracker.source import Frame, FrameSource
 from tracker.sticks import Stick, choose_sticks, clearness, half_width
-from tracker.template import DotTemplate
 
 if TYPE_CHECKING:
     from tracker.patches.follow import StickFollower
@@ -243,12 +241,13 @@ def _on_stick(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
 
 
 def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
-    template = DotTemplate(dot.fit.shape, strip_px=strip_px)
-    reading = template.read(luma, dot.x_px, dot.y_px)
+    marker = Marker(dot.fit.shape, strip_px=strip_px)
+    reading = marker.read(luma, dot.x_px, dot.y_px)
     if reading is None:
         raise NoResultError(
             "a marker lies at the border of the picture",
             value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
             do="keep the sticks inside the picture",
         )
-    return Marker(template, Gauge.start(reading), dot.radius_px, reading.x_px, reading.y_px)
+    marker.begin(reading)
+    return marker

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from torsight.core.hanging import USUAL_PX, hanging_errors, spread_rows
 from torsight.core.minimise import least_squares
+from tracker.follow.axis import circle_equations
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +46,8 @@ _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
 _FAR: Final = 6.0
 """Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
+_RIDGE: Final = 1e-9
+"""Weight of circles of no size about the picture's middle, in frames: for paths that do not fix them."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 
@@ -245,17 +248,8 @@ def _times(rows: Floats, matrices: Floats) -> Floats:
 def _circles(points: Floats) -> Floats:
     """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
     stick = points[:, 1] - points[:, 0]
-    turn = np.arctan2(stick[:, 1], stick[:, 0])
-    cos, sin = np.cos(turn), np.sin(turn)
-    normal, right = np.eye(6) * 1e-9, np.zeros(6)
-    for marker in range(2):
-        for axis, (along, across) in enumerate(((cos, -sin), (sin, cos))):
-            columns = np.zeros((len(points), 6))
-            columns[:, axis] = 1.0
-            columns[:, 2 + 2 * marker], columns[:, 3 + 2 * marker] = along, across
-            normal += columns.T @ columns
-            right += columns.T @ points[:, marker, axis]
-    found = np.linalg.solve(normal, right)
+    normal, right = circle_equations(points, np.arctan2(stick[:, 1], stick[:, 0]))
+    found = np.linalg.solve(normal + _RIDGE * np.eye(6), right)
     arms = found[2:].reshape(2, 2)
     angles = np.arctan2(arms[:, 1], arms[:, 0])
     return np.concatenate([found[:2], np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])

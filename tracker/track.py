@@ -27,7 +27,7 @@ from tracker.source import FrameSource
 from tracker.start import Start, find_start
 
 if TYPE_CHECKING:
-    from tracker.follow import Follower
+    from tracker.follow.follower import Follower
     from tracker.patches.follow import StickFollower
 
 _REPORT_EVERY = 100
@@ -117,7 +117,6 @@ def track_film(
                 store.checkpoint(follower.to_state())
         if frame.index % _REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
-    follower.settle()
     rows = store.rows()
     progress("tracking", len(rows), len(rows))
     return _result(rows, start, follower, source)
@@ -154,7 +153,9 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
     """Return in words which dots were taken for the markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
     seen = np.abs(table["step"][table["state"] == CODE["seen"]])
-    places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
+    where = np.where((table["state"] == CODE["seen"])[..., None], table["position_px"], np.nan)
+    last = [points[np.isfinite(points[:, 0])][-1:].ravel() for points in np.moveaxis(where, 1, 0)]
+    places = ", ".join(f"[{x:.0f}, {y:.0f}]" for x, y in (point for point in last if len(point)))
     contrast = f" and {np.median(seen):.0f} grey levels of contrast" if len(seen) else ""
     return f"dots of {radii[0]:.0f} to {radii[-1]:.0f} px radius{contrast} were followed, last at {places}"
 

@@ -22,7 +22,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.flow import cut_out
 from tracker.patches.warps import Floats, jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -362,3 +361,13 @@ def _likeness(left: Floats, plain: Floats) -> float:
     """Return the correlation that leaves ``left`` of a variation ``plain``."""
     total = float(plain @ plain)
     return 0.0 if total <= 0.0 else math.sqrt(max(0.0, 1.0 - float(left @ left) / total))
+
+
+def cut_out(luma: NDArray[np.uint8], cx: int, cy: int, half: int) -> NDArray[np.uint8]:
+    """Return the square around a pixel; outside the picture its border is repeated."""
+    height, width = luma.shape
+    if half <= cx < width - half and half <= cy < height - half:
+        return luma[cy - half : cy + half + 1, cx - half : cx + half + 1]
+    rows = np.clip(np.arange(cy - half, cy + half + 1), 0, height - 1)
+    columns = np.clip(np.arange(cx - half, cx + half + 1), 0, width - 1)
+    return luma[np.ix_(rows, columns)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import cv2
 import numpy as np
@@ -14,8 +14,8 @@ from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from torsight.core.wording import counted, listed
-from tracker.flow import cut_out
 from tracker.hints import STICKS, MarkerHints
+from tracker.patches.align import Patch, cut_out
 from tracker.patches.dots import DotStick
 from tracker.patches.sticks import Stick
 from tracker.patches.tag_stick import TagStick
@@ -24,9 +24,6 @@ from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick
 from tracker.source import Frame
 from tracker.start import LOOKED_AT, given_dots
-
-if TYPE_CHECKING:
-    from tracker.patches.align import Patch
 
 _WINDOWS_PX: Final = (8.0, 11.0, 15.0)
 """Radii of the patch around a point without a dot."""

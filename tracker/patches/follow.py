@@ -2,37 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.linear import Reading
-from tracker.patches.sticks import Stick
+from tracker.follow.axis import turned
+from tracker.follow.follower import StickName, stick_that_moves
+from tracker.follow.frame_step import DARK_SHARE, brightness_of
+from tracker.follow.learning import write_row
+from tracker.follow.redetect import direction, place_of
+from tracker.patches.sticks import Stick, nothing
 from tracker.patches.tag_stick import TagStick
-from tracker.rules import DARK, SPARSE
-from tracker.sight import between, direction, make_row
+from tracker.rows import DAMAGED, DARK, ROW, SEEN
 from tracker.source import Frame
 
-_MOVED_RAD: Final = math.radians(1.0)
-"""A stick that turned by this much, and three times as much as the other, is the moving one."""
 _RATE: Final = 0.05
 """Share of a new frame in the usual brightness."""
-
-
-@dataclass(frozen=True, slots=True)
-class StickName:
-    """Which stick one is: its number, and the numbers of its markers."""
-
-    stick: int
-
-    @property
-    def indices(self) -> tuple[int, int]:
-        """Numbers of its markers."""
-        return 2 * self.stick, 2 * self.stick + 1
+_NO_NOISE: Final = 1e-6
 
 
 class StickFollower:
@@ -51,55 +39,48 @@ class StickFollower:
         self.moving: StickName | None = None
         self.base: StickName | None = None
         self._brightness = 0.0
-        self._starts: list[float | None] = [None, None]
+        self._starts: list[float] = []
+        self._rows = np.zeros(1, ROW)
         if moving is not None:
             self._name(moving)
 
     def step(self, frame: Frame) -> NDArray[np.void]:
-        """Follow the sticks into the next frame and return its row."""
+        """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
+        readings = self._read(frame)
+        write_row(readings, self._rows[0])
+        self._rows["time_s"] = frame.time_s
+        row: NDArray[np.void] = self._rows[0]
+        return row
+
+    def _read(self, frame: Frame) -> NDArray[np.void]:
         if frame.luma is None or frame.damaged:
-            return self._pass(frame.time_s, "damaged")
-        level = float(frame.luma[::SPARSE, ::SPARSE].mean())
-        if level < DARK * self._brightness:
-            return self._pass(frame.time_s, "dark")
+            return self._pass(frame.time_s, DAMAGED)
+        level = brightness_of(frame.luma)
+        if level < DARK_SHARE * self._brightness:
+            return self._pass(frame.time_s, DARK)
         self._brightness = level if self._brightness == 0.0 else self._brightness + _RATE * (level - self._brightness)
-        readings: list[Reading | None] = []
-        reasons: list[str] = []
-        for stick in self.sticks:
-            seen, why = stick.step(frame.luma, frame.time_s)
-            readings += [None if reason else reading for reading, reason in zip(seen, why, strict=True)]
-            reasons += why
+        readings = np.concatenate([stick.step(frame.luma, frame.time_s) for stick in self.sticks])
         if all(isinstance(stick, TagStick) for stick in self.sticks):
             _share_noise(readings)
-        if self.moving is None:
+        if self.moving is None and not readings["state"].any():
             self._look_for_motion(readings)
-        return make_row(frame.time_s, readings, reasons)
+        return readings
 
-    def _pass(self, time_s: float, reason: str) -> NDArray[np.void]:
+    def _pass(self, time_s: float, state: int) -> NDArray[np.void]:
         for stick in self.sticks:
-            stick.miss()
-        return make_row(time_s, [None] * 4, [reason] * 4)
+            stick.miss(time_s)
+        return np.concatenate([nothing(state), nothing(state)])
 
-    def _look_for_motion(self, readings: Sequence[Reading | None]) -> None:
-        turned: list[float] = []
-        for stick in (0, 1):
-            a, b = readings[2 * stick], readings[2 * stick + 1]
-            if a is None or b is None:
-                return
-            now_rad = direction((a.x_px, a.y_px), (b.x_px, b.y_px))
-            first_rad = self._starts[stick]
-            self._starts[stick] = first_rad = now_rad if first_rad is None else first_rad
-            turned.append(between(now_rad, first_rad))
-        for stick in (0, 1):
-            if turned[stick] > _MOVED_RAD + 3.0 * turned[1 - stick]:
-                self._name(stick)
-                return
+    def _look_for_motion(self, readings: NDArray[np.void]) -> None:
+        now = [direction(place_of(readings[i]), place_of(readings[i + 1])) for i in (0, 2)]
+        self._starts = self._starts or now
+        angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
+        moving = stick_that_moves(angles)
+        if moving is not None:
+            self._name(moving)
 
     def _name(self, moving: int) -> None:
         self.base, self.moving = StickName(1 - moving), StickName(moving)
-
-    def settle(self) -> None:
-        """Do nothing: all that was learned is in the sticks."""
 
     def report(self) -> dict[str, float]:
         """Return sizes for ``track.json``: of markers and sticks, and the shutter, which only dots tell."""
@@ -123,17 +104,14 @@ class StickFollower:
         if state["moving"] is not None:
             self._name(int(state["moving"]))
         self._brightness = float(state["brightness"])
-        self._starts = [None if start is None else float(start) for start in state["starts"]]
+        self._starts = [float(start) for start in state["starts"]]
         for stick, content in zip(self.sticks, state["sticks"], strict=True):
             stick.restore(content)
 
 
-def _share_noise(readings: Sequence[Reading | None]) -> None:
+def _share_noise(readings: NDArray[np.void]) -> None:
     """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise."""
-    seen = [reading for reading in readings if reading is not None]
-    noise = min((reading.residual for reading in seen), default=0.0)
-    for reading in seen:
-        share = (noise / max(reading.residual, 1e-6)) ** 2
-        reading.xx_px2, reading.xy_px2, reading.yy_px2 = (
-            share * value for value in (reading.xx_px2, reading.xy_px2, reading.yy_px2)
-        )
+    seen = readings["state"] == SEEN
+    if seen.any():
+        share = (readings["residual"][seen].min() / np.maximum(readings["residual"][seen], _NO_NOISE)) ** 2
+        readings["covariance"][seen] *= share[:, None]

@@ -7,22 +7,21 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.linear import SAME, Reading
+from tracker.appearance.lucas_kanade import READING
 from tracker.patches.align import Fit
 from tracker.patches.warps import Floats
+from tracker.rows import SEEN
 
 Point = tuple[float, float]
-Seen = tuple[list[Reading | None], list[str]]
-"""What was read of both markers, and why a reading is not taken (see :data:`tracker.rows.STATES`)."""
 
 
 class Stick(Protocol):
     """Reads both markers of one stick, frame by frame."""
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> Seen:
-        """Return what is read in the next frame."""
+    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+        """Return what is read of both markers in the next frame (2,), records of READING with their states."""
 
-    def miss(self) -> None:
+    def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
 
     @property
@@ -44,20 +43,17 @@ class Stick(Protocol):
         """Go back to a noted state, exactly."""
 
 
-def reading_of(fit: Fit, at: Point, covariance: Floats, spread: float) -> Reading:
-    """Return a fit as the reading of a point of its template."""
-    return Reading(
-        x_px=at[0],
-        y_px=at[1],
-        xx_px2=float(covariance[0, 0]),
-        xy_px2=float(covariance[0, 1]),
-        yy_px2=float(covariance[1, 1]),
-        light=fit.light,
-        contrast=fit.gain,
-        step=fit.gain * 2.0 * spread,
-        residual=fit.residual,
-        patch=0.0,
-        change=SAME,
-        slope=(0.0, 0.0),
-        converged=True,
-    )
+def nothing(state: int) -> NDArray[np.void]:
+    """Return two readings that are not taken, and why."""
+    readings = np.zeros(2, READING)
+    readings["state"] = state
+    return readings
+
+
+def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance: Floats, *, spread: float) -> None:
+    """Put a fit into readings as that of a point of its template."""
+    own = readings[index]
+    own["x"], own["y"] = at
+    own["covariance"] = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    own["light"], own["contrast"], own["step"] = fit.light, fit.gain, fit.gain * 2.0 * spread
+    own["residual"], own["state"] = fit.residual, SEEN

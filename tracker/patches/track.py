@@ -11,11 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.flow import cut_out
-from tracker.patches.align import Fit, Patch
+from tracker.follow.judgement import SOON
+from tracker.follow.prediction import STALE
+from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
-from tracker.rules import RATE, STALE
 
+_RATE: Final = 0.1
+"""Share of the new in the usual correlation: ten frames."""
 _REACH_PX: Final = 32
 """How far a patch may go between two frames: twice the fastest motion that is asked of the tracker."""
 _LEVELS: Final = 3
@@ -128,8 +130,8 @@ class PatchTrack:
     def take(self, luma: NDArray[np.uint8], time_s: float, fit: Fit) -> None:
         """Note where it is."""
         if self.lost:
-            self._history = self._history[-1:] if self.lost <= 3 else []
-        self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
+            self._history = self._history[-1:] if self.lost <= SOON else []
+        self.usual += _RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
         self.warp, self.lost = fit.warp, 0
         self._history = [*self._history[-1:], (time_s, fit.warp)]
         half = math.ceil(math.sqrt(2.0) * self.patch.half_px * size_of(fit.warp)) + _REACH_PX

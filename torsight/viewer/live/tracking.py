@@ -21,7 +21,7 @@ from tracker.source import Damage, Frame
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.viewer.live.intake import LiveFrame
-    from tracker.follow import Follower
+    from tracker.follow.follower import Follower
     from tracker.hints import MarkerHints
     from tracker.patches.follow import StickFollower
 

@@ -14,6 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.appearance.disc import SHAPE, disc_at
+
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
 _SHARPEST_PX: Final = 0.12
@@ -76,85 +78,6 @@ class DotFit:
     light: float
     residual: float
     explained: float
-
-
-def disc(
-    x_px: NDArray[np.float64],
-    y_px: NDArray[np.float64],
-    *,
-    radius_px: float,
-    edge_px: float,
-    stretch: tuple[float, float],
-) -> NDArray[np.float64]:
-    """Return D at offsets from the dot's centre: 1 inside, 0 outside, one half on the rim.
-
-    A pixel sums up the light over its square, which is not the same as a wider blur: taken at its middle alone, a sharp
-    rim would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the
-    square is taken at Gauss–Legendre points.
-    """
-    return _disc(x_px, y_px, radius_px, edge_px, stretch, slopes=False)[0]
-
-
-def disc_and_slopes(
-    x_px: NDArray[np.float64],
-    y_px: NDArray[np.float64],
-    *,
-    radius_px: float,
-    edge_px: float,
-    stretch: tuple[float, float],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return D and its slopes along x and y, each the mean over the pixel."""
-    return _disc(x_px, y_px, radius_px, edge_px, stretch, slopes=True)
-
-
-def _disc(
-    x_px: NDArray[np.float64],
-    y_px: NDArray[np.float64],
-    radius_px: float,
-    edge_px: float,
-    stretch: tuple[float, float],
-    *,
-    slopes: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    e, f = stretch
-    away = np.hypot((1.0 - e) * x_px - f * y_px, -f * x_px + (1.0 + e) * y_px) - radius_px
-    whole = np.where(away < 0.0, 1.0, 0.0)
-    near = np.abs(away) < 0.75 + 4.0 * edge_px
-    node_x, node_y, weight = _NODES[4 if edge_px < _SHARP_PX else 3]
-    x, y = x_px[near][:, None] + node_x, y_px[near][:, None] + node_y
-    u, v = (1.0 - e) * x - f * y, -f * x + (1.0 + e) * y
-    length = np.hypot(u, v)
-    z = np.clip((length - radius_px) / edge_px, -6.0, 6.0)
-    value = step(z)
-    whole[near] = value @ weight
-    if not slopes:
-        return whole, whole, whole
-    # The derivative of the logistic curve, and of the length of (u, v).
-    fall = -value * (1.0 - value) * (_STEP_1 + 3.0 * _STEP_3 * z * z) / (edge_px * np.maximum(length, 1e-9))
-    along_x, along_y = np.zeros_like(whole), np.zeros_like(whole)
-    along_x[near] = (fall * (u * (1.0 - e) - v * f)) @ weight
-    along_y[near] = (fall * (v * (1.0 + e) - u * f)) @ weight
-    return whole, along_x, along_y
-
-
-def _nodes(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    node, weight = np.polynomial.legendre.leggauss(count)
-    x, y = np.meshgrid(0.5 * node, 0.5 * node)
-    return x.ravel(), y.ravel(), 0.25 * np.outer(weight, weight).ravel()
-
-
-_NODES: Final = {count: _nodes(count) for count in (3, 4)}
-_SHARP_PX: Final = 0.35
-"""Edge below which the mean over a pixel needs the finer set of points."""
-
-
-def step(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the falling normal step 1 − Φ(z), to 3e-4 (a logistic curve with a cubic term), for |z| up to 6."""
-    return 1.0 / (1.0 + np.exp(z * (_STEP_1 + _STEP_3 * z * z)))
-
-
-_STEP_1: Final = 1.5976
-_STEP_3: Final = 0.07056
 
 
 def window_for(radius_px: float, edge_px: float = EDGE_PX, room_px: float = np.inf) -> float:
@@ -279,12 +202,15 @@ def _solve(window: _Window, parameters: NDArray[np.float64], free: int) -> _Solv
     dx, dy = window.x - parameters[0], window.y - parameters[1]
     radius, edge = float(parameters[2]), float(parameters[3])
     stretch = (float(parameters[4]), float(parameters[5]))
-    inside, along_x, along_y = disc_and_slopes(dx, dy, radius_px=radius, edge_px=edge, stretch=stretch)
+    shape = np.zeros(1, SHAPE)
+    shape["radius"], shape["edge"], shape["stretch"] = radius, edge, stretch
+    inside, along_x, along_y = disc_at(dx, dy, shape[0])
+    shape["edge"] += _NUDGE_PX
+    softer = (disc_at(dx, dy, shape[0])[0] - inside) / _NUDGE_PX
     basis = np.stack([np.ones_like(dx), inside, dx * (1.0 - inside), dy * (1.0 - inside)], axis=1)
     inverse = np.linalg.inv(basis.T @ basis + 1e-9 * np.eye(4)) @ basis.T
     linear = inverse @ window.value
     residual = window.value - basis @ linear
-    softer = (disc(dx, dy, radius_px=radius, edge_px=edge + _NUDGE_PX, stretch=stretch) - inside) / _NUDGE_PX
     radial = -(dx * along_x + dy * along_y) / radius
     across, diagonal = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
     slopes = np.stack([-along_x, -along_y, radial, softer, across, diagonal][:free], axis=1) * linear[1]

@@ -1,0 +1,74 @@
+"""One marker as following begins: its record, and what is kept to read it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.appearance.disc import COLUMNS, window_pixels
+from tracker.appearance.dot_fit import DotShape
+from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
+from tracker.follow.reading import share_of_step
+from tracker.follow.records import MARKER
+
+_FIT_SPREAD: Final = 0.15
+"""Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, a codec
+twice that; the worst sector twice as much again."""
+_MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
+"""Misses at the start: the steady way is taken until another one has proved better."""
+
+
+class Marker:
+    """A round dot.
+
+    Parameters
+    ----------
+    shape : DotShape
+        As fitted in the first picture.
+    strip_px : float
+        Half the width of the stick that carries it; infinite where that is not known.
+    """
+
+    def __init__(self, shape: DotShape, *, strip_px: float = math.inf) -> None:
+        self.record = np.zeros(1, MARKER)
+        own = self.record["shape"]
+        own["radius"], own["edge"], own["stretch"] = shape.radius_px, shape.edge_px, shape.stretch
+        own["contrast"], own["strip"], own["window"] = shape.contrast, strip_px, shape.window_px
+        self.record["first_radius"] = shape.radius_px
+        self.record["miss"] = _MISSES_PX2
+        pixels = window_pixels(shape.window_px)
+        slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
+        self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
+
+    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
+        """Return what is read near a position, a record of READING; None where the window leaves the picture."""
+        out = np.zeros(1, READING)
+        inside = read_dot(luma, x_px, y_px, self.record[0], self.look, (0.0, 0.0), out[0])
+        reading: NDArray[np.void] = out[0]
+        return reading if inside else None
+
+    def begin(self, reading: NDArray[np.void]) -> None:
+        """Begin with the first reading, which is known to be of the marker."""
+        for name in ("x", "y", "light"):
+            self.record[name] = reading[name]
+        self.record["step"] = abs(reading["step"])
+        for name, spread in (("residual", _FIT_SPREAD), ("patch", 2.0 * _FIT_SPREAD)):
+            self.record[name] = (share_of_step(float(reading[name]), float(reading["step"])), spread)
+
+    @property
+    def x_px(self) -> float:
+        """Where it was found, to the right."""
+        return float(self.record["x"][0])
+
+    @property
+    def y_px(self) -> float:
+        """Where it was found, down."""
+        return float(self.record["y"][0])
+
+    @property
+    def radius_px(self) -> float:
+        """Radius as it was found."""
+        return float(self.record["first_radius"][0])
