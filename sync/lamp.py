@@ -20,7 +20,7 @@ from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from tracker.source import FrameSource
+    from tracker.frames.frame import FrameSource
 
 _NEAR_PX: Final = 6
 _AROUND_PX: Final = 20
@@ -64,7 +64,7 @@ def film_light_events(
         When nothing at that place goes on or off.
     """
     timestamps = None if timestamps is None else Path(timestamps)
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     source = open_source(film, fps=fps, timestamps=timestamps)
     width, height = source.size_px

@@ -18,17 +18,17 @@ from torsight.core.progress import Progress, silent
 from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from tracker.angle.partial_occlusion import cover_base
 from tracker.checkpoint import RowStore, source_key
-from tracker.covered import cover_base
-from tracker.detect import HUGE_PX
-from tracker.hints import STICKS, MarkerHints
+from tracker.detect.dots import HUGE_PX
+from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.frames.frame import FrameSource
+from tracker.initialise import Start, find_start
 from tracker.rows import CODE, ROW
-from tracker.source import FrameSource
-from tracker.start import Start, find_start
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
-    from tracker.patches.follow import StickFollower
+    from tracker.patches.follower import StickFollower
 
 _REPORT_EVERY = 100
 _DOUBTFUL_RAD = math.radians(3.0)
@@ -81,9 +81,10 @@ def track_film(
     Parameters
     ----------
     source : FrameSource
-        See :func:`tracker.source.open_source`.
+        See :func:`tracker.frames.source.open_source`.
     markers : MarkerHints, optional
-        What the markers are and where, see :func:`tracker.hints.read_markers`; found without help otherwise.
+        What the markers are and where, see :func:`tracker.detect.marker_file.read_markers`; found without help
+        otherwise.
     out : str or Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
@@ -95,7 +96,7 @@ def track_film(
     Raises
     ------
     ConfigError, InputError, NoResultError
-        See :func:`tracker.start.find_start`; also when no stick moves and none was named.
+        See :func:`tracker.initialise.find_start`; also when no stick moves and none was named.
     OutputError
         When checkpoints cannot be written.
     """

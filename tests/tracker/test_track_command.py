@@ -18,7 +18,7 @@ import pytest
 from films import Rig, write_film
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
-from tracker.source import open_source
+from tracker.frames.source import open_source
 
 ROOT = Path(__file__).parents[2]
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=24)

@@ -33,7 +33,7 @@ from torsight.viewer.live.model import STEP_S, Thinned
 from torsight.viewer.live.outcome import Outcome
 from torsight.viewer.live.sources import open_pictures
 from torsight.viewer.live.standing import standing
-from tracker.orient import orient
+from tracker.angle.orient import orient
 
 # --- frames -----------------------------------------------------------------------------------------------------------
 

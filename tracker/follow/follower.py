@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
+from tracker.detect.sticks import crossing_point
 from tracker.follow.axis import suppose_axis, turned
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip, write_row
 from tracker.follow.marker import Marker
 from tracker.follow.records import Scene, state_type
 from tracker.follow.redetect import direction, place_of, redetect
+from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, ROW
-from tracker.source import Frame
-from tracker.sticks import crossing_point
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS, window_pixels
 from tracker.appearance.dot_fit import DotShape
 from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
+from tracker.detect.dots import Dot
+from tracker.detect.given import given_dots
+from tracker.detect.marker_file import MarkerHints
+from tracker.detect.sticks import Stick, half_width
 from tracker.follow.reading import share_of_step
 from tracker.follow.records import MARKER
+from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
 """Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, a codec
@@ -72,3 +79,41 @@ class Marker:
     def radius_px(self) -> float:
         """Radius as it was found."""
         return float(self.record["first_radius"][0])
+
+
+def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
+    """Return both markers of a stick, read for the first time.
+
+    Raises
+    ------
+    NoResultError
+        When one of them lies at the border of the picture.
+    """
+    strip_px = half_width(luma, stick)
+    return [_marker(luma, dot, strip_px) for dot in (stick.inner, stick.outer)]
+
+
+def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
+    marker = Marker(dot.fit.shape, strip_px=strip_px)
+    reading = marker.read(luma, dot.x_px, dot.y_px)
+    if reading is None:
+        raise NoResultError(
+            "a marker lies at the border of the picture",
+            value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
+            do="keep the sticks inside the picture",
+        )
+    marker.begin(reading)
+    return marker
+
+
+def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
+    """Return the markers, two of each stick, next to the positions that were given.
+
+    Raises
+    ------
+    NoResultError
+        See :func:`tracker.detect.given.given_dots` and :func:`markers_on`.
+    """
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    found = given_dots(frame, hints, sticks=sticks)
+    return [marker for stick in found for marker in markers_on(frame.luma, stick)]

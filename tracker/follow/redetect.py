@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
-from tracker.detect import disc_picture
+from tracker.detect.dots import disc_picture
 from tracker.follow.axis import arm_px, turned
 from tracker.follow.frame_step import NEARBY, stick_at
 from tracker.follow.innovation import passes

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.patches.align import Fit, Patch
-from tracker.patches.sticks import Point, nothing, put
+from tracker.patches.patch_track import PatchTrack
+from tracker.patches.stick import Point, nothing, put
 from tracker.patches.tags import Found, Tag, find_tags
-from tracker.patches.track import PatchTrack
 from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 

@@ -15,9 +15,9 @@ from tracker.appearance.lucas_kanade import READING
 from tracker.follow.axis import AXIS, arm_px, learn_axis
 from tracker.follow.judgement import TURN_RAD
 from tracker.patches.align import Fit, Patch
-from tracker.patches.sticks import Point, put
+from tracker.patches.patch_track import PatchTrack
+from tracker.patches.stick import Point, put
 from tracker.patches.texture import TurnedSearch
-from tracker.patches.track import PatchTrack
 from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
 

@@ -30,13 +30,13 @@ from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.standing import standing
 from torsight.viewer.live.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.overlay import overlay
-from tracker.detect import HUGE_PX
+from tracker.detect.dots import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.viewer.live.feed import Feed
     from torsight.viewer.live.model import ModelNews, ModelWatch
-    from tracker.hints import MarkerHints
+    from tracker.detect.marker_file import MarkerHints
 
 PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
