@@ -16,6 +16,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.paths import AnyPath
 from torsight.core.storage import check_keys, read_toml
 from torsight.core.tracks import MARKERS
+from tracker.detect.tags import check_id, family_of
 
 STICKS: Final = ("base", "moving")
 KEYS: Final = ("base", "moving", "kind", "family", "base_id", "moving_id", "base_mm", "moving_mm")
@@ -144,8 +145,6 @@ def _tags(content: Mapping[str, Any], kinds: tuple[str, str], where: str) -> tup
                 do='set kind = "tag", or take the key away',
             )
         return "", (None, None)
-    from tracker.patches.tags import check_id, family_of
-
     family = get_text(content, "family", where=where).removeprefix("DICT_")
     family_of(family, where=where)
     ids: list[int | None] = []

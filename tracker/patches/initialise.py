@@ -16,13 +16,13 @@ from torsight.core.tracks import MARKERS
 from torsight.core.wording import counted, listed
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.tags import FoundTag, count_of, find_tags, in_words
 from tracker.follow.marker import given_markers
 from tracker.frames.frame import Frame
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.dot_stick import DotStick
 from tracker.patches.stick import Stick
 from tracker.patches.tag_stick import TagStick
-from tracker.patches.tags import Found, count_of, find_tags, in_words
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick
 
@@ -152,7 +152,7 @@ def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, pro
     wanted = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
     missing = dict(wanted)
     kept: list[NDArray[np.uint8]] = []
-    others: list[Found] = []
+    others: list[FoundTag] = []
     last = 0
     for frame in frames:
         if frame.index > LOOKED_AT[-1]:
@@ -175,7 +175,7 @@ def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, pro
         raise _not_found(missing, hints, kept, others, where=f"{name}, frames 0 to {last}")
 
 
-def _refuse_twins(found: list[Found], wanted: dict[int, str], *, where: str) -> None:
+def _refuse_twins(found: list[FoundTag], wanted: dict[int, str], *, where: str) -> None:
     for number, stick in wanted.items():
         count = sum(tag.number == number for tag in found)
         if count > 1:
@@ -188,13 +188,13 @@ def _refuse_twins(found: list[Found], wanted: dict[int, str], *, where: str) -> 
             )
 
 
-def _place(tag: Found) -> str:
+def _place(tag: FoundTag) -> str:
     x, y = tag.corners_px.mean(axis=0)
     return f"[{x:.0f}, {y:.0f}]"
 
 
 def _not_found(
-    missing: dict[int, str], hints: MarkerHints, kept: list[NDArray[np.uint8]], others: list[Found], *, where: str
+    missing: dict[int, str], hints: MarkerHints, kept: list[NDArray[np.uint8]], others: list[FoundTag], *, where: str
 ) -> NoResultError:
     """Return why tags may not be seen."""
     words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
@@ -235,9 +235,9 @@ def _not_found(
     )
 
 
-def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list[Found]]:
+def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list[FoundTag]]:
     """Return the usual family of which most tags are seen, and these tags."""
-    best: tuple[str, list[Found]] = ("", [])
+    best: tuple[str, list[FoundTag]] = ("", [])
     code, own = but.partition("_")[0], count_of(but)
     for family in _USUAL:
         if family == but:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
+from tracker.detect.tags import FoundTag, find_tags
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import Point, nothing, put
-from tracker.patches.tags import Found, Tag, find_tags
+from tracker.patches.tag_template import Tag
 from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 
@@ -37,7 +38,7 @@ class TagStick:
     Parameters
     ----------
     family : str
-        See :func:`tracker.patches.tags.family_of`.
+        See :func:`tracker.detect.tags.family_of`.
     number : int
         The tag's.
     """
@@ -102,7 +103,7 @@ class TagStick:
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 
-    def _begin(self, found: Found, luma: NDArray[np.uint8]) -> tuple[Tag, PatchTrack]:
+    def _begin(self, found: FoundTag, luma: NDArray[np.uint8]) -> tuple[Tag, PatchTrack]:
         self._tag = tag = Tag.of(self.family, found, luma)
         self._track = track = PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found))
         return tag, track

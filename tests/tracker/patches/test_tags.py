@@ -15,10 +15,10 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.wording import listed
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
+from tracker.detect.tags import families
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
 from tracker.patches.follower import StickFollower
-from tracker.patches.tags import families
 from tracker.track import track_film
 
 SIDE = 36.0
