@@ -22,7 +22,7 @@ from tracker.angle.partial_occlusion import cover_base
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.frames.frame import FrameSource
+from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
 from tracker.rows import CODE, ROW
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from tracker.follow.follower import Follower
     from tracker.patches.follower import StickFollower
 
-_REPORT_EVERY = 100
 _DOUBTFUL_RAD = math.radians(3.0)
 """Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
 
@@ -116,7 +115,7 @@ def track_film(
             store.add(_unseen(frame.time_s) if frame.index < start.frame else follower.step(frame))
             if store.due:
                 store.checkpoint(follower.to_state())
-        if frame.index % _REPORT_EVERY == 0:
+        if frame.index % REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
     rows = store.rows()
     progress("tracking", len(rows), len(rows))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import runs
+from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
 
 _FEWEST: Final = 50
@@ -29,7 +30,6 @@ _WORSE: Final = 1.25
 """By how much the fit of a dot that is seen in part is worse than usual: residual over step."""
 _BESIDE_RADII: Final = 4.0
 """How near the moving stick's line has to come to a dot that it covers."""
-_BEYOND: Final = 0.6
 _RAYLEIGH: Final = 1.1774
 """Median of a distance in the plane over its standard deviation along one axis."""
 
@@ -110,14 +110,6 @@ def _looks_covered(rows: NDArray[np.void], run: NDArray[np.int64], usual: Flags,
     share = rows["residual"][:, marker] / np.maximum(np.abs(rows["step"][:, marker]), 1.0)
     if np.median(share[run]) < _WORSE * np.median(share[usual]):
         return False
-    beside = _to_strip(rows["position_px"][run, marker], rows["position_px"][run, 2:])
-    return bool((beside < _BESIDE_RADII * radius_px).any())
-
-
-def _to_strip(point: Floats, stick: Floats) -> Floats:
-    """Return distances of points (n, 2) from the lines of a stick's markers (n, 2, 2), drawn out on both sides."""
-    offset = stick[:, 1] - stick[:, 0]
-    along = np.sum((point - stick[:, 0]) * offset, axis=1) / np.maximum(np.sum(offset**2, axis=1), 1e-9)
-    foot = stick[:, 0] + np.clip(along, -_BEYOND, 1.0 + _BEYOND)[:, None] * offset
-    distance: Floats = np.linalg.norm(point - foot, axis=1)
-    return distance
+    places = rows["position_px"][run].tolist()
+    beside = [to_strip(tuple(place[marker]), tuple(place[2]), tuple(place[3]), BEYOND) for place in places]
+    return bool(np.min(beside) < _BESIDE_RADII * radius_px)

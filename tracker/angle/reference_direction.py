@@ -57,9 +57,7 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
     side = 8
     cuts = [0]
     if len(values) > 4 * side:
-        total = np.concatenate([[0.0], np.cumsum(values)])
-        mean = (total[side:] - total[:-side]) / side
-        jump = np.abs(mean[side:] - mean[:-side])
+        jump = np.abs(steps_of_mean(values, side))
         at = 0
         limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / side)
         spread = 1.4826 * float(np.median(jump))
@@ -83,6 +81,13 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
         if stop > first:
             parts.append((first, stop))
     return parts
+
+
+def steps_of_mean(values: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """Return by how much the mean of the next ``side`` values differs from that of the last (n − 2 side + 1, …)."""
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    mean = (total[side:] - total[:-side]) / side
+    return np.asarray(mean[side:] - mean[:-side], dtype=np.float64)
 
 
 def _character(values: NDArray[np.float64], noise: float) -> tuple[int, float, float, float]:

@@ -23,6 +23,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.circles import near
 from torsight.core.hanging import USUAL_PX, hanging_errors, spread_rows
 from torsight.core.minimise import least_squares
 from tracker.follow.axis import circle_equations
@@ -44,8 +45,6 @@ _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_FAR: Final = 6.0
-"""Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
 _RIDGE: Final = 1e-9
 """Weight of circles of no size about the picture's middle, in frames: for paths that do not fix them."""
 _ENOUGH: Final = 1e-3
@@ -169,11 +168,10 @@ def _without_far(paths: _Paths, start: Floats) -> tuple[Floats, _Paths]:
     values = start
     for _ in range(3):
         values, _, _ = _fit(paths, values, prior, lambda left: left)
-        off = np.abs(paths.misfit(values)).max(axis=1)
-        near = off < _FAR * 1.4826 * float(np.median(off))
-        if near.all() or near.sum() < _FEWEST:
+        kept = near(paths.misfit(values))
+        if kept.all() or kept.sum() < _FEWEST:
             break
-        paths = _Paths(paths.points[near], paths.variance[near], paths.direction_rad[near])
+        paths = _Paths(paths.points[kept], paths.variance[kept], paths.direction_rad[kept])
     return values, paths
 
 

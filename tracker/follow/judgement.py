@@ -31,11 +31,11 @@ TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
 """The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
-_LENGTH_PX: Final = 0.8
+LENGTH_PX: Final = 0.8
 LENGTH: Final = 0.01
 """By how much the distance of a stick's markers may be off, px and share: noise of both ends, and the tilt of 8 degrees
 that the sticks of a rig may have against each other."""
-_STALE: Final = 20
+STALE_LENGTH: Final = 20
 """Frames over which that grows for a stick that is not seen: seen from aside its length changes as it turns."""
 _CLOSE: Final = 0.6
 """Distance from a base dot, in radii, below which dots cannot be told apart."""
@@ -62,7 +62,7 @@ _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
 _SHORT: Final = 5
 """Frames after which one dot alone is no longer taken for a marker."""
-_BEYOND: Final = 0.6
+BEYOND: Final = 0.6
 """By how much of its markers' distance a stick is taken to go on beyond each of them."""
 _ROOM_PX: Final = 2.5
 """Least distance of the moving stick's edge from the window of a base marker that is read: its blur, and its shade."""
@@ -97,7 +97,7 @@ def covers(scene: Scene, point: Point, index: int) -> bool:
     """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
     i = 2 * scene.rig[0].moving
     width = scene.markers[i].shape.window
-    away = to_strip(point, at(scene, i), at(scene, i + 1), _BEYOND)
+    away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
     return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
 
 
@@ -109,12 +109,12 @@ def check_length(scene: Scene, stick: int) -> None:
         return
     (ax, ay), (bx, by) = at(scene, i), at(scene, j)
     usual, length = scene.sticks[stick].length, math.hypot(bx - ax, by - ay)
-    lost = min(scene.markers[i].lost + scene.markers[j].lost, _STALE)
-    if abs(length - usual) <= _LENGTH_PX + LENGTH * usual * (1.0 + 0.5 * lost):
+    lost = min(scene.markers[i].lost + scene.markers[j].lost, STALE_LENGTH)
+    if abs(length - usual) <= LENGTH_PX + LENGTH * usual * (1.0 + 0.5 * lost):
         return
     p, q = scene.readings[i].predicted, scene.readings[j].predicted
     # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
-    if lost == 0 and abs(length - math.hypot(q[0] - p[0], q[1] - p[1])) <= _LENGTH_PX + LENGTH * usual:
+    if lost == 0 and abs(length - math.hypot(q[0] - p[0], q[1] - p[1])) <= LENGTH_PX + LENGTH * usual:
         return
     one, two = math.hypot(ax - p[0], ay - p[1]), math.hypot(bx - q[0], by - q[1])
     if one > 2.0 * two + 0.5:
@@ -141,7 +141,7 @@ def _cover(scene: Scene, index: int) -> int:
     state, reading.state = reading.state, SHADOWED
     a, b, radius = at(scene, i), at(scene, i + 1), marker.shape.radius
     ends = min(math.hypot(here[0] - a[0], here[1] - a[1]), math.hypot(here[0] - b[0], here[1] - b[1]))
-    if ends <= 2.5 * radius or to_strip(here, a, b, _BEYOND) >= 0.4 * radius:
+    if ends <= 2.5 * radius or to_strip(here, a, b, BEYOND) >= 0.4 * radius:
         return 0
     return 1 if state == HIDDEN else (-1 if state == SEEN else 0)
 

@@ -23,14 +23,15 @@ from tracker.follow.reading import share_of_step
 from tracker.follow.records import KEPT, Scene
 from tracker.rows import DARK, SEEN
 
-_RATE: Final = 0.1
+RATE: Final = 0.1
 """Share of the new in averages of shape, light and misses: ten frames, over which a tenth of a pixel's noise averages
 to a third."""
 _FIT_RATE: Final = 0.03
 """The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
 _LENGTH_RATE: Final = 0.2
 """The same for the distance of a stick's markers, which changes as it turns: five frames."""
-_BRIGHTNESS_RATE: Final = 0.05
+BRIGHTNESS_RATE: Final = 0.05
+"""The same for the brightness of the picture: twenty frames, so that a light that fades is followed."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
@@ -45,8 +46,8 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
         off = share_of_step(value, reading.step) - kept[0]
         kept[0] += _FIT_RATE * off
         kept[1] += _FIT_RATE * (abs(off) - kept[1])
-    marker.change[:] += _RATE * (reading.change - marker.change)
-    marker.slope[:] += _RATE * (reading.slope - marker.slope)
+    marker.change[:] += RATE * (reading.change - marker.change)
+    marker.slope[:] += RATE * (reading.slope - marker.slope)
     shape = marker.shape
     radius = shape.radius + marker.change[0]
     e, f = marker.change[1], marker.change[2]
@@ -75,7 +76,7 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
         guesses = ways(marker, time_s)
         for way in range(len(guesses)):
             miss = (x - guesses[way, 0]) ** 2 + (y - guesses[way, 1]) ** 2
-            marker.miss[way] += _RATE * (miss - marker.miss[way])
+            marker.miss[way] += RATE * (miss - marker.miss[way])
         for k in range(KEPT - 1):
             h[k, :] = h[k + 1, :]
         count = KEPT - 1
@@ -99,7 +100,7 @@ def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
     rig = scene.rig[0]
     rig.shift[:] = rig.shift_now
     if not rig.dark:
-        rig.brightness += (_BRIGHTNESS_RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
+        rig.brightness += (BRIGHTNESS_RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
@@ -133,8 +134,8 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
         else:
             miss(marker, reading.predicted[0], reading.predicted[1])
         return
-    marker.light += _RATE * (reading.light - marker.light)
-    marker.step += _RATE * (abs(reading.step) - marker.step)
+    marker.light += RATE * (reading.light - marker.light)
+    marker.step += RATE * (abs(reading.step) - marker.step)
     if is_sharp(rig, math.hypot(reading.path[0], reading.path[1])):
         learn_look(marker, scene.looks[index][2], reading)
     take(marker, time_s, reading, rig.shift)

@@ -21,6 +21,10 @@ DEFAULT_FPS: Final = 30.0
 """Frame rate of pictures for which none is given."""
 
 
+REPORT_EVERY: Final = 100
+"""Frames after which progress is reported: a tenth of a second of work."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One frame as displayed.

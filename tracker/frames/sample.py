@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torsight.core.progress import Progress, silent
 from tracker.frames.display import luma_of
 from tracker.frames.film import FilmSource
-from tracker.frames.frame import Damage, Frame, time_from_table
+from tracker.frames.frame import REPORT_EVERY, Damage, Frame, time_from_table
 from tracker.frames.pictures import PictureSource
 
 _DECODED_PX: Final = 3e9
@@ -86,15 +86,12 @@ def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Stamps:
     times: list[float] = []
     for frame in source:
         times.append(frame.time_s)
-        if frame.index % _REPORT_EVERY == 0:
+        if frame.index % REPORT_EVERY == 0:
             progress("reading the film", frame.index, max(about, frame.index + 1))
     progress("reading the film", len(times), len(times))
     known = [pts for pts in source.pts if pts is not None]
     pts = np.array(known, np.int64) if len(known) == len(times) and (np.diff(known) > 0).all() else None
     return Stamps(np.array(times), pts, decoded=True)
-
-
-_REPORT_EVERY: Final = 100
 
 
 class Clip:

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from tracker.follow.axis import turned
 from tracker.follow.follower import StickName, stick_that_moves
 from tracker.follow.frame_step import DARK_SHARE, brightness_of
-from tracker.follow.learning import write_row
+from tracker.follow.learning import BRIGHTNESS_RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.frames.frame import Frame
 from tracker.patches.stick import Stick, nothing
 from tracker.patches.tag_stick import TagStick
 from tracker.rows import DAMAGED, DARK, ROW, SEEN
 
-_RATE: Final = 0.05
-"""Share of a new frame in the usual brightness."""
 _NO_NOISE: Final = 1e-6
 
 
@@ -58,7 +56,9 @@ class StickFollower:
         level = brightness_of(frame.luma)
         if level < DARK_SHARE * self._brightness:
             return self._pass(frame.time_s, DARK)
-        self._brightness = level if self._brightness == 0.0 else self._brightness + _RATE * (level - self._brightness)
+        self._brightness = (
+            level if self._brightness == 0.0 else self._brightness + BRIGHTNESS_RATE * (level - self._brightness)
+        )
         readings = np.concatenate([stick.step(frame.luma, frame.time_s) for stick in self.sticks])
         if all(isinstance(stick, TagStick) for stick in self.sticks):
             _share_noise(readings)

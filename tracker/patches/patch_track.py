@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.follow.judgement import SOON
+from tracker.follow.learning import RATE
 from tracker.follow.prediction import STALE
 from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
 
-_RATE: Final = 0.1
-"""Share of the new in the usual correlation: ten frames."""
 _REACH_PX: Final = 32
 """How far a patch may go between two frames: twice the fastest motion that is asked of the tracker."""
 _LEVELS: Final = 3
@@ -131,7 +130,7 @@ class PatchTrack:
         """Note where it is."""
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
-        self.usual += _RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
+        self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
         self.warp, self.lost = fit.warp, 0
         self._history = [*self._history[-1:], (time_s, fit.warp)]
         half = math.ceil(math.sqrt(2.0) * self.patch.half_px * size_of(fit.warp)) + _REACH_PX

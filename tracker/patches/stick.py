@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from tracker.patches.warps import Floats
 from tracker.rows import SEEN
 
 Point = tuple[float, float]
+
+KEPT: Final = 0.7
+"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 
 
 class Stick(Protocol):

@@ -12,7 +12,7 @@ from tracker.appearance.lucas_kanade import READING
 from tracker.detect.tags import FoundTag, find_tags
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import Point, nothing, put
+from tracker.patches.stick import KEPT, Point, nothing, put
 from tracker.patches.tag_template import Tag
 from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
@@ -24,8 +24,6 @@ _ITS_BITS: Final = 0.75
 """Least correlation of the modules inside the black border (smeared as above: 0.85). Another number has about 0."""
 _STEP: Final = 8.0
 """Least grey levels from black to white: below it H.264 flattens a tag."""
-_KEPT: Final = 0.7
-"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 _GREW: Final = 1.25
 """Change of size from which a tag's template is made anew."""
 
@@ -86,7 +84,7 @@ class TagStick:
     def _judge(self, fit: Fit) -> str:
         if fit.gain < _STEP or fit.likeness < _ALIKE or fit.inside < _ITS_BITS:
             return "lost"
-        return "hidden" if fit.kept < _KEPT else ""
+        return "hidden" if fit.kept < KEPT else ""
 
     def _detect(self, luma: NDArray[np.uint8]) -> tuple[Fit | None, str]:
         """Look for the tag in the whole picture."""

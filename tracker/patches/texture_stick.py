@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.follow.axis import AXIS, arm_px, learn_axis
-from tracker.follow.judgement import TURN_RAD
+from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import Point, put
+from tracker.patches.stick import KEPT, Point, put
 from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
@@ -29,9 +29,6 @@ _SCALED: Final = (0.7, 1.4)
 """Size over that of the first frame: a stick that turns in a plane seen from up to 45 degrees aside."""
 _FLAT: Final = 0.5
 """The same for its two axes against each other."""
-_LENGTH_PX: Final = 0.8
-_LENGTH: Final = 0.01
-"""By how much the distance of both points may differ from the last one, px and share: what is asked of dots."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
 sides and its diagonals bent by 11 degrees against each other."""
@@ -43,9 +40,6 @@ _SELDOM: Final = 30
 _WHOLE: Final = (3, 10)
 """Frames in which a lost stick is looked for around its axis, and in the whole picture, for what that costs: 15 and 100
 times as much as to follow it."""
-
-_KEPT: Final = 0.7
-"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 
 
 class TextureStick:
@@ -142,7 +136,7 @@ class TextureStick:
             return "hidden"
         if not _SCALED[0] < size_of(fit.warp) < _SCALED[1] or flatness_of(fit.warp) < _FLAT:
             return "lost"
-        return "hidden" if fit.kept < _KEPT else ""
+        return "hidden" if fit.kept < KEPT else ""
 
     def _beside(self, luma: NDArray[np.uint8], lost: int, partner: Fit, why: str) -> tuple[Fit | None, str]:
         """Look for one point where the other, and the turn of its patch, put it."""
@@ -181,7 +175,7 @@ class TextureStick:
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
         length = float(np.hypot(*(b - a)))
         # It may have changed the more the longer the stick was not seen.
-        allowed = _LENGTH_PX + _LENGTH * self._length_px * (1.0 + 0.5 * min(lost, 20))
+        allowed = LENGTH_PX + LENGTH * self._length_px * (1.0 + 0.5 * min(lost, STALE_LENGTH))
         if min(abs(length - self._length_px), abs(length - expected_px)) > allowed:
             return False
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])

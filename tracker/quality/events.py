@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS, StickAngles
+from tracker.angle.reference_direction import steps_of_mean
 from tracker.rows import CODE
 
 if TYPE_CHECKING:
@@ -95,10 +96,7 @@ def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
     known = np.flatnonzero(both)
     if len(known) < 2 * _SIDE + 1:
         return []
-    total = np.cumsum(rows["position_px"][known, :2], axis=0)
-    total = np.concatenate([np.zeros_like(total[:1]), total])
-    mean = (total[_SIDE:] - total[:-_SIDE]) / _SIDE
-    jump = np.linalg.norm(mean[_SIDE:] - mean[:-_SIDE], axis=-1).min(axis=1)
+    jump = np.linalg.norm(steps_of_mean(rows["position_px"][known, :2], _SIDE), axis=-1).min(axis=1)
     events: list[dict[str, Any]] = []
     for run in _runs(jump > _BUMP_PX):
         at = run[int(np.argmax(jump[run]))]
