@@ -16,6 +16,7 @@ from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
 
 _FEWEST: Final = 50
+"""Frames from which a place counts: its median is then known to a sixth of one frame's noise."""
 _PLACES: Final = 4
 """Places of the camera in one film that are looked at, the most usual first."""
 _NEAR: Final = 5.0
@@ -23,15 +24,17 @@ _FAR: Final = 15.0
 _QUIET: Final = 2.0
 """Distances from the usual place, in standard deviations, of a dot that stays, is displaced, and is back again."""
 _FAR_PX: Final = 0.4
+"""Least distance that counts as far."""
 _THERE_PX: Final = 3.0 * _FAR_PX
 _TRIED: Final = 40
 _SOME: Final = 4000
+"""Stretches of a long film that are tried as the usual place, and frames by which they are compared."""
 _WORSE: Final = 1.25
 """By how much the fit of a dot that is seen in part is worse than usual: residual over step."""
 _BESIDE_RADII: Final = 4.0
 """How near the moving stick's line has to come to a dot that it covers."""
 _RAYLEIGH: Final = 1.1774
-"""Median of a distance in the plane over its standard deviation along one axis."""
+"""Median of a distance in the plane over its standard deviation along one axis: √(2 ln 2), Rayleigh's distribution."""
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

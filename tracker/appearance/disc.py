@@ -35,14 +35,15 @@ lengthening along x (and shortening along y), and along the diagonal; brightness
 the width of the stick that carries it; radius of the window in which it is compared."""
 
 SECTORS: Final = 8
-"""Parts of a window over which residuals are averaged: a wire 4 px wide over a dot of 5 px fills most of one."""
+"""Parts of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
 COLUMNS: Final = 7
 """Unknowns of a dot that is not smeared: light, step, place (2), radius, stretch (2)."""
 
 _STEP_1, _STEP_3 = 1.5976, 0.07056
-"""The falling normal step 1 − Φ(z) as a logistic curve with a cubic term, to 3e-4 (Page, Appl. Statist. 26, 1977)."""
+"""The falling normal step 1 − Φ(z) as a logistic curve with a cubic term, to 2e-4 (Bowling and
+others, J. Ind. Eng. Manag. 2, 2009, p. 114)."""
 _SHARP_PX: Final = 0.35
-"""Edge below which the mean over a pixel needs four points each way; three leave 1e-3 px there."""
+"""Edge below which the mean over a pixel needs the finer set of points."""
 _NODE_3, _WEIGHT_3 = np.polynomial.legendre.leggauss(3)
 _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 

@@ -19,9 +19,11 @@ from tracker.appearance.disc import SHAPE, disc_at
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
 _SHARPEST_PX: Final = 0.12
-
-
+"""Least edge: below it the mean over a pixel, which is taken apart, hides all of the blur."""
+_NUDGE_PX: Final = 0.02
+"""Change of the edge by which its slope is taken: a difference, since the edge has no closed form over a pixel."""
 _ROUNDS: Final = 15
+"""Steps of Levenberg and Marquardt at most."""
 _LOOK: Final = 3
 _DOUBTFUL: Final = 0.3
 _HOPELESS: Final = 0.55
@@ -224,9 +226,6 @@ def _solve(window: _Window, parameters: NDArray[np.float64], free: int) -> _Solv
         step=float(linear[1]),
         explained=1.0 - mean_square / max(spread, 1e-12),
     )
-
-
-_NUDGE_PX: Final = 0.02
 
 
 def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: NDArray[np.float64], radius_px: float) -> bool:

@@ -64,11 +64,11 @@ PHASES: Final = 8
 """Steps per pixel at which models are kept; half a step off, the cubic term is below 1e-4 px."""
 _MOST_COLUMNS: Final = COLUMNS + 2
 _ROUNDS: Final = 4
-"""Each step halves the offset at least: from a radius of 8 px the fourth is below what is near enough."""
+"""Steps at most: each goes no further than half a radius, so two radii are reached."""
 _CONVERGED: Final = 0.2
-"""Last step below which a reading counts: the next one would be below a hundredth of a pixel."""
+"""Last step, px, up to which a reading counts as converged."""
 _SMEARED_PX: Final = 2.0
-"""Smear from which a model of its own is made: a shorter one widens the edge by less than 0.6 px, evenly."""
+"""Smear from which a model of its own is made: a shorter one blurs a dot by less than 0.6 px (2/√12), evenly."""
 _NEAR_ENOUGH: Final = 0.08
 """Offset from the model's place from which another step pays; half a step of the places, and a little."""
 

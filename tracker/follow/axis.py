@@ -35,9 +35,9 @@ first guess."""
 _PRIOR: Final = 0.05
 """Weight of the first guess of the axis, in frames: two frames outweigh it forty times."""
 _STEP_RAD: Final = math.radians(3.0)
-"""How far the stick has to turn before another frame is added: three of each part would do, and four times as many are
-taken in, for noise."""
+"""How far the stick has to turn before another frame is added: closer ones tell the same."""
 _ENOUGH: Final = 12
+"""Frames that are added of each part: four swings past it."""
 _ARC: Final = 3
 """Parts of ten degrees in which the stick was seen from which the axis is known well enough to look around it."""
 

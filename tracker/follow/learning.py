@@ -24,8 +24,8 @@ from tracker.follow.records import KEPT, Scene
 from tracker.rows import DARK, SEEN
 
 RATE: Final = 0.1
-"""Share of the new in averages of shape, light and misses: ten frames, over which a tenth of a pixel's noise averages
-to a third."""
+"""Share of the new in averages of shape, light and misses: ten frames, over which noise averages to a
+quarter."""
 _FIT_RATE: Final = 0.03
 """The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
 _LENGTH_RATE: Final = 0.2
@@ -36,7 +36,7 @@ _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
 _MOST_STRETCH: Final = 0.45
-"""Radius over the first one, and stretch, up to which a dot's shape is followed: a plane seen from 45 to 60 degrees."""
+"""Radius over the first one, and stretch, up to which a dot's shape is followed: a plane seen from 67 degrees aside."""
 
 
 @njit(cache=True, nogil=True)

@@ -22,8 +22,8 @@ from tracker.follow.records import MARKER
 from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
-"""Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, a codec
-twice that; the worst sector twice as much again."""
+"""Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, and
+no noise is white; the worst sector twice as much."""
 _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
 """Misses at the start: the steady way is taken until another one has proved better."""
 

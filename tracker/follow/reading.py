@@ -18,17 +18,16 @@ from tracker.follow.records import Scene
 from tracker.rows import HIDDEN, OUTSIDE, SEEN
 
 LEAST_STEP: Final = 4.0
-"""Grey levels below which there is no dot to be seen: H.264 flattens it."""
+"""Grey levels below which there is no dot to be seen."""
 _FAINT: Final = 0.2
-"""Share of the usual step below which it is something else, even when the light falls suddenly."""
+"""Share of the usual step below which it is something else."""
 _CONTRAST: Final = (0.45, 1.8)
-"""Contrast over the template's outside of which it is not this dot: shade halves it at most."""
+"""Contrast over the template's outside of which it is not this dot: a factor of two, and a little."""
 _DEVIATIONS: Final = 5.0
 _LEAST_SPREAD: Final = (0.35, 0.7)
-"""Least allowance for residual and worst sector, logarithms: a codec's key frame makes the residual 1.4 times as large,
-and the worst of eight sectors scatters twice as much."""
+"""Least allowance for residual and worst sector, logarithms: factors of 1.4 and 2."""
 _NEVER: Final = 0.3
-"""A residual above this share of the step is not of a dot: a hard edge through the middle leaves 0.3."""
+"""A residual above this share of the step is not of a dot."""
 _ALWAYS: Final = 0.015
 """A residual below this share of the step hides nothing: it is rounding for a step of 20 grey levels."""
 _BASIN: Final = 3.0

@@ -51,11 +51,11 @@ _AROUND_LAST: Final = (1.5, 40.0)
 _WHOLE: Final = 10
 """Every so many frames that is looked for in the whole picture."""
 _SAME_PX: Final = 0.33
-"""Standard deviation between two readings of one dot from places of a search: they end within 0.02 px or elsewhere."""
+"""Standard deviation between two readings of one dot: a pixel is three of them."""
 _SLACK: Final = 0.05
 """Share of the step allowed for smear: a marker that is found again may be moving."""
 _LIKELY: Final = 0.45
-"""Correlation with a disc from which a place is read: a dot that is half covered has 0.5."""
+"""Correlation with a disc from which a place is read; the reading then decides."""
 _MOST: Final = 14
 """Places that are read, by correlation and contrast: four dots, and ten that look alike."""
 _SMALL_PX: Final = 7.5

@@ -22,7 +22,7 @@ DEFAULT_FPS: Final = 30.0
 
 
 REPORT_EVERY: Final = 100
-"""Frames after which progress is reported: a tenth of a second of work."""
+"""Frames after which progress is reported: some hundredths of a second of work."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
