@@ -1,11 +1,12 @@
 """From a film of two sticks to the angle between them, frame by frame, each with its uncertainty."""
 
-from tracker.account import account
-from tracker.hints import MarkerHints, read_markers
-from tracker.orient import orient
-from tracker.plane import Orientation
-from tracker.source import Frame, FrameSource, open_source
-from tracker.stereo import orient_pair
+from tracker.angle.orient import orient
+from tracker.angle.plane import Orientation
+from tracker.angle.stereo import orient_pair
+from tracker.detect.marker_file import MarkerHints, read_markers
+from tracker.frames.frame import Frame, FrameSource
+from tracker.frames.source import open_source
+from tracker.quality.account import account
 from tracker.track import TrackResult, track_film
 
 __all__ = [

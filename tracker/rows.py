@@ -26,3 +26,4 @@ hidden: something lies over it. shadowed: the other stick is so close that it is
 off. outside: it left the picture. lost: it was not found. damaged: the frame was not decoded whole.
 """
 CODE: Final = {name: index for index, name in enumerate(STATES)}
+SEEN, HIDDEN, SHADOWED, DARK, OUTSIDE, LOST, DAMAGED = range(len(STATES))

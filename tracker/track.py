@@ -18,19 +18,18 @@ from torsight.core.progress import Progress, silent
 from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from tracker.angle.partial_occlusion import cover_base
 from tracker.checkpoint import RowStore, source_key
-from tracker.covered import cover_base
-from tracker.detect import HUGE_PX
-from tracker.hints import STICKS, MarkerHints
+from tracker.detect.dots import HUGE_PX
+from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.frames.frame import REPORT_EVERY, FrameSource
+from tracker.initialise import Start, find_start
 from tracker.rows import CODE, ROW
-from tracker.source import FrameSource
-from tracker.start import Start, find_start
 
 if TYPE_CHECKING:
-    from tracker.follow import Follower
-    from tracker.patches.follow import StickFollower
+    from tracker.follow.follower import Follower
+    from tracker.patches.follower import StickFollower
 
-_REPORT_EVERY = 100
 _DOUBTFUL_RAD = math.radians(3.0)
 """Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
 
@@ -81,9 +80,10 @@ def track_film(
     Parameters
     ----------
     source : FrameSource
-        See :func:`tracker.source.open_source`.
+        See :func:`tracker.frames.source.open_source`.
     markers : MarkerHints, optional
-        What the markers are and where, see :func:`tracker.hints.read_markers`; found without help otherwise.
+        What the markers are and where, see :func:`tracker.detect.marker_file.read_markers`; found without help
+        otherwise.
     out : str or Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
@@ -95,7 +95,7 @@ def track_film(
     Raises
     ------
     ConfigError, InputError, NoResultError
-        See :func:`tracker.start.find_start`; also when no stick moves and none was named.
+        See :func:`tracker.initialise.find_start`; also when no stick moves and none was named.
     OutputError
         When checkpoints cannot be written.
     """
@@ -115,9 +115,8 @@ def track_film(
             store.add(_unseen(frame.time_s) if frame.index < start.frame else follower.step(frame))
             if store.due:
                 store.checkpoint(follower.to_state())
-        if frame.index % _REPORT_EVERY == 0:
+        if frame.index % REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
-    follower.settle()
     rows = store.rows()
     progress("tracking", len(rows), len(rows))
     return _result(rows, start, follower, source)
@@ -154,7 +153,9 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
     """Return in words which dots were taken for the markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
     seen = np.abs(table["step"][table["state"] == CODE["seen"]])
-    places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
+    where = np.where((table["state"] == CODE["seen"])[..., None], table["position_px"], np.nan)
+    last = [points[np.isfinite(points[:, 0])][-1:].ravel() for points in np.moveaxis(where, 1, 0)]
+    places = ", ".join(f"[{x:.0f}, {y:.0f}]" for x, y in (point for point in last if len(point)))
     contrast = f" and {np.median(seen):.0f} grey levels of contrast" if len(seen) else ""
     return f"dots of {radii[0]:.0f} to {radii[-1]:.0f} px radius{contrast} were followed, last at {places}"
 

@@ -26,8 +26,8 @@ from torsight.synthetic.filming import optics
 from torsight.synthetic.filming.camera_work import marker_points
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
-from tracker.hints import MarkerHints
-from tracker.source import open_source
+from tracker.detect.marker_file import MarkerHints
+from tracker.frames.source import open_source
 from tracker.track import track_film
 
 TILTS_DEG = (0.0, 10.0, 20.0, 30.0)

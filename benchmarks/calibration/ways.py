@@ -8,7 +8,7 @@ from torsight.core.axis import axis_in_picture, pose_from_axis, stick_angle
 from torsight.core.camera import Camera, Intrinsics, Pose
 from torsight.core.geometry import on_plane, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
-from tracker.stereo import orient_pair
+from tracker.angle.stereo import orient_pair
 
 Z = np.array([0.0, 0.0, 1.0])
 

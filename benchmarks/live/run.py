@@ -33,7 +33,7 @@ from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.live.session import Session
 from torsight.viewer.pictures import viewer_without_screen
 from torsight.viewer.program import free_port
-from tracker.source import open_source
+from tracker.frames.source import open_source
 
 SAMPLE_S: Final = 2.0
 """How often memory is read."""

@@ -26,10 +26,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "tracker")]
 from flat_films import FlatFilm, Hand, Sprite, tag, texture_picture  # noqa: E402
 
 from torsight.core.threads import one_thread  # noqa: E402
-from tracker.hints import read_markers  # noqa: E402
-from tracker.orient import orient  # noqa: E402
-from tracker.source import open_source  # noqa: E402
-from tracker.start import find_start  # noqa: E402
+from tracker.angle.orient import orient  # noqa: E402
+from tracker.detect.marker_file import read_markers  # noqa: E402
+from tracker.frames.source import open_source  # noqa: E402
+from tracker.initialise import find_start  # noqa: E402
 from tracker.track import track_film  # noqa: E402
 
 TAGS = {"kind": "tag", "family": "4X4_50", "base_id": 0, "moving_id": 1}

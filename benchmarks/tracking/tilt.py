@@ -48,9 +48,9 @@ def film_of(tilt_deg: float, arc_deg: float, seed: int) -> Film:
 
 def measure(film: Film) -> tuple[np.ndarray, np.ndarray, bool]:
     """Return error and sigma (deg) of every angle that is given, and whether the tilt counts as known."""
-    from tracker.hints import read_markers
-    from tracker.orient import orient
-    from tracker.source import open_source
+    from tracker.angle.orient import orient
+    from tracker.detect.marker_file import read_markers
+    from tracker.frames.source import open_source
     from tracker.track import track_film
 
     with tempfile.TemporaryDirectory() as name:

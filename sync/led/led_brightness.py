@@ -20,7 +20,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.series import constant_runs, robust_sigma
 
 if TYPE_CHECKING:
-    from tracker.source import FrameSource
+    from tracker.frames.frame import FrameSource
 
 _NEAR_PX: Final = 6
 """How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels."""
@@ -68,7 +68,7 @@ def film_light_events(
         When nothing at that place goes on or off.
     """
     timestamps = None if timestamps is None else Path(timestamps)
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     source = open_source(film, fps=fps, timestamps=timestamps)
     width, height = source.size_px

@@ -31,8 +31,8 @@ from torsight.core.results import read_results
 from torsight.core.storage import read_json
 from torsight.core.tables import read_angles, read_merged
 from torsight.synthetic.scene import read_scene
-from tracker.hints import read_markers
-from tracker.source import _read_times as read_times
+from tracker.detect.marker_file import read_markers
+from tracker.frames.source import _read_times as read_times
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from tests.browser import open_browser
 from tests.tracker.films import Rig, write_film
 from torsight.markers.server import Server, pick
 from torsight.markers.session import Session
-from tracker.source import open_source
+from tracker.frames.source import open_source
 
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=24)
 

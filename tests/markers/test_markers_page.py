@@ -16,7 +16,7 @@ from tests.markers.conftest import Picking
 from tests.tracker.films import Rig, write_film
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
-from tracker.hints import read_markers
+from tracker.detect.marker_file import read_markers
 
 pytestmark = pytest.mark.browser
 

@@ -15,9 +15,9 @@ from tests.tracker.films import Cover, Rig, write_film
 from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR
 from torsight.core.errors import NoResultError
 from torsight.markers.track_picture import chosen_frames
-from tracker.hints import read_markers
-from tracker.orient import orient
-from tracker.source import open_source
+from tracker.angle.orient import orient
+from tracker.detect.marker_file import read_markers
+from tracker.frames.source import open_source
 from tracker.track import track_film
 
 COVERED = replace(Rig(lambda t: 60.0 + 50.0 * t, frames=60), covers=[Cover(0.5, 0.9, "moving")])

@@ -12,7 +12,7 @@ import pytest
 from films import Cover, Rig, write_film
 
 from tracker.checkpoint import RowStore
-from tracker.follow import Follower
+from tracker.follow.follower import Follower
 
 OUTPUTS = ("angle.csv", "markers.csv", "track.json")
 # Fast, shaken, through a crossing, with a hand over it for a while: state of every kind has to come back.

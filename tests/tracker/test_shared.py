@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from torsight.core.camera import read_camera
-from tracker.hints import read_markers
-from tracker.orient import orient
-from tracker.source import open_source
+from tracker.angle.orient import orient
+from tracker.detect.marker_file import read_markers
+from tracker.frames.source import open_source
 from tracker.track import track_film
 
 SCREWS = [[104.0, 188.0], [482.0, 14.0]]

@@ -16,9 +16,9 @@ import pytest
 from films import Cover, Rig, write_film
 
 from torsight.core.camera import read_camera
-from tracker.hints import read_markers
-from tracker.orient import orient
-from tracker.source import open_source
+from tracker.angle.orient import orient
+from tracker.detect.marker_file import read_markers
+from tracker.frames.source import open_source
 from tracker.track import track_film
 
 

@@ -18,7 +18,7 @@ import pytest
 from films import Rig, write_film
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
-from tracker.source import open_source
+from tracker.frames.source import open_source
 
 ROOT = Path(__file__).parents[2]
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=24)
@@ -158,7 +158,7 @@ def start(film: Path, markers: Path, out: Path) -> subprocess.Popen[bytes]:
     """Track in a process of its own that writes a checkpoint after every frame and is slow enough to be stopped."""
     code = (
         "import sys, time\n"
-        "import tracker.checkpoint as c, tracker.follow as f\n"
+        "import tracker.checkpoint as c, tracker.follow.follower as f\n"
         "c.RowStore.due = property(lambda self: True)\n"
         "step = f.Follower.step\n"
         "def slow(self, frame):\n"

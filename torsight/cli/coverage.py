@@ -24,7 +24,7 @@ WHY: Final = {
     "focus": "the picture is out of focus",
     "interlaced": "the film is interlaced",
 }
-"""Words for the causes of :mod:`tracker.gaps`."""
+"""Words for the causes of :mod:`tracker.quality.gaps`."""
 
 
 def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | None:

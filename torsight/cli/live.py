@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from torsight.viewer.live.measure.model import ModelWatch
     from torsight.viewer.live.record.outcome import Outcome
     from torsight.viewer.live.screen.feed import Feed
-    from tracker.hints import MarkerHints
+    from tracker.detect.marker_file import MarkerHints
 
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
 """What a live record leaves in its folder."""
@@ -115,7 +115,7 @@ def _read(
 ) -> tuple[MarkerHints | None, Camera | None, ActuatorSpec | None]:
     from torsight.actuator.spec import read_actuator
     from torsight.core.camera import read_camera
-    from tracker.hints import read_markers
+    from tracker.detect.marker_file import read_markers
 
     return (
         None if markers is None else read_markers(markers),

@@ -11,8 +11,8 @@ from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError, NoResultError
 
 if TYPE_CHECKING:
-    from tracker.film import FilmSource
-    from tracker.pictures import PictureSource
+    from tracker.frames.film import FilmSource
+    from tracker.frames.pictures import PictureSource
 
 _OUT: Final = Path("markers.toml")
 
@@ -42,7 +42,7 @@ def markers(
     Example: torsight markers film.mp4 --out markers.toml
     """
     from torsight.core.paths import require_apart
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     if preview is not None and (preview.suffix.lower() != ".png" or preview == out):
         raise ConfigError(

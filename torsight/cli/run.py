@@ -167,7 +167,7 @@ def _check(experiment: Experiment) -> None:
     from torsight.cli.sync import check_settings
     from torsight.core.camera import read_camera
     from torsight.core.tables import read_angles
-    from tracker.hints import read_markers
+    from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
     check_settings(experiment.sync)

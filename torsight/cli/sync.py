@@ -133,7 +133,7 @@ def sync_to_folder(
     from torsight.core.paths import require_apart
     from torsight.core.storage import write_json
     from torsight.core.tables import read_angles, write_merged
-    from tracker.timing import timing
+    from tracker.frames.timing import timing
 
     steps = 4.0
     values = _numbers(settings)

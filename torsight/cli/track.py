@@ -16,9 +16,9 @@ from torsight.core.progress import Progress, silent
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.core.tracks import StickAngles
-    from tracker.film import FilmSource
-    from tracker.hints import MarkerHints
-    from tracker.pictures import PictureSource
+    from tracker.detect.marker_file import MarkerHints
+    from tracker.frames.film import FilmSource
+    from tracker.frames.pictures import PictureSource
     from tracker.track import TrackResult
 
 FILES: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
@@ -118,12 +118,12 @@ def track_to_folder(
     from torsight.core.tables import marker_columns, write_angles
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
     from torsight.markers.track_picture import write_track_picture
-    from tracker.account import account
+    from tracker.angle.orient import orient
+    from tracker.angle.stereo import orient_pair
     from tracker.checkpoint import drop
-    from tracker.doubts import doubts
-    from tracker.hints import read_markers
-    from tracker.orient import orient
-    from tracker.stereo import orient_pair
+    from tracker.detect.marker_file import read_markers
+    from tracker.quality.account import account
+    from tracker.quality.track_warnings import doubts
     from tracker.track import track_film
 
     inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
@@ -173,8 +173,8 @@ def _tracked(
     """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
     from torsight.markers.preview import write_preview
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
-    from tracker.candidates import look
-    from tracker.start import first_frame
+    from tracker.detect.candidates import look
+    from tracker.detect.given import first_frame
     from tracker.track import track_film
 
     try:
@@ -218,7 +218,7 @@ def _sources(
 ) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
     """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
     from torsight.core.camera import require_size
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     source = open_source(video, fps=fps, timestamps=timestamps)
     second = None if right is None else open_source(right, fps=fps, timestamps=timestamps)

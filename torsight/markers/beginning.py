@@ -14,10 +14,10 @@ from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import DEG
 from torsight.core.wording import counted, listed
-from tracker.hints import MarkerHints, read_markers
+from tracker.detect.marker_file import MarkerHints, read_markers
 
 if TYPE_CHECKING:
-    from tracker.source import Frame, FrameSource
+    from tracker.frames.frame import Frame, FrameSource
 
 MOST_FRAMES: Final = 1000
 """Frames that a check follows at most: one at 1000 frames a second ends after a second, not after minutes."""
@@ -147,8 +147,8 @@ def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float)
     ConfigError, NoResultError
         When the tracker cannot start from them.
     """
-    from tracker.doubts import doubts
-    from tracker.orient import orient
+    from tracker.angle.orient import orient
+    from tracker.quality.track_warnings import doubts
     from tracker.track import track_film
 
     part = Beginning(source, seconds=seconds)
@@ -195,7 +195,7 @@ def _verdict(known: int, tracks: MarkerTracks, moving: int | None, turned_deg: N
 
 def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
     """Return which stick moves, 0 for the one given as base and 1 for the other; None where neither does yet."""
-    from tracker.start import find_start
+    from tracker.initialise import find_start
 
     follower = find_start(source, hints).follower(motion_tells=True)
     for frame in source:

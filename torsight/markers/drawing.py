@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tracker.candidates import Candidate
+    from tracker.detect.candidates import Candidate
 
 DPI: Final = 100
 BASE: Final = hex_of(BASE_COLOUR)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.storage import read_toml, write_text
 from torsight.core.tracks import MARKERS
-from tracker.hints import APART_PX, KINDS, MarkerHints, read_markers
+from tracker.detect.marker_file import APART_PX, KINDS, MarkerHints, read_markers
 
 if TYPE_CHECKING:
-    from tracker.source import FrameSource
+    from tracker.frames.frame import FrameSource
 
 STICKS: Final = ("base", "moving")
 SNAPS: Final = "dot"
@@ -84,8 +84,8 @@ def place(
     NoResultError
         When there is no dot next to it.
     """
-    from tracker.detect import dot_near
-    from tracker.start import SNAP_PX
+    from tracker.detect.dots import dot_near
+    from tracker.detect.given import SNAP_PX
 
     height, width = luma.shape
     where = f"[{x_px:.1f}, {y_px:.1f}]"
@@ -166,7 +166,7 @@ def hints_of(content: Mapping[str, Any], source: FrameSource) -> MarkerHints:
     ConfigError, NoResultError
         As ``torsight track`` would.
     """
-    from tracker.start import find_start
+    from tracker.initialise import find_start
 
     hints = read_markers(content)
     find_start(source, hints)

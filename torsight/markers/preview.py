@@ -28,7 +28,7 @@ from torsight.markers.drawing import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tracker.candidates import Sighting
+    from tracker.detect.candidates import Sighting
 
 _PICTURE_PX: Final = 960.0
 """Longer side of the frame in the picture: smaller ones are enlarged, larger ones shrunk."""

@@ -26,9 +26,9 @@ from torsight.markers.picks import (
 )
 
 if TYPE_CHECKING:
-    from tracker.candidates import Sighting
-    from tracker.film import FilmSource
-    from tracker.pictures import PictureSource
+    from tracker.detect.candidates import Sighting
+    from tracker.frames.film import FilmSource
+    from tracker.frames.pictures import PictureSource
 
 NAMING_S: Final = 10.0
 """How much of the film is looked at to tell which of two sticks that were found moves: films begin with a rest."""
@@ -157,7 +157,7 @@ def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8]
     InputError
         When there is none.
     """
-    from tracker.start import first_frame
+    from tracker.detect.given import first_frame
 
     frame = first_frame(source)
     assert frame.luma is not None  # noqa: S101 - such frames are passed over
@@ -171,7 +171,7 @@ def find_markers(
 
     The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.
     """
-    from tracker.candidates import look
+    from tracker.detect.candidates import look
 
     seen = look(first)
     if seen.sticks_px is None:

@@ -19,7 +19,7 @@ from torsight.core.progress import Progress, silent
 from torsight.viewer import encoding
 
 if TYPE_CHECKING:
-    from tracker.source import Frame
+    from tracker.frames.frame import Frame
 
 WIDEST_PX: Final = 640
 MOST_FRAMES: Final = 1500
@@ -99,7 +99,7 @@ class _StuckError(Exception):
 
 
 def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, progress: Progress) -> Preview:
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     source = open_source(film)
     stride = max(1, math.ceil(frame_count / MOST_FRAMES))

@@ -1,7 +1,8 @@
 """Sticks whose markers are no dots: a tag on a stick, or texture around two of its points.
 
-In: frames, and what :class:`tracker.hints.MarkerHints` tell of each stick. Out: the two markers of each stick in every
-frame, as rows of :mod:`tracker.rows`. ``align`` is Lucas–Kanade against a fixed template, ``track`` follows one
-template from frame to frame, ``tags`` and ``texture`` make templates and find them again, ``tag_stick``,
-``texture_stick`` and ``dots`` judge a stick as a whole, ``follow`` goes through the film, ``begin`` starts it.
+In: frames, and what :class:`tracker.detect.marker_file.MarkerHints` say of each stick. Out: the two markers of each
+stick in every frame, px and px², as rows of :mod:`tracker.rows`. ``align`` is Lucas–Kanade against a fixed template,
+``patch_track`` follows one template from frame to frame, ``tag_template`` and ``texture`` make templates,
+``tag_stick``, ``texture_stick`` and ``dot_stick`` judge a stick as a whole, ``follower`` goes through the film,
+``initialise`` starts it.
 """

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.flow import cut_out
+from tracker.patches.alignment import Part, Template, align_warp, largest_step, step_warp
 from tracker.patches.warps import Floats, jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -49,16 +49,6 @@ _BLUR: Final = 0.5
 depends on where between them a sample lies."""
 _LINEAR_PX2: Final = 1.0 / 6.0
 """Variance of the kernel of linear interpolation, mean of f (1 − f) over all places f between two pixels."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """Part of a picture, blurred, with the pixel at its top left corner."""
-
-    values: NDArray[np.float32]
-    left: int
-    top: int
-    size_px: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,9 +129,12 @@ class Patch:
         x, y = x[chosen], y[chosen]
         self.generators = _generators(half_px)[:freedom]
         around = np.exp(0.25j * np.pi * np.arange(8)) if round_ else np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
-        self._rim = np.stack([half_px * around.real, half_px * around.imag, np.ones(len(around))])
+        self._rim = half_px * np.stack([around.real, around.imag])
         self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
         self._solve_for(look, x, y, soft=soft)
+        self._template = Template(
+            np.stack([x, y]), np.ascontiguousarray(self._inverse), self.generators, self._rim, half_px, self.spread
+        )
         self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px)
 
     def _solve_for(self, look: Look, x: Floats, y: Floats, *, soft: bool) -> None:
@@ -184,42 +177,40 @@ class Patch:
         # A sample holds 1/(4πσ²) of the variance of a pixel's noise, the solution the overlap of the samples' kernels.
         return np.asarray(4.0 * math.pi * kernel_px2 / self.spacing_px**2 * (seen @ seen.T), dtype=np.float64)
 
-    def cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> Cut:
+    def cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> Part:
         """Return the part of a picture around where the patch should be."""
         corners = project(warp, self._rim)
+        height, width = luma.shape
         low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
         middle = 0.5 * (low + high)
         half = math.ceil(0.5 * float((high - low).max()))
         cx, cy = round(float(middle[0])), round(float(middle[1]))
         part = cut_out(luma, cx, cy, half).astype(np.float32)
         blurred = cv2.GaussianBlur(part, (0, 0), self.blur_px)
-        return Cut(np.asarray(blurred, dtype=np.float32), cx - half, cy - half, (luma.shape[1], luma.shape[0]))
+        # Both what was cut out and the picture itself end there.
+        left, top, side = cx - half, cy - half, 2 * half + 1
+        low_px = (max(left, 0) - 1.0, max(top, 0) - 1.0)
+        high_px = (float(min(left + side, width)), float(min(top + side, height)))
+        return Part(np.asarray(blurred, dtype=np.float32), left, top, low_px, high_px)
 
     def align(self, luma: NDArray[np.uint8], warp: Floats) -> Fit | None:
         """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
         if not self.in_picture(warp, luma):
             return None
         cut = self.cut(luma, warp)
-        moved = math.inf
-        for _ in range(_ROUNDS):
-            seen = self._sample(cut, warp)
-            values = seen.ravel()[self._index]
-            found = self._inverse @ values
-            after = self._step(found, warp, cut)
-            if after is None:
-                return None
-            moved, warp = self._moved(after, warp), after
-            if moved < _STOP_PX:
-                break
-        if moved > 10.0 * _STOP_PX:
+        good, moved, before, warp = align_warp(warp, self._template, cut, _ROUNDS, _STOP_PX)
+        if not good or moved > 10.0 * _STOP_PX:
             return None
+        seen = self._sample(cut, before)
+        values = seen.ravel()[self._index]
+        found = self._inverse @ values
         left = values - self._basis @ found
         weight = self._weights(left, found)
         if np.count_nonzero(weight) > (1.0 - _FEW) * len(weight):
             return self._fit(seen, found, warp, np.ones(len(values)), self._inverse)
         return self._align_in_part(cut, warp, weight)
 
-    def _align_in_part(self, cut: Cut, warp: Floats, weight: Floats) -> Fit | None:
+    def _align_in_part(self, cut: Part, warp: Floats, weight: Floats) -> Fit | None:
         """Go on with the points that show the patch, and learn meanwhile which do."""
         for _ in range(_ROUNDS):
             seen = self._sample(cut, warp)
@@ -232,30 +223,14 @@ class Patch:
             except np.linalg.LinAlgError:
                 return None
             found = inverse @ values
-            after = self._step(found, warp, cut)
-            if after is None:
+            good, after = step_warp(found, warp, self._template, cut)
+            if not good:
                 return None
-            moved, warp = self._moved(after, warp), after
+            moved, warp = largest_step(warp, after, self._rim), after
             weight = self._weights(values - self._basis @ found, found)
             if moved < _STOP_PX:
                 break
         return self._fit(seen, found, warp, weight, inverse)
-
-    def _step(self, found: Floats, warp: Floats, cut: Cut) -> Floats | None:
-        """Return the warp after a step; None where it leads astray."""
-        gain = float(found[3])
-        if abs(gain) * self.spread < 1.0:
-            return None
-        delta = found[self._first :] / gain
-        if not np.abs(delta).max() < 0.7 * self.half_px:
-            return None
-        change = np.eye(3) + np.tensordot(delta, self.generators, axes=1)
-        after = warp @ np.linalg.inv(change)
-        after /= after[2, 2]
-        return after if self._in_cut(after, cut) else None
-
-    def _moved(self, after: Floats, before: Floats) -> float:
-        return float(np.abs(project(after, self._rim) - project(before, self._rim)).max())
 
     def _weights(self, left: Floats, found: Floats) -> Floats:
         """Return Tukey's weights of the points from what the model leaves at them."""
@@ -304,7 +279,7 @@ class Patch:
         inside = np.stack([moved[:, 0] - x * moved[:, 2], moved[:, 1] - y * moved[:, 2]])
         return np.asarray(-jacobian(warp, at) @ inside, dtype=np.float64)
 
-    def _sample(self, cut: Cut, warp: Floats) -> Floats:
+    def _sample(self, cut: Part, warp: Floats) -> Floats:
         shift = np.array([[1.0, 0.0, -cut.left], [0.0, 1.0, -cut.top], [0.0, 0.0, 1.0]])
         seen = cv2.warpPerspective(
             cut.values,
@@ -325,13 +300,6 @@ class Patch:
             and corners[0].max() < width
             and corners[1].max() < height
         )
-
-    def _in_cut(self, warp: Floats, cut: Cut) -> bool:
-        corners = project(warp, self._rim)
-        low, high = np.array([cut.left, cut.top]), np.array([cut.left, cut.top]) + cut.values.shape[0]
-        # Both what was cut out and the picture itself end there.
-        low, high = np.maximum(low, 0) - 1.0, np.minimum(high, cut.size_px)
-        return bool(np.isfinite(corners).all() and (low <= corners.T).all() and (high >= corners.T).all())
 
 
 def _generators(half_px: float) -> Floats:
@@ -362,3 +330,13 @@ def _likeness(left: Floats, plain: Floats) -> float:
     """Return the correlation that leaves ``left`` of a variation ``plain``."""
     total = float(plain @ plain)
     return 0.0 if total <= 0.0 else math.sqrt(max(0.0, 1.0 - float(left @ left) / total))
+
+
+def cut_out(luma: NDArray[np.uint8], cx: int, cy: int, half: int) -> NDArray[np.uint8]:
+    """Return the square around a pixel; outside the picture its border is repeated."""
+    height, width = luma.shape
+    if half <= cx < width - half and half <= cy < height - half:
+        return luma[cy - half : cy + half + 1, cx - half : cx + half + 1]
+    rows = np.clip(np.arange(cy - half, cy + half + 1), 0, height - 1)
+    columns = np.clip(np.arange(cx - half, cx + half + 1), 0, width - 1)
+    return luma[np.ix_(rows, columns)]

@@ -8,12 +8,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.linear import Reading
+from tracker.appearance.lucas_kanade import READING
+from tracker.detect.tags import FoundTag, find_tags
 from tracker.patches.align import Fit, Patch
-from tracker.patches.sticks import Point, Seen, reading_of
-from tracker.patches.tags import Found, Tag, find_tags
-from tracker.patches.track import PatchTrack
+from tracker.patches.patch_track import PatchTrack
+from tracker.patches.stick import KEPT, Point, nothing, put
+from tracker.patches.tag_template import Tag
 from tracker.patches.warps import place, size_of
+from tracker.rows import CODE
 
 _ALIKE: Final = 0.85
 """Least correlation with a tag. A tag with modules of 6 px that is smeared over 10 px keeps 0.88; one of which half is
@@ -22,8 +24,6 @@ _ITS_BITS: Final = 0.75
 """Least correlation of the modules inside the black border (smeared as above: 0.85). Another number has about 0."""
 _STEP: Final = 8.0
 """Least grey levels from black to white: below it H.264 flattens a tag."""
-_KEPT: Final = 0.7
-"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 _GREW: Final = 1.25
 """Change of size from which a tag's template is made anew."""
 
@@ -36,7 +36,7 @@ class TagStick:
     Parameters
     ----------
     family : str
-        See :func:`tracker.patches.tags.family_of`.
+        See :func:`tracker.detect.tags.family_of`.
     number : int
         The tag's.
     """
@@ -61,29 +61,30 @@ class TagStick:
         """Not told by a tag."""
         return 0.0
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> Seen:
-        """Return what is read in the next frame."""
+    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+        """Return what is read of both markers in the next frame."""
         fit, why = (None, "lost") if self._track is None else self._track.follow(luma, time_s, self._judge)
         if why:
             again, still = self._detect(luma)
             fit, why = (again, "") if again is not None else (fit, still or why)
         if why or fit is None or self._tag is None or self._track is None:
-            self.miss()
-            return [None, None], [why or "lost"] * 2
+            self.miss(time_s)
+            return nothing(CODE[why or "lost"])
         self._track.take(luma, time_s, fit)
         readings = _of_plane(fit, self._track.patch, self._tag.ends())
         self._resize()
-        return readings, ["", ""]
+        return readings
 
-    def miss(self) -> None:
+    def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
+        del time_s
         if self._track is not None:
             self._track.miss()
 
     def _judge(self, fit: Fit) -> str:
         if fit.gain < _STEP or fit.likeness < _ALIKE or fit.inside < _ITS_BITS:
             return "lost"
-        return "hidden" if fit.kept < _KEPT else ""
+        return "hidden" if fit.kept < KEPT else ""
 
     def _detect(self, luma: NDArray[np.uint8]) -> tuple[Fit | None, str]:
         """Look for the tag in the whole picture."""
@@ -100,7 +101,7 @@ class TagStick:
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 
-    def _begin(self, found: Found, luma: NDArray[np.uint8]) -> tuple[Tag, PatchTrack]:
+    def _begin(self, found: FoundTag, luma: NDArray[np.uint8]) -> tuple[Tag, PatchTrack]:
         self._tag = tag = Tag.of(self.family, found, luma)
         self._track = track = PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found))
         return tag, track
@@ -129,7 +130,7 @@ class TagStick:
             self._track.restore(state["track"])
 
 
-def _of_plane(fit: Fit, patch: Patch, ends: tuple[Point, Point]) -> list[Reading | None]:
+def _of_plane(fit: Fit, patch: Patch, ends: tuple[Point, Point]) -> NDArray[np.void]:
     """Return two points of one patch as readings.
 
     Both come from one fit, so their errors are correlated, for which tracks have no place. The angle is made of their
@@ -137,4 +138,7 @@ def _of_plane(fit: Fit, patch: Patch, ends: tuple[Point, Point]) -> list[Reading
     """
     one, two = (patch.slope(fit.warp, end) for end in ends)
     covariance = 0.5 * (two - one) @ fit.covariance @ (two - one).T
-    return [reading_of(fit, place(fit.warp, end), covariance, patch.spread) for end in ends]
+    readings = np.zeros(2, READING)
+    for index, end in enumerate(ends):
+        put(readings, index, fit, place(fit.warp, end), covariance, spread=patch.spread)
+    return readings

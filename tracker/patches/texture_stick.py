@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,14 +11,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.axis import Axis
-from tracker.linear import Reading
+from tracker.appearance.lucas_kanade import READING
+from tracker.follow.axis import AXIS, arm_px, learn_axis
+from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD
 from tracker.patches.align import Fit, Patch
-from tracker.patches.sticks import Point, Seen, reading_of
+from tracker.patches.patch_track import PatchTrack
+from tracker.patches.stick import KEPT, Point, put
 from tracker.patches.texture import TurnedSearch
-from tracker.patches.track import PatchTrack
 from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
-from tracker.rules import TURN_RAD
+from tracker.rows import CODE
 
 _ALIKE: Final = 0.7
 """Least correlation with texture: half of its variance. Paper next to it or an edge alone stays below."""
@@ -27,25 +29,17 @@ _SCALED: Final = (0.7, 1.4)
 """Size over that of the first frame: a stick that turns in a plane seen from up to 45 degrees aside."""
 _FLAT: Final = 0.5
 """The same for its two axes against each other."""
-_LENGTH_PX: Final = 0.8
-_LENGTH: Final = 0.01
-"""By how much the distance of both points may differ from the last one, px and share: what is asked of dots."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
 sides and its diagonals bent by 11 degrees against each other."""
 _NEAR_PX: Final = 48.0
 """Around its last place a stick is looked for in the first frames after it was lost."""
 _NEARBY: Final = 5
-_ARC: Final = 3
-"""Parts of ten degrees in which a stick was seen from which its axis is known well enough to look around it."""
 _OFTEN: Final = 3
 _SELDOM: Final = 30
 _WHOLE: Final = (3, 10)
 """Frames in which a lost stick is looked for around its axis, and in the whole picture, for what that costs: 15 and 100
 times as much as to follow it."""
-
-_KEPT: Final = 0.7
-"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 
 
 class TextureStick:
@@ -74,7 +68,8 @@ class TextureStick:
         ]
         self._search = search
         self._still = still
-        self._axis = Axis()
+        self._axis = np.zeros(1, AXIS)
+        self._axis["last_rad"] = math.nan
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
         self._length_px = float(np.hypot(*self._offset))
@@ -94,8 +89,8 @@ class TextureStick:
         """Not told by texture."""
         return 0.0
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> Seen:
-        """Return what is read in the next frame."""
+    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+        """Return what is read of both markers in the next frame."""
         # Seen from aside the distance changes as the stick turns.
         expected_px = math.dist(*(place(track.predict(time_s)) for track in self._tracks))
         found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
@@ -112,7 +107,10 @@ class TextureStick:
                 fits, whys = [*again], ["", ""]
         if not any(whys):
             fits = self._turned(fits)
-        readings: list[Reading | None] = [None, None]
+        readings = np.zeros(2, READING)
+        readings["state"] = [
+            CODE[why or "lost"] if why or fit is None else CODE["seen"] for fit, why in zip(fits, whys, strict=True)
+        ]
         for index, (track, fit) in enumerate(zip(self._tracks, fits, strict=True)):
             if whys[index] or fit is None:
                 track.miss()
@@ -120,15 +118,16 @@ class TextureStick:
                 track.take(luma, time_s, fit)
                 slope = track.patch.slope(fit.warp, (0.0, 0.0))
                 covariance = slope @ fit.covariance @ slope.T
-                readings[index] = reading_of(fit, place(fit.warp), covariance, track.patch.spread)
+                put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
         if not any(whys):
             one, two = (place(track.warp) for track in self._tracks)
             self._length_px = math.dist(one, two)
-            self._axis.add(one, two)
-        return readings, whys
+            learn_axis(self._axis[0], one, two)
+        return readings
 
-    def miss(self) -> None:
+    def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
+        del time_s
         for track in self._tracks:
             track.miss()
 
@@ -137,7 +136,7 @@ class TextureStick:
             return "hidden"
         if not _SCALED[0] < size_of(fit.warp) < _SCALED[1] or flatness_of(fit.warp) < _FLAT:
             return "lost"
-        return "hidden" if fit.kept < _KEPT else ""
+        return "hidden" if fit.kept < KEPT else ""
 
     def _beside(self, luma: NDArray[np.uint8], lost: int, partner: Fit, why: str) -> tuple[Fit | None, str]:
         """Look for one point where the other, and the turn of its patch, put it."""
@@ -176,11 +175,11 @@ class TextureStick:
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
         length = float(np.hypot(*(b - a)))
         # It may have changed the more the longer the stick was not seen.
-        allowed = _LENGTH_PX + _LENGTH * self._length_px * (1.0 + 0.5 * min(lost, 20))
+        allowed = LENGTH_PX + LENGTH * self._length_px * (1.0 + 0.5 * min(lost, STALE_LENGTH))
         if min(abs(length - self._length_px), abs(length - expected_px)) > allowed:
             return False
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
-        if self._still and abs(math.remainder(turn, math.tau)) > TURN_RAD:
+        if self._still and abs(math.remainder(turn, math.tau)) > 3.0 * TURN_RAD:
             return False
         return all(
             math.isinf(track.patch.turn_doubt)
@@ -194,9 +193,10 @@ class TextureStick:
         regions: list[tuple[Point, float] | None] = []
         if lost <= _NEARBY:
             regions.append((place(self._tracks[0].warp), _NEAR_PX))
-        centre = self._axis.centre if np.count_nonzero(self._axis.seen) >= _ARC else None
-        if centre is not None and lost % _OFTEN == 0:
-            regions.append((centre, self._axis.arm(outer=False) + _NEAR_PX))
+        axis = self._axis[0]
+        if axis["known"] and lost % _OFTEN == 0:
+            x, y = axis["centre"].tolist()
+            regions.append(((x, y), arm_px(axis, 0) + _NEAR_PX))
         if lost in _WHOLE or lost % _SELDOM == 0:
             regions.append(None)
         for region in regions:
@@ -221,13 +221,13 @@ class TextureStick:
         """Return what :meth:`restore` needs."""
         return {
             "length_px": self._length_px,
-            "axis": self._axis.to_state(),
+            "axis": base64.b64encode(self._axis.tobytes()).decode(),
             "tracks": [track.to_state() for track in self._tracks],
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly."""
         self._length_px = float(state["length_px"])
-        self._axis = Axis.from_state(state["axis"])
+        self._axis = np.frombuffer(base64.b64decode(state["axis"]), AXIS).copy()
         for track, content in zip(self._tracks, state["tracks"], strict=True):
             track.restore(content)

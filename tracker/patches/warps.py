@@ -1,4 +1,4 @@
-"""Warps: 3 × 3 matrices that put a template into a picture."""
+"""Warps: 3 × 3 matrices that put a template into a picture; what is asked of them often is compiled."""
 
 from __future__ import annotations
 
@@ -7,43 +7,63 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
+
 Floats = NDArray[np.float64]
+Point = tuple[float, float]
 
 
-def project(warp: Floats, points: Floats) -> Floats:
-    """Return where points (3, n), x, y and 1 each, lie in the picture (2, n)."""
-    seen = warp @ points
-    return np.asarray(seen[:2] / seen[2], dtype=np.float64)
-
-
-def place(warp: Floats, at: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+@njit(cache=True, nogil=True)
+def place(warp: Floats, at: Point = (0.0, 0.0)) -> Point:
     """Return where a point of the template lies in the picture."""
-    x, y, z = (warp @ np.array([at[0], at[1], 1.0])).tolist()
-    return x / z, y / z
+    z = warp[2, 0] * at[0] + warp[2, 1] * at[1] + warp[2, 2]
+    z = z if z != 0.0 else math.nan
+    x = warp[0, 0] * at[0] + warp[0, 1] * at[1] + warp[0, 2]
+    return x / z, (warp[1, 0] * at[0] + warp[1, 1] * at[1] + warp[1, 2]) / z
 
 
-def jacobian(warp: Floats, at: tuple[float, float] = (0.0, 0.0)) -> Floats:
+@njit(cache=True, nogil=True)
+def project(warp: Floats, points: Floats) -> Floats:
+    """Return where points (2, n) of the template lie in the picture (2, n)."""
+    out = np.empty((2, points.shape[1]))
+    for i in range(points.shape[1]):
+        out[0, i], out[1, i] = place(warp, (points[0, i], points[1, i]))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def jacobian(warp: Floats, at: Point = (0.0, 0.0)) -> Floats:
     """Return the derivative (2, 2) of the warp at a point of the template."""
-    x, y = place(warp, at)
-    z = float(warp[2] @ np.array([at[0], at[1], 1.0]))
-    return np.asarray((warp[:2, :2] - np.outer([x, y], warp[2, :2])) / z, dtype=np.float64)
+    seen = place(warp, at)
+    z = warp[2, 0] * at[0] + warp[2, 1] * at[1] + warp[2, 2]
+    out = np.empty((2, 2))
+    for i in range(2):
+        for j in range(2):
+            out[i, j] = (warp[i, j] - seen[i] * warp[2, j]) / z
+    return out
 
 
+@njit(cache=True, nogil=True)
 def turn_of(warp: Floats) -> float:
     """Return by how much the template is turned at its middle, rad, y down."""
-    (a, b), (c, d) = jacobian(warp).tolist()
-    return math.atan2(c - b, a + d)
+    j = jacobian(warp)
+    return math.atan2(j[1, 0] - j[0, 1], j[0, 0] + j[1, 1])
 
 
+@njit(cache=True, nogil=True)
 def size_of(warp: Floats) -> float:
     """Return by how much the template is enlarged at its middle."""
-    return math.sqrt(abs(float(np.linalg.det(jacobian(warp)))))
+    j = jacobian(warp)
+    return math.sqrt(abs(j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0]))
 
 
+@njit(cache=True, nogil=True)
 def flatness_of(warp: Floats) -> float:
     """Return the shorter over the longer axis of what a circle around the template's middle looks like."""
-    long, short = np.linalg.svd(jacobian(warp), compute_uv=False).tolist()
-    return short / long if long > 0.0 else 0.0
+    j = jacobian(warp)
+    # Singular values of a 2 × 2 matrix, from its parts that turn and those that mirror.
+    turn, mirror = math.hypot(j[0, 0] + j[1, 1], j[1, 0] - j[0, 1]), math.hypot(j[0, 0] - j[1, 1], j[1, 0] + j[0, 1])
+    return abs(turn - mirror) / (turn + mirror) if turn + mirror > 0.0 else 0.0
 
 
 def similarity(x_px: float, y_px: float, *, turn_rad: float = 0.0, scale: float = 1.0) -> Floats:

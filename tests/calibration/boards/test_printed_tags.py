@@ -14,7 +14,7 @@ from calibration.boards.printing import raster
 from calibration.boards.tags import draw_tags, tag_pair
 from torsight.cli.main import app
 from torsight.core.errors import ConfigError
-from tracker.hints import read_markers
+from tracker.detect.marker_file import read_markers
 
 
 @pytest.mark.parametrize(("family", "ids", "page"), [("4X4_50", (0, 1), "a4"), ("APRILTAG_36h11", (8, 500), "a5")])

@@ -33,7 +33,7 @@ from torsight.viewer.live.record.live_files import LineFile, Recorder
 from torsight.viewer.live.record.outcome import Outcome
 from torsight.viewer.live.record.status_table import standing
 from torsight.viewer.live.screen.latency import Latency
-from tracker.orient import orient
+from tracker.angle.orient import orient
 
 # --- frames -----------------------------------------------------------------------------------------------------------
 

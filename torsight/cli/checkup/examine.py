@@ -24,7 +24,7 @@ from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.tables import read_angles
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-from tracker.hints import read_markers
+from tracker.detect.marker_file import read_markers
 
 _TOML_KINDS: Final = {
     "video": "experiment",

@@ -17,11 +17,12 @@ from torsight.core.camera import Camera, require_size
 from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.wording import counted
-from tracker.hints import MarkerHints
-from tracker.sample import Clip, Stamps, read_stamps
-from tracker.source import open_source
-from tracker.start import Start, find_start, sticks_in
-from tracker.timing import timing
+from tracker.detect.marker_file import MarkerHints
+from tracker.detect.sticks import sticks_in
+from tracker.frames.sample import Clip, Stamps, read_stamps
+from tracker.frames.source import open_source
+from tracker.frames.timing import timing
+from tracker.initialise import Start, find_start
 
 Picture = NDArray[np.uint8]
 

@@ -14,14 +14,14 @@ from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from torsight.core.wording import counted
-from tracker.account import account
-from tracker.doubts import doubts
-from tracker.hints import MarkerHints
-from tracker.orient import orient
-from tracker.plane import Orientation
-from tracker.sample import Clip
-from tracker.start import Start
-from tracker.tilt import KNOWN
+from tracker.angle.orient import orient
+from tracker.angle.plane import Orientation
+from tracker.angle.tilt import KNOWN
+from tracker.detect.marker_file import MarkerHints
+from tracker.frames.sample import Clip
+from tracker.initialise import Start
+from tracker.quality.account import account
+from tracker.quality.track_warnings import doubts
 from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400

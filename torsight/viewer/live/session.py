@@ -30,13 +30,13 @@ from torsight.viewer.live.record.outcome import Outcome
 from torsight.viewer.live.record.status_table import standing
 from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.overlay import overlay
-from tracker.detect import HUGE_PX
+from tracker.detect.dots import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.viewer.live.measure.model import ModelNews, ModelWatch
     from torsight.viewer.live.screen.feed import Feed
-    from tracker.hints import MarkerHints
+    from tracker.detect.marker_file import MarkerHints
 
 PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""

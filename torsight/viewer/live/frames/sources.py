@@ -17,7 +17,7 @@ from torsight.viewer.live.frames.stream import GrowingFilm, Stream
 
 if TYPE_CHECKING:
     from torsight.viewer.live.frames.intake import Pictures
-    from tracker.source import FrameSource
+    from tracker.frames.frame import FrameSource
 
 
 def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
@@ -51,7 +51,7 @@ def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, 
         return Stream(source)
     if grows:
         return GrowingFilm(Path(source))
-    from tracker.source import open_source
+    from tracker.frames.source import open_source
 
     return Film(open_source(source, fps=fps), name=source, speed=speed)
 

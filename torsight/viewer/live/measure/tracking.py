@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
 from torsight.viewer.live.measure.angle import LiveAngle
+from tracker.frames.frame import Damage, Frame
 from tracker.rows import CODE, STATES
-from tracker.source import Damage, Frame
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
     from torsight.viewer.live.frames.intake import LiveFrame
-    from tracker.follow import Follower
-    from tracker.hints import MarkerHints
-    from tracker.patches.follow import StickFollower
+    from tracker.detect.marker_file import MarkerHints
+    from tracker.follow.follower import Follower
+    from tracker.patches.follower import StickFollower
 
 _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
@@ -166,7 +166,7 @@ class LiveTracker:
         return Seen(position, covariance, angle, sigma, position_mm)
 
     def _start(self, frame: LiveFrame) -> bool:
-        from tracker.start import find_start
+        from tracker.initialise import find_start
 
         if frame.luma is None or frame.damaged or frame.time_s - self._looked_s < _LOOK_EVERY_S:
             return False

@@ -18,7 +18,7 @@ from torsight.core.units import DEG
 
 if TYPE_CHECKING:
     from torsight.core.camera import Camera
-    from tracker.plane import Orientation
+    from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
@@ -190,7 +190,7 @@ def finish(
     """
     from torsight.core.storage import read_table, write_table
     from torsight.core.tables import marker_columns, write_angles
-    from tracker.orient import orient
+    from tracker.angle.orient import orient
 
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:

@@ -14,7 +14,7 @@ from torsight.core.storage import write_json, write_text
 
 if TYPE_CHECKING:
     from torsight.viewer.live.record.outcome import Outcome
-    from tracker.plane import Orientation
+    from tracker.angle.plane import Orientation
 
 
 def write_track_account(

@@ -1,0 +1,106 @@
+"""The dot's model against brute-force pictures, and its precision against the bound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tracker.appearance.disc import SHAPE, disc_at
+from tracker.appearance.dot_fit import fit_dot
+from tracker.follow.marker import Marker
+
+
+def brute_disc(x: float, y: float, radius: float, *, size: int, stretch: float = 1.0, fine: int = 25) -> np.ndarray:
+    """Share of each pixel that an ellipse covers, by counting sub-pixels."""
+    offsets = (np.arange(fine) + 0.5) / fine - 0.5
+    at = (np.arange(size)[:, None] + offsets).ravel()
+    inside = ((at[None, :] - x) / stretch) ** 2 + ((at[:, None] - y) * stretch) ** 2 < radius**2
+    return inside.reshape(size, fine, size, fine).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("radius", [3.0, 6.2, 13.0, 20.0])
+def test_a_sharp_dot_is_read_within_a_few_thousandths_of_a_pixel(radius: float) -> None:
+    rng = np.random.default_rng(int(radius * 10))
+    size = int(2 * radius + 24)
+    template = None
+    errors = []
+    for _ in range(8):
+        x, y = size / 2 + rng.uniform(-0.5, 0.5, 2)
+        picture = np.rint(185.0 - 140.0 * brute_disc(x, y, radius, size=size)).astype(np.uint8)
+        if template is None:
+            fit = fit_dot(picture, x + 0.4, y - 0.3, radius_px=1.07 * radius, light_dot=False)
+            assert fit is not None
+            assert fit.shape.radius_px == pytest.approx(radius, abs=0.05)
+            template = Marker(fit.shape)
+        reading = template.read(picture, x + 0.3, y + 0.2)
+        assert reading is not None
+        assert reading["converged"]
+        errors.append((reading["x"] - x, reading["y"] - y))
+    # Whole grey levels alone (1/√12 of 140) would give 1e-3 px; the rest is the sharp rim on the pixels.
+    assert np.sqrt(np.mean(np.square(errors))) < 0.006
+
+
+def test_the_share_of_a_pixel_is_what_counting_gives() -> None:
+    y, x = np.mgrid[-11:12, -11:12].astype(float)
+    shape = np.zeros(1, SHAPE)
+    shape["radius"], shape["edge"] = 7.3, 0.12
+    ours = disc_at((x - 0.31).ravel(), (y + 0.22).ravel(), shape[0])[0].reshape(x.shape)
+    counted = brute_disc(11.31, 10.78, 7.3, size=23, fine=60)
+    assert np.abs(ours - counted).max() < 0.06
+    assert ours.sum() == pytest.approx(np.pi * 7.3**2, rel=2e-3)
+
+
+@pytest.mark.parametrize("light_dot", [False, True])
+def test_errors_reach_the_bound_and_are_told_honestly(*, light_dot: bool) -> None:
+    rng = np.random.default_rng(7)
+    radius, noise, size = 5.0, 3.0, 31
+    stick, step = (60.0, 120.0) if light_dot else (185.0, -140.0)
+    first = stick + step * brute_disc(15.0, 15.0, radius, size=size)
+    fit = fit_dot(np.rint(first).astype(np.uint8), 15.3, 14.8, radius_px=radius, light_dot=light_dot)
+    assert fit is not None
+    template = Marker(fit.shape)
+    errors, sigmas = [], []
+    for _ in range(150):
+        x, y = 15 + rng.uniform(-1, 1, 2)
+        clean = stick + step * brute_disc(x, y, radius, size=size, fine=9)
+        picture = np.clip(np.rint(clean + rng.normal(0, noise, clean.shape)), 0, 255).astype(np.uint8)
+        reading = template.read(picture, x + 0.2, y - 0.2)
+        assert reading is not None
+        errors.append(reading["x"] - x)
+        sigmas.append(np.sqrt(reading["covariance"][0]))
+    # Cramér and Rao for a disc whose edge is a pixel wide: 1.06 (σ/C) √(w/r), w² = 12 · variance of the edge.
+    bound = 1.06 * noise / abs(step) * np.sqrt(1.0 / radius)
+    rms = float(np.sqrt(np.mean(np.square(errors))))
+    assert rms < 1.35 * bound
+    assert 0.8 < rms / np.mean(sigmas) < 1.25
+
+
+def test_uneven_light_does_not_shift_a_dot() -> None:
+    size, x, y = 41, 20.3, 19.8
+    column = 1.0 + 0.006 * (np.arange(size) - 20.0)
+    picture = np.rint((185.0 - 140.0 * brute_disc(x, y, 7.0, size=size)) * column[None, :]).astype(np.uint8)
+    fit = fit_dot(picture, x + 0.5, y, radius_px=6.5, light_dot=False)
+    assert fit is not None
+    template = Marker(fit.shape)
+    reading = template.read(picture, x, y)
+    assert reading is not None
+    assert reading["slope"][0] == pytest.approx(0.006, abs=0.001)
+    # The slope is averaged over frames and taken as known: then the dot stays where it is.
+    template.record["slope"] = reading["slope"]
+    again = template.read(picture, x, y)
+    assert again is not None
+    assert abs(again["x"] - x) < 0.004
+
+
+def test_a_shape_seen_from_aside_is_measured() -> None:
+    picture = np.rint(185.0 - 140.0 * brute_disc(20.1, 20.4, 8.0, size=41, stretch=1.06)).astype(np.uint8)
+    fit = fit_dot(picture, 20.0, 20.0, radius_px=8.0, light_dot=False)
+    assert fit is not None
+    assert fit.shape.stretch[0] == pytest.approx(0.06, abs=0.01)
+    assert fit.shape.stretch[1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_noise_alone_is_no_dot() -> None:
+    picture = np.random.default_rng(1).normal(120.0, 8.0, (41, 41)).astype(np.uint8)
+    fit = fit_dot(picture, 20.0, 20.0, radius_px=5.0, light_dot=False)
+    assert fit is None or fit.explained < 0.6

@@ -1,0 +1,103 @@
+"""What is predicted and what is learned of the motion, against closed forms and other libraries."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tracker.follow.axis import AXIS, circle_equations, direction_from, learn_axis, on_circle
+from tracker.follow.innovation import passes
+from tracker.follow.prediction import ways
+from tracker.follow.records import KEPT, MARKER
+from tracker.follow.redetect import direction
+
+TIMES_S = np.array([0.0, 0.03, 0.07, 0.1])
+
+
+def marker_on(motion: np.ndarray, count: int) -> np.ndarray:
+    """Return a marker that was last read on a motion, polynomials of time (x and y, highest power first)."""
+    marker = np.zeros(1, MARKER)
+    marker["count"] = count
+    for k, time_s in enumerate(TIMES_S[KEPT - count :]):
+        marker["history"][0, k] = [time_s, *(np.polyval(axis, time_s) for axis in motion)]
+    return marker[0]
+
+
+@pytest.mark.parametrize("count", range(1, KEPT + 1))
+def test_a_motion_is_carried_on_as_far_as_its_readings_tell(count: int) -> None:
+    motion = np.array([[80.0, -30.0, 200.0], [-50.0, 90.0, 120.0]])
+    time_s = 0.14
+    rest, steady, averaged, curved = ways(marker_on(motion, count), time_s)
+    known = TIMES_S[KEPT - count :]
+    places = np.array([[np.polyval(axis, t) for axis in motion] for t in known])
+    assert rest == pytest.approx(places[-1])
+    # A line through the last two, a line through the first and the last, a parabola through the last three.
+    steady_on, averaged_on, curved_on = [-2, -1], ([0, -1] if count > 2 else [-2, -1]), [-3, -2, -1][-count:]
+    for way, used in ((steady, steady_on), (averaged, averaged_on), (curved, curved_on)):
+        if count == 1:
+            assert way == pytest.approx(places[-1])
+            continue
+        fitted = [np.polyfit(known[used], places[used, axis], len(used) - 1) for axis in (0, 1)]
+        assert way == pytest.approx([np.polyval(one, time_s) for one in fitted])
+
+
+@pytest.mark.parametrize("freedom", range(1, 7))
+def test_the_gate_is_three_standard_deviations(freedom: int) -> None:
+    limit = stats.chi2.ppf(1.0 - 2.0 * stats.norm.sf(3.0), freedom)
+    # The limits are given to two digits.
+    assert passes(limit - 0.01, freedom)
+    assert not passes(limit + 0.01, freedom)
+    assert not passes(np.nan, freedom)
+
+
+def stick(turn_rad: np.ndarray) -> tuple[np.ndarray, tuple[complex, ...]]:
+    """Return both markers (n, 2, 2) of a stick about an axis, by complex numbers, with axis and arms."""
+    centre, arms = 210.0 + 130.0j, (50.0 + 3.0j, 121.0 - 2.0j)
+    points = centre + np.exp(1j * turn_rad)[:, None] * np.array(arms)
+    return np.stack([points.real, points.imag], axis=-1), (centre, *arms)
+
+
+def test_an_axis_is_learned_from_the_turns_of_a_stick() -> None:
+    points, (centre, *_) = stick(np.deg2rad(np.arange(0.0, 80.0, 4.0)))
+    axis = np.zeros(1, AXIS)
+    axis["last_rad"] = np.nan
+    for inner, outer in points.tolist():
+        learn_axis(axis[0], tuple(inner), tuple(outer))
+    own = axis[0]
+    assert own["known"]
+    # Over this arc the scaled equations have a condition of 24; their ridge of 1e-9 then moves 200 px by 5e-6.
+    assert own["centre"] == pytest.approx([centre.real, centre.imag], abs=1e-4)
+    for inner, outer in points[::5].tolist():
+        turn = direction(tuple(inner), tuple(outer))
+        for end, place in enumerate((inner, outer)):
+            assert on_circle(own, turn, end) == pytest.approx(place, abs=1e-4)
+            assert np.exp(1j * direction_from(own, *place, end)) == pytest.approx(np.exp(1j * turn), abs=1e-6)
+
+
+def test_a_stick_that_hardly_turns_tells_no_axis() -> None:
+    points, _ = stick(np.deg2rad(np.linspace(11.0, 18.0, 40)))
+    axis = np.zeros(1, AXIS)
+    axis["last_rad"] = np.nan
+    for inner, outer in points.tolist():
+        learn_axis(axis[0], tuple(inner), tuple(outer))
+    assert not axis[0]["known"]
+
+
+def test_the_equations_are_those_of_least_squares() -> None:
+    rng = np.random.default_rng(3)
+    points, _ = stick(rng.uniform(0.0, 5.0, 60))
+    points += rng.normal(0.0, 0.5, points.shape)
+    offset = points[:, 1] - points[:, 0]
+    turn = np.arctan2(offset[:, 1], offset[:, 0])
+    normal, right = circle_equations(points, turn)
+    rows, targets = [], []
+    for (inner, outer), angle in zip(points, turn, strict=True):
+        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        for at, place in ((0, inner), (1, outer)):
+            arms = np.zeros((2, 4))
+            arms[:, 2 * at : 2 * at + 2] = rotation
+            rows.append(np.hstack([np.eye(2), arms]))
+            targets.append(place)
+    expected = np.linalg.lstsq(np.vstack(rows), np.concatenate(targets), rcond=None)[0]
+    assert np.linalg.solve(normal, right) == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,98 @@
+"""A picture that jumps, a stick that was covered: found again, or not taken for what it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tracker.detect.dots import dot_near
+from tracker.detect.sticks import Stick
+from tracker.follow.follower import Follower
+from tracker.follow.marker import markers_on
+from tracker.frames.frame import Frame
+from tracker.rows import CODE
+
+RADIUS_PX = 6.0
+AXIS = 210.0 + 190.0j
+BASE = (AXIS + 80.0, AXIS + 160.0)
+SIGMA_PX = 1.06 * 2.0 / 140.0 * np.sqrt(1.0 / RADIUS_PX)
+"""Cramér and Rao for an edge one pixel wide, a step of 140 and noise of 2 grey levels."""
+
+
+def picture(dots: list[complex], *, seed: int) -> np.ndarray:
+    """Draw dark dots by counting sub-pixels, on sticks as wide as the picture: light ground everywhere."""
+    fine = (np.arange(8) + 0.5) / 8.0 - 0.5
+    y = (np.arange(400)[:, None] + fine).ravel()
+    out = np.full((400, 440), 190.0)
+    for dot in dots:
+        x0, y0 = int(dot.real) - 10, int(dot.imag) - 10
+        dx, dy = (np.arange(x0, x0 + 21)[:, None] + fine).ravel() - dot.real, y[8 * y0 : 8 * (y0 + 21)] - dot.imag
+        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < RADIUS_PX**2
+        out[y0 : y0 + 21, x0 : x0 + 21] -= 140.0 * inside.reshape(21, 8, 21, 8).mean(axis=(1, 3))
+    return np.clip(np.rint(out + np.random.default_rng(seed).normal(0.0, 2.0, out.shape)), 0, 255).astype(np.uint8)
+
+
+def moving(degrees: float) -> list[complex]:
+    """Return the dots of the moving stick."""
+    turn = np.exp(1j * np.deg2rad(degrees))
+    return [AXIS + 70.0 * turn, AXIS + 140.0 * turn]
+
+
+def followed(scenes: list[list[complex]]) -> list[np.ndarray]:
+    """Return the rows of pictures with dots: the base's two, then the moving stick's."""
+    first = picture(scenes[0], seed=0)
+    dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scenes[0]]
+    sticks = [Stick(dots[k], dots[k + 1], 0.0) for k in (0, 2)]
+    follower = Follower([marker for stick in sticks for marker in markers_on(first, stick)], moving=1)
+    return [
+        follower.step(Frame(number, number / 30.0, picture(scene, seed=number))).copy()
+        for number, scene in enumerate(scenes)
+    ]
+
+
+def check(row: np.ndarray, dots: list[complex]) -> None:
+    assert (row["state"] == CODE["seen"]).all()
+    # Five standard deviations, of which sub-pixels of 1/8 px and the template make 1.5 times the bound.
+    assert row["position_px"] == pytest.approx(np.array([[d.real, d.imag] for d in dots]), abs=8.0 * SIGMA_PX)
+
+
+def turning(count: int, *, first: float = 100.0, step: float = 2.0) -> list[list[complex]]:
+    return [[*BASE, *moving(first + step * k)] for k in range(count)]
+
+
+def test_a_usual_turn_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tracker.follow.follower.redetect", lambda *_: pytest.fail("nothing was lost"))
+    scenes = turning(12, step=1.0)
+    for row, scene in zip(followed(scenes), scenes, strict=True):
+        check(row, scene)
+
+
+@pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j])
+def test_a_picture_that_jumps(jump: complex) -> None:
+    scenes = turning(10)
+    scenes[7:] = [[dot + jump for dot in scene] for scene in scenes[7:]]
+    check(followed(scenes)[-1], scenes[-1])
+
+
+def test_a_stick_that_was_away_is_found_on_its_circle() -> None:
+    scenes = turning(30, step=3.0)
+    whole = [list(scene) for scene in scenes]
+    for scene in scenes[15:25]:
+        del scene[2:]
+    rows = followed(scenes)
+    assert all((row["state"][2:] != CODE["seen"]).all() for row in rows[15:25])
+    check(rows[-1], whole[-1])
+
+
+def test_dots_off_the_circle_are_not_the_stick() -> None:
+    scenes = turning(30, step=3.0)
+    for scene in scenes[15:]:
+        scene[2:] = [dot + 95.0 + 60.0j for dot in scene[2:]]
+    assert all((row["state"][2:] != CODE["seen"]).all() for row in followed(scenes)[15:])
+
+
+def test_one_of_many_alike_is_not_guessed() -> None:
+    scenes = turning(20, step=3.0)
+    for scene in scenes[15:]:
+        scene[2:] = [*moving(200.0), *moving(300.0)]
+    assert all((row["state"][2:] != CODE["seen"]).all() for row in followed(scenes)[15:])

@@ -1,0 +1,168 @@
+"""Tags on the sticks, in films that are drawn here."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from flat_films import FlatFilm, Hand, Sprite, tag
+
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.wording import listed
+from tracker.angle.orient import orient
+from tracker.detect.marker_file import read_markers
+from tracker.detect.tags import families
+from tracker.frames.source import open_source
+from tracker.initialise import find_start
+from tracker.patches.follower import StickFollower
+from tracker.track import track_film
+
+SIDE = 36.0
+ALONG = 70.0
+FAMILY = "4X4_50"
+PAIR = {"kind": "tag", "family": FAMILY, "base_id": 0, "moving_id": 1}
+
+
+def film(family: str = FAMILY, ids: tuple[int, int] = (0, 1), **how) -> FlatFilm:
+    """Two tags on two sticks, their x axes along the sticks."""
+    base, moving = (Sprite(**tag(family, number, side_mm=SIDE, along_mm=ALONG)) for number in ids)
+    return FlatFilm(**{"base": [base], "moving": [moving], "angle_deg": lambda t: 60.0 + 100.0 * t, **how})
+
+
+def errors_deg(made: FlatFilm, path: Path, hints: dict, **codec) -> tuple[np.ndarray, np.ndarray, object]:
+    """Angle less truth, sigma, and the track."""
+    result = track_film(open_source(made.write(path, **codec)), markers=read_markers(hints))
+    angles = orient(result.tracks, None).angles
+    error = np.rad2deg(angles.angle_rad) - made.truth_deg
+    return error - 360.0 * np.round(error[np.isfinite(error)][0] / 360.0), np.rad2deg(angles.sigma_rad), result
+
+
+def test_ten_px_per_frame_with_half_the_frame_exposed(tmp_path: Path) -> None:
+    # 10 px per frame at the tag's middle: 8.2 degrees, of which the tag smears over 5 px.
+    step_deg = np.rad2deg(10.0 / ALONG)
+    made = film(angle_deg=lambda t: 60.0 + 30.0 * step_deg * t, exposure=0.5, frames=31)
+    error, sigma, result = errors_deg(made, tmp_path / "film.mp4", PAIR, codec="libx264")
+    assert np.isfinite(error).all()
+    # Each end of the tag is off by less than a tenth of a pixel.
+    assert np.abs(error).max() < np.rad2deg(np.sqrt(2.0) * 0.1 / SIDE) * np.sqrt(2.0)
+    assert 0.7 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.4
+    assert result.report["markers"]["kind"] == "tag"
+
+
+def test_two_turns_past_the_base_do_not_drift_and_sigma_is_honest(tmp_path: Path) -> None:
+    # The moving tag lies over the base's once a turn: the base is not seen there, and the angle is known.
+    made = film(angle_deg=lambda t: 60.0 + 300.0 * t, frames=75, noise=3.0)
+    error, sigma, result = errors_deg(made, tmp_path / "film.mkv", PAIR)
+    assert np.isfinite(error).all()
+    assert not result.tracks.valid[:, :2].all()
+    assert np.ptp(made.truth_deg) > 600.0
+    assert abs(error[-20:].mean() - error[:20].mean()) < 3.0 * np.median(sigma)
+    assert 0.7 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.4
+    # In the middles of both edges, with sigmas that are as honest.
+    truth = np.array([[made.on_stick(1, a, ALONG + e * SIDE / 2) for e in (-1, 1)] for a in made.truth_deg])
+    scaled = orient(result.tracks, None).with_errors(result.tracks)
+    off = scaled.position_px[:, 2:] - truth
+    variance = np.einsum("nmii->nmi", scaled.covariance_px2[:, 2:])
+    assert 0.7 < np.sqrt(np.mean(off**2 / variance)) < 1.4
+
+
+@pytest.mark.parametrize("family", ["APRILTAG_36h11", "APRILTAG_16h5", "6X6_250"])
+def test_other_families_seen_from_aside(family: str, tmp_path: Path) -> None:
+    made = film(family, angle_deg=lambda t: 180.0 + 120.0 * np.cos(4.0 * t), tilt_deg=25.0, frames=40)
+    error, _, _ = errors_deg(made, tmp_path / "film.mkv", PAIR | {"family": family})
+    assert np.isfinite(error).all()
+    assert np.sqrt(np.mean(error**2)) < 0.1
+
+
+def test_a_tag_behind_a_hand_is_found_again_where_it_comes_out(tmp_path: Path) -> None:
+    made = film(angle_deg=lambda t: 70.0 + 200.0 * t, frames=40, hands=[Hand(10, 25, "moving", radius_mm=45.0)])
+    error, _, result = errors_deg(made, tmp_path / "film.mkv", PAIR)
+    hidden = ~result.tracks.valid[:, 2:].any(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(hidden), np.arange(10, 25))
+    assert np.nanmax(np.abs(error)) < 0.2
+
+
+def test_a_hand_over_a_corner_does_not_turn_the_tag(tmp_path: Path) -> None:
+    corner = (-ALONG - SIDE / 2, SIDE / 2)
+    made = film(hands=[Hand(8, 25, corner, radius_mm=9.0, level=200.0)], frames=32)
+    error, _, result = errors_deg(made, tmp_path / "film.mkv", PAIR)
+    assert result.tracks.valid.all()
+    # Taken for a part of the tag the hand would turn it by a degree.
+    assert np.abs(error).max() < 0.2
+
+
+def test_going_on_from_a_noted_state_is_the_same_bit_by_bit(tmp_path: Path) -> None:
+    source = open_source(film(frames=20, angle_deg=lambda t: 20.0 + 150.0 * t).write(tmp_path / "film.mkv"))
+    start = find_start(source, read_markers(PAIR))
+    whole, part = start.follower(), start.follower()
+    assert isinstance(whole, StickFollower)
+    rows = [whole.step(frame) for frame in source]
+    for frame in itertools.islice(source, 9):
+        part.step(frame)
+    state = json.loads(json.dumps(part.to_state()))
+    again = start.follower()
+    again.restore(state)
+    rest = [again.step(frame) for frame in itertools.islice(source, 9, None)]
+    assert [row.tobytes() for row in rest] == [row.tobytes() for row in rows[9:]]
+
+
+def test_motion_tells_which_stick_moves(tmp_path: Path) -> None:
+    source = open_source(film(ids=(1, 0), frames=8).write(tmp_path / "film.mkv"))
+    follower = find_start(source, read_markers(PAIR)).follower(motion_tells=True)
+    for frame in source:
+        follower.step(frame)
+    assert follower.moving is not None
+    assert follower.moving.stick == 0
+
+
+@pytest.mark.parametrize(
+    ("how", "hints", "words"),
+    [
+        ({}, {"family": "APRILTAG_36h11"}, ["another family", "4X4_50", "0 and 1"]),
+        ({"ids": (3, 7)}, {}, ["tag 0 of the base stick and tag 1", "numbers 3 and 7", "base_id"]),
+        ({"ids": (0, 0)}, {}, ["tag 0 of the base stick is seen 2 times", "board --tags"]),
+        ({"mirrored": True}, {}, ["mirrored", "hflip"]),
+        ({"ids": (0, 5)}, {}, ["tag 1 of the moving stick (4X4_50) was not found", "number 5"]),
+    ],
+)
+def test_tags_that_are_not_as_told(how: dict, hints: dict, words: list[str], tmp_path: Path) -> None:
+    source = open_source(film(frames=2, **how).write(tmp_path / "film.mkv"))
+    with pytest.raises(NoResultError) as caught:
+        find_start(source, read_markers(PAIR | hints))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_no_tags_at_all(tmp_path: Path) -> None:
+    source = open_source(FlatFilm([], [], lambda t: 0.0 * t, frames=2).write(tmp_path / "film.mkv"))
+    with pytest.raises(NoResultError, match=r"not found.*white border"):
+        find_start(source, read_markers(PAIR))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"family": "4X4_51"}, "no family of tags.*4X4_51.*APRILTAG_36h11"),
+        ({"moving_id": 0}, "both sticks have the tag of one number"),
+        ({"moving_id": 50}, "moving_id.*found 50.*0 to 49"),
+        ({"base_id": True}, "'base_id' is no number"),
+        ({"base_id": None}, "has no key 'base_id'"),
+        ({"kind": {"base": "tag", "moving": "dot"}}, "'moving' is not two positions"),
+        ({"kind": {"base": "tag", "moved": "dot"}}, "moved"),
+        ({"kind": "dot", "base": [[1, 1], [9, 9]], "moving": [[20, 1], [30, 9]]}, "'family' is of tags"),
+    ],
+)
+def test_what_no_tag_has_is_refused(change: dict, words: str) -> None:
+    content = {key: value for key, value in (PAIR | change).items() if value is not None}
+    with pytest.raises(ConfigError, match=words):
+        read_markers(content)
+
+
+def test_families_are_those_of_opencv_each_once() -> None:
+    names = families()
+    assert len({getattr(cv2.aruco, f"DICT_{name}") for name in names}) == len(names), listed(list(names))
+    assert {"4X4_50", "APRILTAG_16h5", "ARUCO_ORIGINAL"} <= set(names)

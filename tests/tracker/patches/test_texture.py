@@ -1,0 +1,125 @@
+"""Points without a dot, in films of textured sticks that are drawn here; sticks of two kinds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from flat_films import FlatFilm, Hand, Sprite, tag, texture_picture
+
+from torsight.core.errors import NoResultError
+from tracker.angle.orient import orient
+from tracker.detect.marker_file import read_markers
+from tracker.frames.source import open_source
+from tracker.initialise import find_start
+from tracker.track import TrackResult, track_film
+
+INNER, OUTER = 35.0, 100.0
+
+
+def textured(seed: int) -> Sprite:
+    return Sprite(texture_picture(np.random.default_rng(seed), 90, 400), along_mm=65.0, width_mm=130.0)
+
+
+def film(**how) -> FlatFilm:
+    return FlatFilm(**{"base": [textured(1)], "moving": [textured(2)], "angle_deg": lambda t: 60.0 + 100.0 * t, **how})
+
+
+def points(made: FlatFilm, stick: int) -> list[list[float]]:
+    first_deg = float(made.truth_deg[0])
+    return [made.on_stick(stick, first_deg, along).tolist() for along in (INNER, OUTER)]
+
+
+def tracked(made: FlatFilm, path: Path, hints: dict | None = None, **codec) -> tuple[np.ndarray, TrackResult]:
+    """Angle less truth, and the track."""
+    given = {"kind": "texture", "base": points(made, 0), "moving": points(made, 1)} | (hints or {})
+    result = track_film(open_source(made.write(path, **codec)), markers=read_markers(given))
+    angles = orient(result.tracks, None).angles
+    error = np.rad2deg(angles.angle_rad) - made.truth_deg
+    return error - 360.0 * np.round(error[np.isfinite(error)][0] / 360.0), result
+
+
+@pytest.mark.parametrize("step_deg", [np.rad2deg(15.0 / OUTER), 20.0], ids=["15 px", "20 degrees"])
+def test_fast_turns_past_the_base(step_deg: float, tmp_path: Path) -> None:
+    made = film(angle_deg=lambda t: 60.0 + 30.0 * step_deg * t, frames=50)
+    error, _ = tracked(made, tmp_path / "film.mp4", codec="libx264")
+    assert np.isfinite(error).all()
+    # Each point is off by less than a fifth of a pixel.
+    assert np.abs(error).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
+
+
+def test_seen_from_aside(tmp_path: Path) -> None:
+    made = film(angle_deg=lambda t: 100.0 + 60.0 * (1.0 - np.cos(3.0 * t)), tilt_deg=30.0, frames=50)
+    error, result = tracked(made, tmp_path / "film.mkv")
+    assert result.tracks.valid.mean() > 0.98
+    # A turn of the shape alone would be off by 0.2 degrees.
+    assert np.sqrt(np.nanmean(error**2)) < 0.06
+
+
+@pytest.mark.parametrize("step_deg", [1.0, 9.0])
+def test_a_lost_stick_is_found_again_by_its_turned_patch(step_deg: float, tmp_path: Path) -> None:
+    hand = Hand(12, 26, "moving", radius_mm=50.0)
+    made = film(angle_deg=lambda t: 80.0 + 30.0 * step_deg * t, frames=45, hands=[hand], size=(320, 280))
+    error, result = tracked(made, tmp_path / "film.mkv")
+    seen = result.tracks.valid[:, 2:].all(axis=1)
+    assert not seen[12:26].any()
+    assert seen[:12].all()
+    # Looked for around its axis in one frame of three where the axis is known, and in the whole picture seldom.
+    assert seen[30:].all()
+    assert np.nanmax(np.abs(error)) < 0.3
+
+
+def test_a_patch_that_slides_onto_blank_paper_is_not_valid(tmp_path: Path) -> None:
+    # The stick's outer half is painted over, from one frame to the next, by paper that turns with it.
+    made = film(frames=24, hands=[Hand(12, 24, "moving", radius_mm=70.0, level=180.0)])
+    _, result = tracked(made, tmp_path / "film.mkv")
+    assert result.tracks.valid[:12].all()
+    assert not result.tracks.valid[12:, 2:].any()
+
+
+@pytest.mark.parametrize(
+    ("paint", "words"),
+    [
+        (lambda picture: picture.fill(150.0), "no texture around it"),
+        (lambda picture: picture.__setitem__(slice(0, 120), 60.0), "lies on an edge"),
+    ],
+    ids=["blank", "edge"],
+)
+def test_a_point_that_nothing_tells_is_refused(paint, words: str, tmp_path: Path) -> None:
+    luma = np.full((240, 320), 180.0)
+    paint(luma)
+    luma += np.random.default_rng(5).normal(0.0, 1.0, luma.shape)
+    cv2.imwrite(str(tmp_path / "a.png"), np.clip(luma, 0, 255).astype(np.uint8))
+    hints = {"kind": "texture", "base": [[60, 120], [110, 120]], "moving": [[200, 120], [260, 120]]}
+    with pytest.raises(NoResultError, match=words) as caught:
+        find_start(open_source(tmp_path / "a.png"), read_markers(hints))
+    assert "base, inner marker" in str(caught.value)
+
+
+def dotted() -> Sprite:
+    """Return a light stick with two dots of 5 mm radius."""
+    picture = np.full((80, 480), 200.0, np.float32)
+    for along in (INNER, OUTER):
+        cv2.circle(picture, (round(4 * (along - 5.0)), 40), 20, 40.0, -1, cv2.LINE_AA)
+    return Sprite(picture, along_mm=65.0, width_mm=120.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sprites"),
+    [
+        ({"base": "tag", "moving": "dot"}, (Sprite(**tag("4X4_50", 0, side_mm=36.0, along_mm=70.0)), dotted())),
+        ({"base": "dot", "moving": "tag"}, (dotted(), Sprite(**tag("4X4_50", 1, side_mm=36.0, along_mm=70.0)))),
+        ({"base": "texture", "moving": "dot"}, (textured(1), dotted())),
+    ],
+    ids=["tag and dots", "dots and tag", "texture and dots"],
+)
+def test_sticks_of_two_kinds(kind: dict, sprites: tuple[Sprite, Sprite], tmp_path: Path) -> None:
+    made = film(base=[sprites[0]], moving=[sprites[1]], angle_deg=lambda t: 60.0 + 240.0 * t, frames=45)
+    tags = {"family": "4X4_50", "base_id": 0, "moving_id": 1} if "tag" in kind.values() else {}
+    error, result = tracked(made, tmp_path / "film.mkv", {"kind": kind, **tags})
+    assert np.isfinite(error).mean() > 0.95
+    # The dots are drawn to whole steps of an eighth of a millimetre.
+    assert np.sqrt(np.nanmean(error**2)) < np.rad2deg(0.25 / (OUTER - INNER))
+    assert result.report["markers"]["kind"] == kind

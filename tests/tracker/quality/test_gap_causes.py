@@ -1,0 +1,81 @@
+"""Films in which one thing goes wrong: what is said of it is that thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from films import Cover, Rig, write_film
+
+from tracker.angle.orient import orient
+from tracker.frames.source import open_source
+from tracker.quality.account import account
+from tracker.quality.track_warnings import doubts
+from tracker.track import track_film
+
+RIG = Rig(lambda t: 60.0 + 40.0 * (np.cos(5.0 * t) - 1.0), frames=36)
+
+
+def suddenly(rate_deg_s: float) -> Rig:
+    """Return a rig that turns by 1 degree per frame, and from half a second on at this rate."""
+    return replace(RIG, angle_deg=lambda t: 60.0 - np.where(t < 0.5, 30.0 * t, 15.0 + rate_deg_s * (t - 0.5)))
+
+
+@dataclass
+class Changed:
+    """A rig whose pictures are changed, by their number."""
+
+    rig: Rig
+    change: Callable[[int, np.ndarray], np.ndarray]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.rig, name)
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        return (self.change(number, picture) for number, picture in enumerate(self.rig.pictures()))
+
+
+class Woven(Changed):
+    """Two instants in the rows of every picture, and no word of it in the film."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        fields = list(replace(self.rig, frames=2 * self.rig.frames, fps=2.0 * self.rig.fps).pictures())
+        for one, two in zip(fields[::2], fields[1::2], strict=True):
+            whole = one.copy()
+            whole[1::2] = two[1::2]
+            yield whole
+
+
+def blurred(number: int, picture: np.ndarray) -> np.ndarray:
+    return cv2.GaussianBlur(picture, (0, 0), 4.0) if 12 <= number < 30 else picture
+
+
+def absent(number: int, picture: np.ndarray) -> np.ndarray:
+    return picture if number >= 20 else np.random.default_rng(number).normal(95.0, 8.0, picture.shape).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("cause", "rig", "words"),
+    [
+        ("speed", replace(suddenly(1200.0), seed=3), "too fast there for the search"),
+        ("shutter", replace(suddenly(500.0), exposure=1.0), "shorter shutter time"),
+        ("focus", Changed(RIG, blurred), "lock the focus"),
+        ("late", Changed(RIG, absent), "found from frame 30 on"),
+        ("light", replace(RIG, dark_s=(0.4, 1.0)), "steady lamp"),
+        ("hand", replace(RIG, covers=[Cover(0.4, 1.0, "moving")]), "keep hands"),
+        ("interlaced", Woven(suddenly(250.0), lambda _, picture: picture), "interlaced without saying so"),
+    ],
+)
+def test_the_cause_is_named(cause: str, rig: Any, words: str, tmp_path: Path) -> None:
+    source = open_source(write_film(rig, tmp_path / "film.mkv"))
+    result = track_film(source)
+    orientation = orient(result.tracks, None)
+    told = account(result, orientation, doubts=doubts(result), pictures=source.pictures)
+    assert next(iter(told["frames"]["causes"])) == cause
+    (about,) = [text for text in told["advice"] if "frames have no angle" in text]
+    assert words in about

@@ -1,0 +1,253 @@
+"""The picture as a camera would show it that was not moved: the base stick says by how much it was.
+
+A camera that is bumped, sags or shakes shifts the whole picture. Directions do not mind, but the axis is no longer
+where it was: circles that shift meanwhile look like ellipses, and so like a tilt. The base stick is fixed, so its
+motion is the picture's, and is taken out of all positions. Where it moves by no more than its own noise nothing is
+taken out: its noise would only be added to the others'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.camera import Intrinsics
+from torsight.core.geometry import pixel_from_ray, ray_from_pixel
+from torsight.core.hanging import USUAL_PX
+from torsight.core.tracks import MarkerTracks
+from tracker.angle.noise import witness
+from tracker.angle.reference_direction import steady_direction
+
+Floats = NDArray[np.float64]
+
+_MOVED: Final = 1.5
+"""Motion (rms over the film) over the noise of one frame from which it is taken out."""
+_FELT_PX: Final = 5.0 * USUAL_PX
+"""Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
+_START: Final = 0.1
+"""Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
+_SAME: Final = 2.0
+"""Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
+_OFF: Final = 5.0
+"""Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unmoved:
+    """What a camera that was not moved would have seen.
+
+    Attributes
+    ----------
+    tracks : MarkerTracks
+        Without the shift. What is not known of it while the base is hidden is in the covariance of a moving marker that
+        is seen alone: the direction from both does not need it.
+    paths : MarkerTracks
+        Turned back about the base as well, where the camera was rolled: for the circles of the moving markers. Angles
+        are taken against the base in any case, and have its errors counted there.
+    shift_px2 : (n,) float64
+        Variance, along each axis, of the shift that was taken out: an error that all markers of a frame have in common.
+    turn_rad2 : (n,) float64
+        Variance of what ``paths`` are turned back by.
+    """
+
+    tracks: MarkerTracks
+    paths: MarkerTracks
+    shift_px2: Floats
+    turn_rad2: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shift:
+    """By how much the picture is shifted in every frame.
+
+    Attributes
+    ----------
+    step : (n, 2) float64
+        From its place at the start; interpolated where the base is not seen.
+    variance : (n,) float64
+        Of the step, along the axis that is known worse.
+    loose : (n,) float64
+        The same where the base is not seen; nought elsewhere.
+    """
+
+    step: Floats
+    variance: Floats
+    loose: Floats
+
+
+def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel_aspect: float = 1.0) -> Unmoved:
+    """Return tracks as a camera that was not moved would have seen them.
+
+    With a lens the motion is taken out of the rays, which is what a small turn of the camera does; without one, out of
+    the picture.
+    """
+    flat, covariance, pixel = _flat(tracks, intrinsics, pixel_aspect)
+    shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
+    if shift is None:
+        nothing = np.zeros(len(tracks))
+        return Unmoved(tracks, tracks, nothing, nothing)
+    flat = flat - shift.step[:, None]
+    seen = _seen(flat)
+    alone = (seen[:, 2] != seen[:, 3]) * shift.loose / pixel**2
+    spread = tracks.covariance_px2.copy()
+    spread[:, 2:] += alone[:, None, None, None] * np.eye(2)
+    still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
+    turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
+    paths = replace(still, position_px=_in_picture(turned, intrinsics, pixel_aspect))
+    return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
+
+
+def _flat(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
+    """Return rays, or positions in square pixels (n, 4, 2), their covariances, and the size of a pixel among them."""
+    if intrinsics is None:
+        stretch = np.array([pixel_aspect, 1.0])
+        return tracks.position_px * stretch, tracks.covariance_px2 * np.outer(stretch, stretch), 1.0
+    rays, slopes = ray_from_pixel(tracks.position_px, intrinsics)
+    covariance = np.asarray(slopes @ tracks.covariance_px2 @ np.swapaxes(slopes, -1, -2))
+    return rays, covariance, 1.0 / float(intrinsics.matrix[0, 0])
+
+
+def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float) -> Floats:
+    """Return the pixel positions of what :func:`_flat` makes of them."""
+    return flat / np.array([pixel_aspect, 1.0]) if intrinsics is None else pixel_from_ray(flat, intrinsics)
+
+
+def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
+    """Return by how much the base stick is off its place at the start; None where that is no more than noise.
+
+    A camera that moves takes both markers along: where one alone goes astray it was misread.
+
+    Parameters
+    ----------
+    base : (n, 2, 2) float64
+        Its inner and outer marker; NaN where not seen.
+    covariance : (n, 2, 2, 2) float64
+        Their covariances from the fits.
+    pixel : float
+        Size of a pixel in the unit of the positions.
+    """
+    place = _middle(base)
+    known = np.isfinite(place[:, 0])
+    if not known.any():
+        return None
+    scale = _base_scale(base, covariance)
+    noise = _noise(base, covariance) * max(scale, 1.0) ** 2
+    start = _at_the_start(place[known])
+    step, variance = np.zeros_like(place), np.zeros(len(place))
+    for axis in range(2):
+        away = place[:, axis] - start[axis]
+        step[:, axis], spread = _followed(away, noise[:, axis])
+        variance = np.maximum(variance, spread)
+    usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
+    if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
+        return None
+    return Shift(step, variance, np.where(known, 0.0, variance))
+
+
+def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
+    """Return positions turned back about the base stick by as much as it is turned: where a camera was rolled.
+
+    Also the variance (n,) of the turn, nought where nothing is turned.
+
+    Parameters
+    ----------
+    position : (n, 4, 2) float64
+        Of an unmoved picture, square pixels; NaN where not seen.
+    covariance : (n, 4, 2, 2) float64
+        Their covariances from the fits.
+    pixel : float
+        Size of a pixel in the unit of the positions.
+    """
+    offset = position[:, 1] - position[:, 0]
+    known, nothing = _seen(offset), np.zeros(len(position))
+    if not known.any():
+        return position, nothing
+    scale = _base_scale(position, covariance)
+    usual = np.median(offset[known], axis=0)
+    along, across = offset @ usual, offset @ np.array([-usual[1], usual[0]])
+    noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / float(usual @ usual)
+    noise *= max(scale, 1.0) ** 2
+    turn, variance = _followed(np.arctan2(across, along), noise)
+    felt = (_FELT_PX * pixel) ** 2 / float(usual @ usual)
+    if not np.var(turn[known]) > max(_MOVED**2 * float(np.median(noise[known])), felt):
+        return position, nothing
+    pivot = np.median(position[known, :2].mean(axis=1), axis=0)
+    cos, sin = np.cos(turn), np.sin(turn)
+    back = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
+    return np.asarray((position - pivot) @ back + pivot), variance
+
+
+def _seen(points: Floats) -> NDArray[np.bool_]:
+    """Return where both coordinates of points (..., 2) are known."""
+    return np.asarray(np.isfinite(points).all(axis=-1), dtype=np.bool_)
+
+
+def _middle(base: Floats) -> Floats:
+    """Return the stick's middle (n, 2), also where one marker alone is seen."""
+    offset = base[:, 1] - base[:, 0]
+    both = _seen(offset)
+    if not both.any():
+        return np.full((len(base), 2), np.nan)
+    half = 0.5 * np.median(offset[both], axis=0)
+    one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
+    return np.where(both[:, None], base.mean(axis=1), one)
+
+
+def _at_the_start(place: Floats) -> Floats:
+    """Return where the stick is (2,) before the camera is moved, from its places (n, 2).
+
+    A camera that shakes about one place is averaged for as long as it does; one that sags or is bumped is not.
+    """
+    count = max(1, round(_START * len(place)))
+    while 2 * count <= len(place):
+        apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
+        if (apart > _SAME * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
+            break
+        count *= 2
+    return np.asarray(np.median(place[:count], axis=0))
+
+
+def _one_astray(base: Floats) -> Floats:
+    """Return the variance of the middle along both axes (2,) that one marker alone would give it."""
+    offset = base[:, 1] - base[:, 0]
+    return np.asarray(0.25 * np.var(offset[_seen(offset)], axis=0))
+
+
+def _base_scale(base: Floats, covariance: Floats) -> float:
+    """Return by how much the length of the base stick errs more than the fits say, in all frames alike."""
+    together = np.ones(len(base), np.bool_)
+    return witness(base[:, 0], base[:, 1], covariance[:, 0], covariance[:, 1], moves=together).scale
+
+
+def _noise(base: Floats, covariance: Floats) -> Floats:
+    """Return the variance of the middle along both axes (n, 2), by what the fits say; NaN where it is not seen."""
+    own = np.diagonal(covariance, axis1=-2, axis2=-1)
+    seen = _seen(base)
+    total = np.where(seen[..., None], own, 0.0).sum(axis=1)
+    count = seen.sum(axis=1)[:, None]
+    return np.where(count > 0, total / np.maximum(count, 1) ** 2, np.nan)
+
+
+def _followed(away: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Return a coordinate (n,) averaged as far as it rests, and its variance; of all frames."""
+    smooth, variance = steady_direction(away, noise)
+    known = np.isfinite(away)
+    usual = float(np.median(noise[known]))
+    apart = known & ~(np.abs(away - smooth) < _OFF * np.sqrt(usual))
+    smooth, variance = np.where(apart, away, smooth), np.where(apart, noise, variance)
+    return _bridged(smooth, variance)
+
+
+def _bridged(values: Floats, variance: Floats) -> tuple[Floats, Floats]:
+    """Fill gaps (of a bump that was not seen) in between: what is on both sides of one differs by how it may be off."""
+    known = np.flatnonzero(np.isfinite(values))
+    index = np.arange(len(values))
+    after = np.clip(np.searchsorted(known, index), 0, len(known) - 1)
+    before = np.clip(after - 1, 0, None)
+    gap = ~np.isfinite(values)
+    across = (values[known[after]] - values[known[before]]) ** 2
+    filled = np.where(gap, np.interp(index, known, values[known]), values)
+    return filled, np.where(gap, across + np.median(variance[known]), variance)

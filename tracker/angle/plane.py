@@ -1,0 +1,265 @@
+"""From positions in planes across the axis to the actuator angle: both sticks' directions, and how wrong they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.frozen import Frozen
+from torsight.core.shown import Shown
+from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.units import DEG
+from tracker.angle.noise import LengthWitness, in_motion, witness
+from tracker.angle.reference_direction import steady_direction
+from tracker.angle.single_marker import lone_direction
+from tracker.angle.unwrap import unwrap
+
+Points = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Positions (n, 2) in a plane seen from the camera, y up, and covariances (n, 2, 2)."""
+
+FLOOR_PX: Final = 0.003
+"""What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
+
+_FROZEN: Final = 0.8
+"""Error that a codec freezes in a base at rest over that of markers in motion, at most: 0.43 to 0.79 for x264 at CRF 12
+to 30, from its fastest preset to its usual one, on the films of benchmarks/tracking/stereo.py."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Orientation(Frozen, Shown):
+    """The angle of a film and how it was had.
+
+    Attributes
+    ----------
+    angles : StickAngles
+        The actuator angle, frame by frame.
+    position_mm : (n, 4, 3) float64 or None
+        Markers in space, where a camera file tells scale.
+    report : mapping
+        For ``track.json``: method, noise, tilt.
+    error_scale : (n, 2) float64
+        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+    """
+
+    angles: StickAngles
+    position_mm: NDArray[np.float64] | None
+    error_scale: NDArray[np.float64]
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def with_report(self, **entries: Any) -> Orientation:
+        """Return the orientation with further entries for ``track.json``."""
+        return replace(self, report={**self.report, **entries})
+
+    def facts(self) -> dict[str, str]:
+        """Return the angle, its uncertainty and how it was had."""
+        return {**self.angles.facts(), "method": str(self.report.get("method", ""))}
+
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.angles.to_frame())
+
+    def _draw(self, axes: Any) -> None:
+        self.angles.plot(axes)
+
+    def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
+        """Return tracks whose covariances are those of the errors that the sticks' lengths show."""
+        scale = np.repeat(self.error_scale, 2, axis=1)[..., None, None] ** 2
+        return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2))
+
+
+def from_plane(
+    tracks: MarkerTracks,
+    plane: list[Points],
+    *,
+    position_mm: NDArray[np.float64] | None,
+    method: str,
+    systematic_rad2: NDArray[np.float64] | None = None,
+) -> Orientation:
+    """Return the angle from the markers' positions in planes across the axis.
+
+    ``systematic_rad2`` (n,) is variance of the angle that positions do not show, such as by an unknown tilt.
+    """
+    errors = stick_errors(tracks, plane)
+    base_scale, scale = errors.scale.T
+    base_rad, base_variance = stick_direction(plane[0], plane[1])
+    base_rad[errors.base.outlier] = np.nan
+    moving = moving_direction(plane, scale, outlier=errors.moving.outlier)
+    if systematic_rad2 is not None:
+        moving = replace(moving, variance_rad2=moving.variance_rad2 + systematic_rad2)
+    return against_base(
+        tracks,
+        moving,
+        (base_rad, base_variance * base_scale**2),
+        errors=errors,
+        floor_rad2=sum(floor_of(tracks)),
+        position_mm=position_mm,
+        method=method,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StickErrors:
+    """What the lengths of both sticks say of a film's errors.
+
+    Attributes
+    ----------
+    base, moving : LengthWitness
+        Of each stick.
+    scale : (n, 2) float64
+        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+    """
+
+    base: LengthWitness
+    moving: LengthWitness
+    scale: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moving:
+    """The moving stick's direction.
+
+    Attributes
+    ----------
+    angle_rad, variance_rad2 : (n,) float64
+        NaN where not known.
+    alone : (n,) bool
+        Where a single position tells it.
+    bound_rad2 : float
+        Usual variance by the pictures' noise alone.
+    """
+
+    angle_rad: NDArray[np.float64]
+    variance_rad2: NDArray[np.float64]
+    alone: NDArray[np.bool_]
+    bound_rad2: float
+
+
+def stick_errors(tracks: MarkerTracks, plane: list[Points]) -> StickErrors:
+    """Return what the sticks' lengths say, from positions in planes across the axis."""
+    base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
+    base, moving = stick_witness(plane[:2], base_moves), stick_witness(plane[2:], moves)
+    # The base's noise is frozen longest of all: the other stick tells what it hides.
+    hidden = _FROZEN * moving.still
+    of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
+    return StickErrors(base, moving, np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1))
+
+
+def moving_direction(
+    plane: list[Points], scale: NDArray[np.float64], *, outlier: NDArray[np.bool_] | None = None
+) -> Moving:
+    """Return the moving stick's direction from positions in planes across the axis, with errors scaled (n,)."""
+    moving_rad, bound = stick_direction(plane[2], plane[3])
+    if outlier is not None:
+        moving_rad[outlier] = np.nan
+    lone = lone_direction((scaled(plane[2], scale), scaled(plane[3], scale)), moving_rad)
+    one = np.isfinite(lone.angle_rad)
+    return Moving(
+        angle_rad=np.where(one, lone.angle_rad, moving_rad),
+        variance_rad2=np.where(one, lone.variance_rad2, bound * scale**2),
+        alone=one,
+        bound_rad2=usual_of(bound),
+    )
+
+
+def against_base(
+    tracks: MarkerTracks,
+    moving: Moving,
+    base: Points,
+    *,
+    errors: StickErrors,
+    floor_rad2: float,
+    position_mm: NDArray[np.float64] | None,
+    method: str,
+) -> Orientation:
+    """Return the actuator angle: the moving stick's direction against the base's, which is held and averaged.
+
+    Parameters
+    ----------
+    tracks : MarkerTracks
+        Frames and times.
+    moving : Moving
+        The moving stick's direction.
+    base : (n,) and (n,) float64
+        The base's direction in every frame, NaN where not known, and its variance.
+    errors : StickErrors
+        For the report, and for the markers' own errors.
+    floor_rad2 : float
+        Variance that no averaging takes away.
+    position_mm : (n, 4, 3) float64 or None
+        Markers in space.
+    method : str
+        For the report.
+    """
+    steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
+    variance = moving.variance_rad2 + steady_variance + floor_rad2
+    angle_rad, certain = unwrap(tracks.time_s, moving.angle_rad - steady_rad)
+    valid = np.isfinite(angle_rad) & np.isfinite(variance)
+    angles = StickAngles(
+        frame=tracks.frame,
+        time_s=tracks.time_s,
+        angle_rad=np.where(valid, angle_rad, np.nan),
+        # Where the whole turn is not certain the angle may be off by one: the sigma says so.
+        sigma_rad=np.where(valid, np.sqrt(variance) + np.where(certain, 0.0, 2.0 * np.pi), np.nan),
+        valid=valid,
+        branch_certain=certain,
+    )
+    noise = _noise_report(errors.base, errors.moving)
+    noise["angle_bound_deg"] = float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None
+    report = {"method": method, "noise": noise, "from_one_marker": int((valid & moving.alone).sum())}
+    return Orientation(angles, position_mm, errors.scale, report)
+
+
+def usual_of(values: NDArray[np.float64]) -> float:
+    """Return the median of what is known; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def stick_witness(stick: list[Points], moves: NDArray[np.bool_]) -> LengthWitness:
+    """Return what the length of a stick says, from its inner and outer marker."""
+    inner, outer = stick
+    return witness(inner[0], outer[0], inner[1], outer[1], moves=moves)
+
+
+def scaled(points: Points, scale: float | NDArray[np.float64]) -> Points:
+    """Return positions with the errors that the stick's length shows, in every frame or in each (n,)."""
+    return points[0], points[1] * np.reshape(scale, (-1, 1, 1)) ** 2
+
+
+def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
+    """Return the variance of both sticks' directions that no averaging takes away, rad²."""
+    found: list[float] = []
+    for first in (0, 2):
+        offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
+        length = np.hypot(offset[:, 0], offset[:, 1])
+        known = length[np.isfinite(length)]
+        found.append(2.0 * FLOOR_PX**2 / float(np.median(known)) ** 2 if len(known) else 0.0)
+    return found[0], found[1]
+
+
+def _noise_report(base: LengthWitness, moving: LengthWitness) -> dict[str, Any]:
+    return {
+        "error_over_white_noise": {"base": base.scale, "moving": moving.scale},
+        "impossible_lengths": {"base": int(base.outlier.sum()), "moving": int(moving.outlier.sum())},
+    }
+
+
+def stick_direction(inner: Points, outer: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a stick's direction and its variance."""
+    offset = outer[0] - inner[0]
+    square = np.sum(offset**2, axis=1)
+    across = np.stack([-offset[:, 1], offset[:, 0]], axis=1)
+    variance = np.einsum("ni,nij,nj->n", across, inner[1] + outer[1], across) / square**2
+    return np.arctan2(offset[:, 1], offset[:, 0]), variance
+
+
+def _continuous(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a direction that hardly changes, free of jumps by whole turns."""
+    known = np.isfinite(angle_rad)
+    if not known.any():
+        return angle_rad
+    middle = np.angle(np.mean(np.exp(1j * angle_rad[known])))
+    return np.asarray(middle + np.angle(np.exp(1j * (angle_rad - middle))), dtype=np.float64)

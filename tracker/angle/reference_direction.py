@@ -1,0 +1,127 @@
+"""The base stick's direction: a reference that hardly moves, and so can be averaged and held."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LONGEST: Final = 400
+"""Frames on each side that are averaged at most."""
+_LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
+
+
+def steady_direction(
+    angle_rad: NDArray[np.float64], variance_rad2: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the base's direction in every frame and its variance.
+
+    Where the direction scatters no more than its own noise it is averaged over as many frames as its drift allows; true
+    shaking is kept. Frames in which the base is not seen take the mean of both sides; where these differ by more than
+    noise (the camera was bumped meanwhile) the direction is not known there.
+
+    Parameters
+    ----------
+    angle_rad : (n,) float64
+        Direction frame by frame, continuous; NaN where not seen.
+    variance_rad2 : (n,) float64
+        Its variance, with everything that is known of the noise.
+    """
+    known = np.isfinite(angle_rad)
+    if not known.any():
+        return np.full_like(angle_rad, np.nan), np.full_like(angle_rad, np.nan)
+    noise = float(np.median(variance_rad2[known]))
+    smooth = np.full_like(angle_rad, np.nan)
+    variance = np.full_like(angle_rad, np.nan)
+    for first, last in _segments(angle_rad, noise):
+        part = slice(first, last)
+        seen = known[part]
+        half, drift, shaking, apparent = _character(angle_rad[part][seen], noise)
+        mean, count = _running_mean(angle_rad[part], half)
+        share = shaking / (shaking + noise)
+        kept = np.where(seen, share * (angle_rad[part] - mean), 0.0)
+        smooth[part] = mean + np.nan_to_num(kept)
+        # Noise that never changes (a codec repeats a still picture) does not average out.
+        hidden = max(0.0, noise - apparent)
+        averaged = apparent / np.maximum(count, 1.0) * 2.0
+        variance[part] = hidden + averaged + drift * half / 6.0 + np.where(seen, share * noise, shaking)
+    return smooth, np.minimum(variance, np.where(known, np.maximum(variance_rad2, 1e-18), np.inf))
+
+
+def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, int]]:
+    """Return the stretches between bumps: where the direction jumps for good."""
+    known = np.flatnonzero(np.isfinite(angle_rad))
+    values = angle_rad[known]
+    side = 8
+    cuts = [0]
+    if len(values) > 4 * side:
+        jump = np.abs(steps_of_mean(values, side))
+        at = 0
+        limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / side)
+        spread = 1.4826 * float(np.median(jump))
+        limit = max(limit, 8.0 * spread)
+        while at < len(jump):
+            if jump[at] > limit:
+                stop = min(len(jump), at + 2 * side)
+                best = at + int(np.argmax(jump[at:stop]))
+                cuts.append(best + side)
+                at = best + 2 * side
+            else:
+                at += 1
+    edges = [0 if cut == 0 else int(known[min(cut, len(known) - 1)]) for cut in cuts] + [len(angle_rad)]
+    # A gap that holds the bump belongs to neither side.
+    parts: list[tuple[int, int]] = []
+    for first, last in itertools.pairwise(edges):
+        stop = last
+        if last < len(angle_rad):
+            inside = known[known < last]
+            stop = int(inside[-1]) + 1 if len(inside) else last
+        if stop > first:
+            parts.append((first, stop))
+    return parts
+
+
+def steps_of_mean(values: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """Return by how much the mean of the next ``side`` values differs from that of the last (n − 2 side + 1, …)."""
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    mean = (total[side:] - total[:-side]) / side
+    return np.asarray(mean[side:] - mean[:-side], dtype=np.float64)
+
+
+def _character(values: NDArray[np.float64], noise: float) -> tuple[int, float, float, float]:
+    """Return averaging half-width, drift per frame, variance of true shaking, and variance of what scatters."""
+    if len(values) < 4:
+        return 0, 0.0, 0.0, noise
+    lags = [lag for lag in _LAGS if 3 * lag < len(values)] or [1]
+    half_squares = np.array([0.5 * np.mean((values[lag:] - values[:-lag]) ** 2) for lag in lags])
+    scatter = float(half_squares[0])
+    drift = 0.0
+    if len(lags) > 1:
+        growth = np.diff(half_squares) / np.diff(lags)
+        drift = max(0.0, 2.0 * float(np.median(growth)))
+    shaking = max(0.0, scatter - noise)
+    shaking = shaking if shaking > 0.5 * noise else 0.0
+    apparent = min(scatter, noise)
+    # Noise / (2 h) against drift · h / 6 per frame.
+    half = _LONGEST if drift <= 0 else int(np.sqrt(3.0 * max(apparent, 1e-18) / drift))
+    return int(np.clip(half, 1, _LONGEST)), drift, shaking, apparent
+
+
+def _running_mean(values: NDArray[np.float64], half: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean over ±half frames of what is known (the nearest known one where there is none), and the count."""
+    known = np.isfinite(values)
+    middle = float(np.nanmean(values)) if known.any() else 0.0
+    total = np.concatenate([[0.0], np.cumsum(np.where(known, values - middle, 0.0))])
+    number = np.concatenate([[0.0], np.cumsum(known)])
+    index = np.arange(len(values))
+    first, last = np.maximum(0, index - half), np.minimum(len(values), index + half + 1)
+    count = number[last] - number[first]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = middle + (total[last] - total[first]) / count
+    empty = count == 0
+    if empty.any() and (~empty).any():
+        mean[empty] = np.interp(index[empty], index[~empty], mean[~empty])
+        count[empty] = 1.0
+    return mean, count

@@ -1,0 +1,120 @@
+"""The stick's direction from one marker alone, while something lies over the other.
+
+Markers go around the axis: p = c + R(ψ) q. Axis and arms are found from the frames in which both markers are seen;
+then one marker and the axis tell the direction ψ. What is not known of axis and arms, and how far both ways differ
+where both can be had, is in the variance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.follow.axis import circle_equations
+
+Floats = NDArray[np.float64]
+Points = tuple[Floats, Floats]
+
+_FEWEST: Final = 20
+"""Frames with both markers from which axis and arms are found: eighty coordinates for six values."""
+_WORST_CONDITION: Final = 1e8
+"""Of the normal equations: beyond it half of the digits are lost."""
+_CORRELATED: Final = 4.0
+"""Frames that share an error of a circle that is tilted."""
+_KEPT: Final = 8
+"""Frames that are taken of one step of direction."""
+_WORST_RAD: Final = np.deg2rad(1.0)
+"""Error above which the direction counts as not known."""
+_PARTS: Final = 6
+"""Steps of direction that have to be seen: over less, noise bends the circle."""
+_STEP_RAD: Final = np.deg2rad(2.0)
+"""Frames closer to each other than this tell the same of the axis."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lone:
+    """Directions from one marker alone.
+
+    Attributes
+    ----------
+    angle_rad, variance_rad2 : (n,) float64
+        Where only one marker is seen and it tells the direction; NaN elsewhere.
+    """
+
+    angle_rad: Floats
+    variance_rad2: Floats
+
+
+def lone_direction(moving: tuple[Points, Points], pair_rad: Floats) -> Lone:
+    """Return the direction of the stick in frames in which one of its markers is seen.
+
+    Parameters
+    ----------
+    moving : two of (n, 2) and (n, 2, 2) float64
+        Positions of inner and outer marker in a plane, of a camera that was not moved, NaN where not seen, and
+        covariances.
+    pair_rad : (n,) float64
+        Direction from both markers; NaN where it is not known.
+    """
+    n = len(pair_rad)
+    nothing = Lone(np.full(n, np.nan), np.full(n, np.nan))
+    seen = [np.isfinite(points[:, 0]) for points, _ in moving]
+    alone = [seen[0] & ~seen[1], seen[1] & ~seen[0]]
+    both = np.flatnonzero(np.isfinite(pair_rad))
+    if not (alone[0].any() or alone[1].any()) or len(both) < _FEWEST:
+        return nothing
+    places = [points for points, _ in moving]
+    fitted = _axis_and_arms(places, pair_rad, _spread_out(pair_rad, both))
+    if fitted is None:
+        return nothing
+    values, covariance = fitted
+    angle, variance = nothing.angle_rad, nothing.variance_rad2
+    for marker in (0, 1):
+        direction, spread = _from_one(places[marker], moving[marker][1], values, covariance, marker)
+        differs = np.angle(np.exp(1j * (direction[both] - pair_rad[both])))
+        spread = np.maximum(spread, np.nanmean(differs**2))
+        use = alone[marker] & (spread < _WORST_RAD**2)
+        angle[use], variance[use] = direction[use], spread[use]
+    return Lone(angle, variance)
+
+
+def _spread_out(pair_rad: Floats, both: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return frames that do not all stand at one place of the circle."""
+    bins = np.floor(pair_rad[both] / _STEP_RAD).astype(np.int64)
+    order = np.argsort(bins, kind="stable")
+    rank = np.arange(len(both)) - np.searchsorted(bins[order], bins[order])
+    return np.sort(both[order[rank < _KEPT]])
+
+
+def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats] | None:
+    """Return axis and both arms, (6,), and their covariance from the misfit."""
+    parts = len(np.unique(np.floor(pair_rad[rows] / _STEP_RAD)))
+    points, turn = np.stack(places, axis=1)[rows], pair_rad[rows]
+    normal, right = circle_equations(points, turn)
+    if parts < _PARTS or np.linalg.cond(normal) > _WORST_CONDITION:
+        return None
+    values = np.linalg.solve(normal, right)
+    unit, arms = np.exp(1j * turn)[:, None], values[2::2] + 1j * values[3::2]
+    expected = values[0] + 1j * values[1] + unit * arms
+    left = points[..., 0] + 1j * points[..., 1] - expected
+    mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - len(values))
+    # The misfit of a tilted circle is correlated over many frames: it does not average out as noise does.
+    return np.asarray(values), np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))
+
+
+def _from_one(place: Floats, spread: Floats, values: Floats, covariance: Floats, marker: int) -> tuple[Floats, Floats]:
+    """Return the stick's direction from one marker, and its variance."""
+    at = 2 + 2 * marker
+    arm = values[at : at + 2]
+    away = place - values[:2]
+    square = np.sum(away**2, axis=1)
+    direction = np.arctan2(away[:, 1], away[:, 0]) - np.arctan2(arm[1], arm[0])
+    across = np.stack([-away[:, 1], away[:, 0]], axis=1) / square[:, None]
+    own = np.einsum("ni,nij,nj->n", across, spread, across)
+    slopes = np.zeros((len(place), 6))
+    slopes[:, :2] = -across
+    slopes[:, at : at + 2] = -np.array([-arm[1], arm[0]]) / (arm @ arm)
+    return direction, own + np.einsum("ni,ij,nj->n", slopes, covariance, slopes)

@@ -1,0 +1,346 @@
+"""The actuator angle from two films: the angle on circles that all frames share.
+
+Depth from two pictures is several times worse than the place within one. So it is used where all frames can give it
+together: where the rotation axis is, on which circles about it the moving stick's markers go, and where the base's
+markers are (:mod:`torsight.core.circles`). A frame then has its angle alone to be found, from whatever markers either
+film shows in it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.axis import Axis, axis_from_pair
+from torsight.core.camera import Camera
+from torsight.core.circles import Circles, Turns, axis_basis
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import SpacePoints
+from torsight.core.scale import check_scale
+from torsight.core.threads import one_thread
+from torsight.core.tracks import MarkerTracks
+from tracker.angle.orient import in_planes
+from tracker.angle.plane import (
+    Moving,
+    Orientation,
+    Points,
+    against_base,
+    floor_of,
+    moving_direction,
+    stick_direction,
+    stick_errors,
+    usual_of,
+)
+from tracker.angle.reference_direction import steady_direction
+from tracker.angle.stereo_films import Film, films_of, fused, same_points, triangulated
+
+Floats = NDArray[np.float64]
+
+_PARALLEL: Final = 0.2
+_MISREAD: Final = 36.0
+"""χ² of a frame, in the usual one, above which one of its markers was misread: six standard deviations."""
+_SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
+_BELIEF: Final = (0.8, 0.15, 0.05)
+"""How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
+beforehand. Sticks are flat to a hundredth of a millimetre over 20, unless the film shows otherwise; one camera with
+known planes takes them as flat in any case."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rig:
+    """What all frames share.
+
+    ``direction`` and ``point`` are of the axis, ``height_mm`` (4,) of the markers along it, ``rise_sigma_mm`` the
+    standard deviation of how much higher the base's outer marker is than its inner one; ``circles`` is None where the
+    stick turns too little to show them; ``report`` is for ``track.json``.
+    """
+
+    direction: Floats
+    point: Floats
+    height_mm: Floats
+    circles: Circles | None
+    report: dict[str, Any]
+    rise_sigma_mm: float = 0.0
+
+    @property
+    def frame(self) -> Floats:
+        """u, v and the axis' direction (3, 3)."""
+        return np.stack((*axis_basis(self.direction), self.direction))
+
+
+@one_thread()
+def orient_pair(
+    left: MarkerTracks, right: MarkerTracks, camera: Camera, *, known_mm: Mapping[str, float] | None = None
+) -> Orientation:
+    """Return the moving stick's orientation against the base stick.
+
+    Every angle is the likeliest one for the pixels of both pictures (of one, where the other shows no marker of the
+    moving stick), with the markers on their circles about the axis and the base at its place; the base stick shows
+    whether a camera moved, and by how much, which is taken out.
+
+    Parameters
+    ----------
+    left, right : MarkerTracks
+        Tracks of both films; one row per frame of the left one is returned.
+    camera : Camera
+        With the second camera.
+    known_mm : mapping of str to float, optional
+        Distances of the markers of ``base`` and ``moving``, measured by hand.
+
+    Raises
+    ------
+    ConfigError
+        When the camera file has no second camera, or is for another picture size.
+    NoResultError
+        When a marker is never seen in both films at once, or the axis cannot be found.
+    """
+    films, space = same_points(films_of(left, right, camera))
+    rig = _first_rig(films, space)
+    # The errors of each film by its own sticks, seen flat; then the axis again, with those errors.
+    errors = [stick_errors(film.tracks, _on_planes(film, rig)) for film in films]
+    scaled_films = [film.scaled(error) for film, error in zip(films, errors, strict=True)]
+    space = triangulated(scaled_films)
+    if rig.circles is not None:
+        axis, circles = axis_from_pair(*(film.sight() for film in scaled_films), noise_px=_noise_px(scaled_films))
+        rig = _rig_of(axis, circles)
+    in_frame = (space.position_mm - rig.point) @ rig.frame.T
+    rig = _with_base(rig, in_frame, rig.frame @ space.covariance_mm2 @ rig.frame.T)
+    plane = fused([_on_planes(film, rig) for film in scaled_films])
+    base_rad, base_variance = stick_direction(plane[0], plane[1])
+    if rig.circles is None:
+        moving = moving_direction(plane, np.ones(len(left)))
+        method = "two cameras: positions in planes across both sticks"
+    else:
+        moving = _on_circles(rig.circles, scaled_films, films, rig=rig, space=space)
+        method = "two cameras: the angle on the markers' circles, axis and circles from the tracks"
+    found = against_base(
+        films[0].tracks,
+        moving,
+        (base_rad, base_variance),
+        errors=errors[0],
+        floor_rad2=floor_of(films[0].tracks)[0],
+        position_mm=_positions(in_frame, plane, rig),
+        method=method,
+    )
+    noise = {
+        **found.report["noise"],
+        "error_over_white_noise_right": {"base": errors[1].base.scale, "moving": errors[1].moving.scale},
+    }
+    # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
+    scale = check_scale(in_frame, space.covariance_mm2, known_mm=known_mm)
+    return found.with_report(axis=rig.report, noise=noise, scale=scale.to_json())
+
+
+def _noise_px(films: list[Film]) -> float:
+    """Return the usual standard deviation of a moving marker's position."""
+    spread = np.stack([np.trace(film.tracks.covariance_px2[:, 2:], axis1=-2, axis2=-1) for film in films])
+    return float(np.sqrt(0.5 * usual_of(spread)))
+
+
+def _first_rig(films: list[Film], space: SpacePoints) -> _Rig:
+    """Return the axis and the markers' heights, with all errors as the fits say."""
+    try:
+        axis, circles = axis_from_pair(*(film.sight() for film in films), noise_px=_noise_px(films))
+    except NoResultError:
+        rig = _rig_of_still_sticks(space.position_mm)
+    else:
+        rig = _rig_of(axis, circles)
+    height = np.nanmedian((space.position_mm[:, :2] - rig.point) @ rig.direction, axis=0)
+    return replace(rig, height_mm=np.concatenate((height, rig.height_mm[2:])))
+
+
+def _rig_of(axis: Axis, circles: Circles) -> _Rig:
+    """Return what a fit of the circles says; the base's heights are open."""
+    report = {
+        "from": "the circles of the moving markers",
+        "arc_deg": float(np.rad2deg(axis.arc_rad)),
+        "direction_sigma_deg": float(np.rad2deg(axis.direction_sigma_rad)),
+        "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
+        "misfit": axis.misfit,
+    }
+    height = np.concatenate((np.full(2, np.nan), axis.height_mm))
+    return _Rig(axis.direction, axis.point_mm, height, circles, report)
+
+
+def _rig_of_still_sticks(position: Floats) -> _Rig:
+    """Return the direction across both sticks, for a film in which the moving one hardly turns."""
+    mean = np.nanmean(position, axis=0)
+    base, moving = (stick / np.linalg.norm(stick) for stick in (mean[1] - mean[0], mean[3] - mean[2]))
+    across = np.cross(base, moving)
+    size = float(np.linalg.norm(across))
+    if not np.isfinite(size) or size < _PARALLEL:
+        raise NoResultError(
+            "the rotation axis cannot be found: the stick hardly turns, and both sticks point the same way",
+            where="stereo pair",
+            limit="30 degrees of motion",
+            do="film more of the motion",
+        )
+    across /= size
+    if across @ mean.mean(axis=0) > 0:
+        across = -across
+    height = (mean - mean[2]) @ across
+    report = {"from": "both sticks' directions: the moving one turns too little for circles"}
+    return _Rig(across, mean[2], height, None, report)
+
+
+def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
+    """Return the rig with the heights of the base's markers.
+
+    Parameters
+    ----------
+    rig : _Rig
+        With the axis.
+    in_frame : (n, 4, 3) float64
+        Markers in the axis' frame.
+    covariance : (n, 4, 3, 3) float64
+        Their covariances.
+    """
+    base = in_frame[:, :2]
+    middle = float(np.nanmedian(base[..., 2]))
+    if rig.circles is None:
+        return replace(rig, height_mm=np.array([middle, middle, 0.0, 0.0]))
+    length = float(np.nanmedian(np.linalg.norm(base[:, 1] - base[:, 0], axis=1)))
+    rise, variance = steady_direction(base[:, 1, 2] - base[:, 0, 2], covariance[:, :2, 2, 2].sum(axis=1))
+    values, radii = rig.circles, rig.circles.radii
+    own = float(np.hypot(*_stick(radii, values.between_rad)))
+    lean, sigma = _leaning(
+        (usual_of(rise) / length, usual_of(variance) / length**2),
+        (values.rise / own, float(values.covariance[-1, -1]) / own**2),
+    )
+    half = 0.5 * lean * length
+    height = np.array([middle - half, middle + half, *rig.height_mm[2:]])
+    return replace(rig, height_mm=height, rise_sigma_mm=sigma * length)
+
+
+def _leaning(base: tuple[float, float], moving: tuple[float, float]) -> tuple[float, float]:
+    """Return by how much the base leans against the plane across the axis, and the standard deviation.
+
+    ``base`` and ``moving`` are what the film shows of both sticks, with variances. Sticks of one rig are made alike, so
+    both tell how much leaning there is; several sizes of it compete, each by how well it explains both.
+    """
+    size = np.square(_SLOPES)
+    score = np.log(_BELIEF)
+    for slope, variance in (base, moving):
+        score = score - 0.5 * np.log(size + variance) - 0.5 * slope**2 / (size + variance)
+    weight = np.exp(score - score.max())
+    weight /= weight.sum()
+    slope, variance = base
+    each, spread = slope * size / (size + variance), variance * size / (size + variance)
+    mean = float(weight @ each)
+    return mean, float(np.sqrt(weight @ (spread + (each - mean) ** 2)))
+
+
+def _stick(radii: Floats, between_rad: float) -> Floats:
+    """Return the stick (2,) from the first marker to the second, where the first one's angle is nought."""
+    return np.array([radii[1] * np.cos(between_rad) - radii[0], radii[1] * np.sin(between_rad)])
+
+
+def _on_planes(film: Film, rig: _Rig) -> list[Points]:
+    """Return where a film's lines of sight meet the markers' planes."""
+    pose = film.pose(rig.direction, rig.point)
+    return in_planes(film.tracks, film.intrinsics, pose, height_mm=rig.height_mm)[0]
+
+
+def _positions(in_frame: Floats, plane: list[Points], rig: _Rig) -> Floats:
+    """Return markers in space (n, 4, 3), in the axis' frame: from both films; in its plane, where one shows it."""
+    position = in_frame.copy()
+    for marker in range(4):
+        gone = ~np.isfinite(position[:, marker]).all(axis=1) & np.isfinite(plane[marker][0]).all(axis=1)
+        position[gone, marker, :2] = plane[marker][0][gone]
+        position[gone, marker, 2] = rig.height_mm[marker]
+    return position
+
+
+def _on_circles(circles: Circles, films: list[Film], bare: list[Film], *, rig: _Rig, space: SpacePoints) -> Moving:
+    """Return the moving stick's direction from its markers' places on their circles.
+
+    ``bare`` are the films with errors as the fits say, for the bound that the pictures' noise sets.
+    """
+    whole = replace(circles, sights=[film.sight() for film in films])
+    turns, usual = _without_misread(whole)
+    bound = replace(whole, sights=[film.sight() for film in bare]).turns(near_rad=turns.angle_rad)
+    rolled = np.mean([film.turn_rad2 for film in films], axis=0)
+    variance = (
+        turns.variance_rad2 * usual + _shared_variance(whole, turns.angle_rad, films, rig=rig, space=space) + rolled
+    )
+    offset = np.arctan2(*_stick(whole.radii, whole.between_rad)[::-1])
+    alone = sum(sight.seen.sum(axis=1) for sight in whole.sights) == 1
+    return Moving(turns.angle_rad + offset, variance, alone, usual_of(bound.variance_rad2))
+
+
+def _without_misread(whole: Circles) -> tuple[Turns, float]:
+    """Return the stick in every frame without positions that were misread, and the usual χ² per degree of freedom.
+
+    A frame that is far off the circles is tried without each of its positions in turn.
+    """
+    turns = whole.turns()
+    share = turns.chi_squared / np.maximum(turns.freedom, 1.0)
+    told = turns.freedom > 1.0
+    usual = max(1.0, usual_of(share[told]))
+    fit = told & (turns.chi_squared < _MISREAD * usual)
+    usual = max(1.0, float(turns.chi_squared[fit].sum() / turns.freedom[fit].sum())) if fit.any() else usual
+    rows = np.flatnonzero(turns.chi_squared > _MISREAD * usual)
+    best = _columns(turns)[:, rows]
+    for number, marker in itertools.product(range(len(whole.sights)), (0, 1)):
+        sights = [sight.rows(rows) for sight in whole.sights]
+        sights[number] = sights[number].without(marker)
+        other = replace(whole, sights=sights).turns()
+        better = np.isfinite(other.angle_rad) & (other.freedom > 0.0) & (other.chi_squared < best[2])
+        best = np.where(better, _columns(other), best)
+    best[:2, best[2] > _MISREAD * usual] = np.nan
+    columns = _columns(turns)
+    columns[:, rows] = best
+    return Turns(*columns), usual
+
+
+def _columns(turns: Turns) -> Floats:
+    return np.stack((turns.angle_rad, turns.variance_rad2, turns.chi_squared, turns.freedom))
+
+
+def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig: _Rig, space: SpacePoints) -> Floats:
+    """Return the variance of the angle by what is not known of axis, circles, and the base's height."""
+    near_rad = np.nan_to_num(near_rad)
+    base = np.nanmedian(space.position_mm[:, :2], axis=0)
+    places = [_usual_place(film) for film in films]
+    rise = float(rig.height_mm[1] - rig.height_mm[0])
+
+    def angle(values: Floats) -> Floats:
+        circles = replace(whole, values=values[:-1])
+        middle = float(np.mean((base - circles.point) @ circles.direction))
+        height = middle + 0.5 * values[-1] * np.array([-1.0, 1.0, 0.0, 0.0])
+        now = replace(rig, direction=circles.direction, point=circles.point, height_mm=height)
+        plane = fused([_on_planes(film, now) for film in places])
+        base_rad, _ = stick_direction(plane[0], plane[1])
+        offset = np.arctan2(*_stick(circles.radii, circles.between_rad)[::-1])
+        return np.asarray(whole.turns(values=circles.values, near_rad=near_rad).angle_rad + offset - base_rad)
+
+    values = np.append(whole.values, rise)
+    covariance = np.zeros((len(values), len(values)))
+    covariance[:-1, :-1], covariance[-1, -1] = whole.covariance, rig.rise_sigma_mm**2
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    slopes = np.zeros((len(near_rad), len(values)))
+    for index in np.flatnonzero(sigma > 0.0):
+        step = np.zeros(len(values))
+        step[index] = sigma[index]
+        slopes[:, index] = 0.5 * np.angle(np.exp(1j * (angle(values + step) - angle(values - step))))
+    # Columns are per standard deviation, so that values of any unit go together.
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    return np.asarray(np.einsum("ni,ij,nj->n", slopes, covariance / np.outer(scale, scale), slopes))
+
+
+def _usual_place(film: Film) -> Film:
+    """Return a film of one frame, with every marker at the middle of its places."""
+    tracks = MarkerTracks(
+        frame=np.zeros(1, np.int64),
+        time_s=np.zeros(1),
+        position_px=np.nanmedian(film.tracks.position_px, axis=0)[None],
+        covariance_px2=np.nanmedian(film.tracks.covariance_px2, axis=0)[None],
+        valid=np.ones((1, 4), np.bool_),
+        size_px=film.tracks.size_px,
+    )
+    return replace(film, tracks=tracks)

@@ -1,0 +1,225 @@
+"""Both films of a stereo pair, frame by frame: which belong together, which markers are the same point in both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
+from torsight.core.circles import axis_basis
+from torsight.core.errors import NoResultError
+from torsight.core.geometry import SpacePoints, epipolar_distance_px, rotation_matrix, rotation_vector, triangulate
+from torsight.core.sights import Sight
+from torsight.core.tracks import MARKERS, MarkerTracks
+from tracker.angle.camera_motion import unmoved
+from tracker.angle.noise import in_motion
+from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
+
+Floats = NDArray[np.float64]
+
+_OFF_LINE: Final = 30.0
+"""χ² above which a marker in both pictures is not the same point (one degree of freedom)."""
+_FEWEST: Final = 30
+"""Readings that tell a usual misfit."""
+_APART: Final = 0.2
+"""Distance from the other film's line, over that of a stick's markers, at which two positions are not of one marker:
+exchanged markers are apart by about the stick's length, those of a badly calibrated pair by a few pixels."""
+_MEDIAN_1: Final = 0.455
+"""Median of χ² with one degree of freedom."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """One film of the pair, as its camera would have seen it unmoved, in the left film's frames.
+
+    ``rotation`` and ``shift`` are its camera from the left one; ``shift_px2`` and ``turn_rad2`` (n,) the variances of
+    what was taken out for a camera that moved.
+    """
+
+    tracks: MarkerTracks
+    intrinsics: Intrinsics
+    rotation: Floats
+    shift: Floats
+    shift_px2: Floats
+    turn_rad2: Floats
+
+    @property
+    def camera(self) -> RightCamera:
+        """The camera, as the second one of the pair."""
+        return RightCamera(self.intrinsics, rotation_vector(self.rotation), self.shift)
+
+    @property
+    def covariance_px2(self) -> Floats:
+        """Each marker's covariance (n, 4, 2, 2), with what is not known of a shift: the base tells it, and has none."""
+        covariance = self.tracks.covariance_px2.copy()
+        covariance[:, 2:] += self.shift_px2[:, None, None, None] * np.eye(2)
+        return covariance
+
+    def pose(self, direction: Floats, point: Floats) -> Pose:
+        """Return this camera from a world whose z axis is the rotation axis."""
+        u, v = axis_basis(direction)
+        turn = self.rotation @ np.stack((u, v, direction), axis=1)
+        return Pose(rotation_vector(turn), self.rotation @ point + self.shift, 0.0, 0.0)
+
+    def sight(self) -> Sight:
+        """Return what is seen of the moving stick."""
+        return Sight.of(
+            self.tracks.position_px[:, 2:],
+            self.tracks.covariance_px2[:, 2:],
+            self.intrinsics,
+            shared_px2=self.shift_px2,
+            rotation=self.rotation,
+            shift=self.shift,
+        )
+
+    def without(self, gone: NDArray[np.bool_]) -> Film:
+        """Return the film without some positions (n, 4)."""
+        return replace(self, tracks=_blanked(self.tracks, gone))
+
+    def scaled(self, errors: StickErrors) -> Film:
+        """Return the film with the errors that its sticks' lengths show, without impossible lengths."""
+        scale = np.repeat(errors.scale, 2, axis=1)[..., None, None] ** 2
+        covariance = self.tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2)
+        gone = np.repeat(np.stack((errors.base.outlier, errors.moving.outlier), axis=1), 2, axis=1)
+        return replace(self, tracks=replace(self.tracks, covariance_px2=covariance)).without(gone)
+
+
+def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Film]:
+    """Return both films in the frames of the left one; what a camera moved by is taken out.
+
+    Raises
+    ------
+    ConfigError
+        When the camera file has no second camera, or is for another picture size.
+    """
+    second = require_second(camera, where="the camera file")
+    require_size(camera.intrinsics, left.size_px, where="the left film")
+    require_size(second.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
+    other = _matching(left, right)
+    there = other >= 0
+    films = []
+    for tracks, intrinsics, rotation, shift, rows in (
+        (left, camera.intrinsics, np.eye(3), np.zeros(3), np.arange(len(left))),
+        (right, second.intrinsics, rotation_matrix(second.rvec), second.tvec_mm, other),
+    ):
+        still = unmoved(tracks, intrinsics)
+        paths = replace(
+            left,
+            position_px=still.paths.position_px[rows],
+            # What a shift adds to a marker that is seen alone is counted for both markers together.
+            covariance_px2=tracks.covariance_px2[rows],
+            valid=tracks.valid[rows],
+            size_px=tracks.size_px,
+        )
+        films.append(Film(paths, intrinsics, rotation, shift, still.shift_px2[rows], still.turn_rad2[rows]))
+    return [films[0], films[1].without(np.broadcast_to(~there[:, None], (len(left), 4)))]
+
+
+def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:
+    """Return for each left frame the right frame of its time; −1 where there is none within half a frame."""
+    nearest = np.clip(np.searchsorted(right.time_s, left.time_s), 1, max(1, len(right) - 1))
+    nearest = np.minimum(nearest, len(right) - 1)
+    before = np.maximum(nearest - 1, 0)
+    closer = np.abs(right.time_s[before] - left.time_s) <= np.abs(right.time_s[nearest] - left.time_s)
+    index = np.where(closer, before, nearest).astype(np.int64)
+    step_s = float(np.median(np.diff(left.time_s))) if len(left) > 1 else np.inf
+    return np.where(np.abs(right.time_s[index] - left.time_s) <= 0.5 * step_s, index, -1)
+
+
+def _blanked(tracks: MarkerTracks, gone: NDArray[np.bool_]) -> MarkerTracks:
+    """Return tracks without some positions (n, 4)."""
+    return replace(
+        tracks,
+        position_px=np.where(gone[..., None], np.nan, tracks.position_px),
+        covariance_px2=np.where(gone[..., None, None], np.nan, tracks.covariance_px2),
+        valid=tracks.valid & ~gone,
+    )
+
+
+def triangulated(films: list[Film]) -> SpacePoints:
+    """Return the markers (n, 4) in space."""
+    left, right = films
+    return triangulate(
+        left.tracks.position_px,
+        right.tracks.position_px,
+        left=left.intrinsics,
+        right=right.camera,
+        left_covariance_px2=left.covariance_px2,
+        right_covariance_px2=right.covariance_px2,
+    )
+
+
+def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
+    """Return films without markers that are not the same point in both, and the points in space.
+
+    Raises
+    ------
+    NoResultError
+        When a marker is never seen in both films at once, or is another one in each.
+    """
+    space = triangulated(films)
+    for marker, name in enumerate(MARKERS):
+        if not np.isfinite(space.chi_squared[:, marker]).any():
+            raise NoResultError(
+                "is never seen in both films at once",
+                where=f"stereo pair, {name.replace('_', ' ')} marker",
+                do="check that both films show the rig and start at the same time",
+            )
+    _require_same_markers(films)
+    # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
+    usual = _usual(space.chi_squared, in_motion(films[0].tracks.position_px[:, 2:]))
+    off = space.chi_squared > _OFF_LINE * max(1.0, usual / _MEDIAN_1)
+    films = [film.without(off) for film in films]
+    return films, replace(space, position_mm=np.where(off[..., None], np.nan, space.position_mm))
+
+
+def _require_same_markers(films: list[Film]) -> None:
+    """Refuse films whose markers go by different names, or a camera file of another pair."""
+    left, right = films
+    distance = epipolar_distance_px(
+        left.tracks.position_px, right.tracks.position_px, left=left.intrinsics, right=right.camera
+    )
+    position = left.tracks.position_px
+    limit_px = _APART * usual_of(np.linalg.norm(position[:, 1::2] - position[:, ::2], axis=-1))
+    for marker, name in enumerate(MARKERS):
+        apart_px = usual_of(distance[:, marker].max(axis=-1))
+        if apart_px > limit_px:
+            raise NoResultError(
+                "is not the same point in both films",
+                where=f"stereo pair, {name.replace('_', ' ')} marker",
+                value=f"{apart_px:.1f} px beside the line on which the other film puts it",
+                limit=f"{limit_px:.1f} px",
+                do="check that the camera file is of this pair, that left and right are not exchanged, and that the "
+                "marker file names inner and outer, base and moving markers as they are found without it",
+            )
+
+
+def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:
+    """Return the usual of the misfits (n, 4); that of motion where it is larger, for at rest a codec freezes noise."""
+    known = np.isfinite(chi_squared)
+    if not known.any():
+        return np.nan
+    usual = float(np.median(chi_squared[known]))
+    known[~moves] = known[:, :2] = False
+    return max(usual, float(np.median(chi_squared[known]))) if known.sum() >= _FEWEST else usual
+
+
+def fused(planes: list[list[Points]]) -> list[Points]:
+    """Return positions from all cameras that have one, each with its weight."""
+    fused = []
+    for marker in range(4):
+        total, weighted = np.zeros((len(planes[0][marker][0]), 2, 2)), np.zeros((len(planes[0][marker][0]), 2))
+        for plane in planes:
+            position, covariance = plane[marker]
+            known = np.asarray(np.isfinite(position).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+            weight = np.linalg.inv(np.where(known[:, None, None], covariance, np.eye(2))) * known[:, None, None]
+            total += weight
+            weighted += np.einsum("nij,nj->ni", weight, np.where(known[:, None], position, 0.0))
+        seen = np.asarray(total[:, 0, 0] > 0.0)
+        covariance = np.linalg.inv(np.where(seen[:, None, None], total, np.eye(2)))
+        covariance[~seen] = np.nan
+        fused.append((np.einsum("nij,nj->ni", covariance, weighted), covariance))
+    return fused

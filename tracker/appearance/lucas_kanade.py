@@ -1,0 +1,287 @@
+"""Reading a round dot: Lucas–Kanade against a rendered template, inverse compositional (compiled).
+
+The picture is compared with a template that is rendered from the dot's fitted shape, never taken from the last frame,
+so nothing drifts. What is free, to first order: place, light, contrast, radius and both terms of stretch. As in the
+inverse compositional form (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput. Vision 56, 2004, section 3.2)
+the derivatives and the least-squares inverse belong to the template: they are made once for every eighth of a pixel and
+kept, a step is one product with the picture's window, and the warp, a shift, is composed by adding. A smeared dot's
+model is made as it is needed. What is kept depends on the shape alone, so it never changes a result.
+
+A ``look`` is what is kept of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 18, n):
+inverse (7), columns (7), slopes of the light (2), how slopes are seen (2); ``extras`` (64, 18): effect of the slopes on
+the coefficients (7, 2), covariance xx, xy, yy, whether it is filled.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
+from tracker.appearance.disc import (
+    COLUMNS,
+    SECTORS,
+    Floats,
+    Pixels,
+    Record,
+    fill_columns,
+    window_pixels,
+)
+
+Luma = NDArray[np.uint8]
+Point = tuple[float, float]
+Look = tuple[Pixels, Floats, Floats]
+
+READING: Final = np.dtype(
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("covariance", "f8", (3,)),
+        ("light", "f8"),
+        ("step", "f8"),
+        ("contrast", "f8"),
+        ("residual", "f8"),
+        ("patch", "f8"),
+        ("change", "f8", (3,)),
+        ("slope", "f8", (2,)),
+        ("converged", "i8"),
+        ("predicted", "f8", (2,)),
+        ("path", "f8", (2,)),
+        ("state", "i8"),
+    ]
+)
+"""A marker as read in one picture. x, y: px. covariance: xx, xy, yy for white noise of the size of ``residual``, px².
+light: brightness around the dot (mean brightness for texture), step: of the dot, residual: root mean square of what the
+model leaves, patch: the largest mean of that over a sector of the window (something lies over it), all grey levels.
+contrast: step over the template's (gain for texture). change: how radius (px) and stretch differ from the template's.
+slope: of the light, as seen in this frame alone, relative change per pixel. predicted: where it was expected, path: how
+far it was expected to move since the last frame, px. state: see :data:`tracker.follow.rows.STATES`."""
+
+PHASES: Final = 8
+"""Steps per pixel at which models are kept; half a step off, the cubic term is below 1e-4 px."""
+_MOST_COLUMNS: Final = COLUMNS + 2
+_ROUNDS: Final = 4
+"""Steps at most: each goes no further than half a radius, so two radii are reached."""
+_CONVERGED: Final = 0.2
+"""Last step, px, up to which a reading counts as converged."""
+_SMEARED_PX: Final = 2.0
+"""Smear from which a model of its own is made: a shorter one blurs a dot by less than 0.6 px (2/√12), evenly."""
+_NEAR_ENOUGH: Final = 0.08
+"""Offset from the model's place from which another step pays; half a step of the places, and a little."""
+
+
+@njit(cache=True, nogil=True)
+def eliminate(a: Floats, b: Floats, i: int) -> None:
+    """Make column i of ``a`` a unit column by row operations, which ``b`` goes through too (Gauss and Jordan)."""
+    n = a.shape[0]
+    best = i
+    for k in range(i + 1, n):
+        if abs(a[k, i]) > abs(a[best, i]):
+            best = k
+    for j in range(n):
+        a[i, j], a[best, j] = a[best, j], a[i, j]
+        b[i, j], b[best, j] = b[best, j], b[i, j]
+    pivot = a[i, i] if abs(a[i, i]) > 1e-30 else 1e-30
+    for j in range(n):
+        a[i, j] /= pivot
+        b[i, j] /= pivot
+    for k in range(n):
+        factor = 0.0 if k == i else a[k, i]
+        for j in range(n):
+            a[k, j] -= factor * a[i, j]
+            b[k, j] -= factor * b[i, j]
+
+
+@njit(cache=True, nogil=True)
+def invert(normal: Floats) -> Floats:
+    """Return the inverse of a small symmetric matrix, scaled and with a weak ridge."""
+    n = normal.shape[0]
+    scale = np.empty(n)
+    for i in range(n):
+        scale[i] = math.sqrt(normal[i, i]) + 1e-12
+    a, b = np.empty((n, n)), np.eye(n)
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = normal[i, j] / (scale[i] * scale[j])
+        a[i, i] += 1e-9
+    for i in range(n):
+        eliminate(a, b, i)
+    for i in range(n):
+        for j in range(n):
+            b[i, j] /= scale[i] * scale[j]
+    return b
+
+
+@njit(cache=True, nogil=True)
+def combine(weights: Floats, rows: Floats, out: Floats) -> None:
+    """Put the sum of weighted rows into ``out``."""
+    out[:] = 0.0
+    for m in range(len(weights)):
+        w = weights[m]
+        for i in range(out.shape[0]):
+            out[i] += w * rows[m, i]
+
+
+@njit(cache=True, nogil=True)
+def products(rows: Floats, count: int) -> Floats:
+    """Return the products of the first rows with each other."""
+    normal = np.empty((count, count))
+    for i in range(count):
+        for j in range(i + 1):
+            total = 0.0
+            for p in range(rows.shape[1]):
+                total += rows[i, p] * rows[j, p]
+            normal[i, j] = normal[j, i] = total
+    return normal
+
+
+@njit(cache=True, nogil=True)
+def fill_model(model: Floats, extra: Floats, columns: int, pixels: Pixels, shape: Record) -> None:
+    """Fill a model whose columns stand in rows ``columns`` to 2 ``columns`` already.
+
+    Rows: inverse, columns, slopes of the light, how slopes are seen; ``extra`` see the head of the module.
+    """
+    n = pixels.shape[1]
+    basis = model[columns : 2 * columns + 2]
+    for i in range(n):
+        lit = 1.0 + shape.contrast * basis[1, i]
+        basis[columns, i], basis[columns + 1, i] = pixels[0, i] * lit, pixels[1, i] * lit
+    both = products(basis, columns + 2)
+    inverse = invert(both[:columns, :columns].copy())
+    wide = invert(both)
+    for k in range(columns):
+        combine(inverse[k], basis, model[k])
+    for k in range(2):
+        combine(wide[columns + k], basis, model[2 * columns + 2 + k])
+    for k in range(columns):
+        for s in range(2):
+            total = 0.0
+            for m in range(columns):
+                total += inverse[k, m] * both[m, columns + s]
+            extra[2 * k + s] = total
+    extra[2 * columns], extra[2 * columns + 1], extra[2 * columns + 2] = inverse[2, 2], inverse[2, 3], inverse[3, 3]
+
+
+@njit(cache=True, nogil=True)
+def take_away(values: Floats, row: Floats, weight: float) -> None:
+    """Take a weighted row away from values."""
+    for i in range(values.shape[0]):
+        values[i] -= weight * row[i]
+
+
+@njit(cache=True, nogil=True)
+def worst_sector(left: Floats, pixels: Pixels) -> float:
+    """Return the largest mean over a sector of a window."""
+    sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
+    for i in range(len(left)):
+        sums[pixels[2, i]] += left[i]
+        numbers[pixels[2, i]] += 1.0
+    worst = 0.0
+    for k in range(SECTORS):
+        worst = max(worst, abs(sums[k]) / max(numbers[k], 1.0))
+    return worst
+
+
+@njit(cache=True, nogil=True)
+def solve_model(
+    values: Floats, model: Floats, extra: Floats, columns: int, pixels: Pixels, marker: Record, out: Record
+) -> None:
+    """Read one window by one linear step; ``out`` is from the model's place."""
+    n = values.shape[0]
+    found = np.empty(columns)
+    for k in range(columns):
+        found[k] = np.dot(model[k], values)
+    scale = max(found[0], 1.0)
+    sx, sy = marker.slope[0] * scale, marker.slope[1] * scale
+    for k in range(columns):
+        found[k] -= extra[2 * k] * sx + extra[2 * k + 1] * sy
+    last = 2 * columns
+    out.slope[0], out.slope[1] = np.dot(model[last + 2], values) / scale, np.dot(model[last + 3], values) / scale
+    left = values.copy()
+    take_away(left, model[last], sx)
+    take_away(left, model[last + 1], sy)
+    for k in range(columns):
+        take_away(left, model[columns + k], found[k])
+    out.patch = worst_sector(left, pixels)
+    light, step = found[0], found[1]
+    size = step if abs(step) > 1e-3 else math.copysign(1e-3, step)
+    variance = np.dot(left, left) / max(1, n - columns)
+    out.x, out.y = found[2] / size, found[3] / size
+    for k in range(3):
+        out.covariance[k] = variance / (size * size) * extra[2 * columns + k]
+        out.change[k] = found[4 + k] / size
+    out.light, out.step, out.residual = light, step, math.sqrt(variance)
+    out.contrast = step / (light * marker.shape.contrast) if light > 1.0 else 0.0
+    out.converged = abs(out.x) < _CONVERGED and abs(out.y) < _CONVERGED
+
+
+@njit(cache=True, nogil=True)
+def take_values(luma: Luma, cx: int, cy: int, pixels: Pixels, half: int, values: Floats) -> bool:
+    """Take the pixels around (cx, cy); return whether the window lies inside the picture."""
+    height, width = luma.shape
+    if cx < half or cy < half or cx + half >= width or cy + half >= height:
+        return False
+    for i in range(pixels.shape[1]):
+        values[i] = luma[cy + pixels[1, i], cx + pixels[0, i]]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def model_at(pixels: Pixels, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
+    """Return the slot of the model of a dot at rest whose centre is ``place`` from the window's middle; filled."""
+    off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
+    slot = (off_y % PHASES) * PHASES + off_x % PHASES
+    if extras[slot, -1] == 0.0:
+        fill_columns(models[slot, COLUMNS:], pixels, place[0], place[1], shape, 0.0, 0.0)
+        fill_model(models[slot], extras[slot], COLUMNS, pixels, shape)
+        extras[slot, -1] = 1.0
+    return slot
+
+
+@njit(cache=True, nogil=True)
+def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, smear: Point, out: Record) -> bool:
+    """Read a dot near a position; False where the window leaves the picture.
+
+    ``marker`` has the ``shape`` of the dot and the ``slope`` of the light; ``smear`` is its path during the exposure.
+    """
+    pixels, models, extras = look
+    shape = marker.shape
+    # Smear in whole pixels: half a pixel more or less changes the ends of a smear of several pixels, evenly.
+    smear_x, smear_y = float(round(smear[0])), float(round(smear[1]))
+    length = math.hypot(smear_x, smear_y)
+    if length < _SMEARED_PX:
+        length = 0.0
+    radius = shape.window + math.ceil(0.5 * length)
+    if length > 0.0:
+        pixels = window_pixels(radius)
+        # Its own models, which are not kept.
+        models = np.empty((1, 2 * _MOST_COLUMNS + 4, pixels.shape[1]))
+        extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
+    half = math.ceil(radius)
+    values = np.empty(pixels.shape[1])
+    for _ in range(_ROUNDS):
+        at_x, at_y = math.floor(x_px * PHASES + 0.5) / PHASES, math.floor(y_px * PHASES + 0.5) / PHASES
+        cx, cy = math.floor(at_x + 0.5), math.floor(at_y + 0.5)
+        if not take_values(luma, cx, cy, pixels, half, values):
+            return False
+        columns, slot = COLUMNS, 0
+        if length > 0.0:
+            rows = np.empty((_MOST_COLUMNS, pixels.shape[1]))
+            columns = fill_columns(rows, pixels, at_x - cx, at_y - cy, shape, smear_x, smear_y)
+            models[0, columns : 2 * columns] = rows[:columns]
+            fill_model(models[0], extras[0], columns, pixels, shape)
+        else:
+            slot = model_at(pixels, models, extras, (at_x - cx, at_y - cy), shape)
+        solve_model(values, models[slot], extras[slot], columns, pixels, marker, out)
+        # The model is linear only close by: another step from the nearest place at which models are kept.
+        near = abs(out.x) < _NEAR_ENOUGH and abs(out.y) < _NEAR_ENOUGH
+        out.x, out.y = at_x + out.x, at_y + out.y
+        if near or not math.isfinite(out.x) or not math.isfinite(out.y):
+            break
+        limit = 0.5 * shape.radius
+        x_px += min(max(out.x - x_px, -limit), limit)
+        y_px += min(max(out.y - y_px, -limit), limit)
+    return True

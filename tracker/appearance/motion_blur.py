@@ -1,0 +1,136 @@
+"""How long the shutter is open: fast markers leave a smear, from which it is learned (compiled).
+
+``rig`` is the record that holds ``shutter_share`` (of the frame interval), ``shutter_cost`` of every share that is
+tried, and ``fast``, how many fast readings there were.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from torsight.core.compiled import njit
+from tracker.appearance.disc import Floats, Record, fill_beside, smear_count, smeared_point, window_pixels
+from tracker.appearance.lucas_kanade import Luma, Point, invert, products, take_values
+
+SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
+"""Shares of the frame interval that are tried."""
+SHARP_PX: Final = 1.5
+"""Speed, or smear, per frame up to which a marker shows its shape."""
+_RATE: Final = 0.15
+"""Share of a new look in the account; of a path below ``_LONG_PX``, whose smears hardly differ, half of it."""
+_LONG_PX: Final = 4.0
+_CLEAR: Final = 0.15
+"""By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
+and that looks a little like a smear."""
+_LEARNED: Final = 12
+"""Fast readings after which the shutter counts as known: by then a first look has a weight below 0.15."""
+_OFTEN, _SELDOM = 4, 200
+"""Every so many fast readings are looked at once the shutter is known, and well known: a look costs as much as several
+frames, and a shutter seldom changes."""
+_SLACK_UNKNOWN: Final = 0.1
+_SLACK_KNOWN: Final = 0.015
+"""Allowance for smear, before and after the shutter is known: share of the step, per root of the speed in px. While it
+is not known a sharp template meets smears of up to the whole step: measured over radii of 3 to 15 px their residual
+stays below a tenth of the step times the root of the length."""
+
+
+@njit(cache=True, nogil=True)
+def shutter_known(rig: Record) -> bool:
+    """Return whether enough fast readings have been seen."""
+    return bool(rig.fast >= _LEARNED)
+
+
+@njit(cache=True, nogil=True)
+def is_sharp(rig: Record, length: float) -> bool:
+    """Return whether a marker that moves by a length per frame is known to be sharp enough to show its shape."""
+    return length < SHARP_PX or (shutter_known(rig) and rig.shutter_share * length < SHARP_PX)
+
+
+@njit(cache=True, nogil=True)
+def smear_slack(rig: Record, length: float) -> float:
+    """Return by which share of the brightness step a fit may be worse than at rest."""
+    if length < 0.5:
+        return 0.0
+    return (_SLACK_KNOWN if shutter_known(rig) else _SLACK_UNKNOWN) * math.sqrt(length)
+
+
+@njit(cache=True, nogil=True)
+def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
+    """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
+    rig.fast += 1
+    every = 1 if rig.fast <= 2 * _LEARNED else (_OFTEN if rig.fast <= 8 * _LEARNED else _SELDOM)
+    costs = np.empty(len(SHARES))
+    if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
+        return
+    costs = np.log(costs + 1e-3)
+    weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
+    rig.shutter_cost[:] += weight * (np.minimum(costs - costs.min(), 2.0) - rig.shutter_cost)
+    rig.shutter_share = best_share(rig.shutter_cost)
+
+
+@njit(cache=True, nogil=True)
+def best_share(cost: Floats) -> float:
+    """Return the share of least cost, between the ones that were tried."""
+    at = int(np.argmin(cost))
+    if cost[0] - cost[at] < _CLEAR:
+        return 0.0
+    if at == len(SHARES) - 1:
+        return float(SHARES[at])
+    bend = cost[at - 1] - 2.0 * cost[at] + cost[at + 1]
+    off = 0.0 if bend <= 1e-9 else 0.5 * (cost[at - 1] - cost[at + 1]) / bend
+    return float(SHARES[at] + max(-0.5, min(0.5, off)) * (SHARES[1] - SHARES[0]))
+
+
+@njit(cache=True, nogil=True)
+def residual_share(rows: Floats, values: Floats) -> float:
+    """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
+    columns, n = rows.shape
+    inverse = invert(products(rows, columns))
+    right, found = np.zeros(columns), np.zeros(columns)
+    for m in range(columns):
+        for i in range(n):
+            right[m] += rows[m, i] * values[i]
+    for m in range(columns):
+        for j in range(columns):
+            found[m] += inverse[m, j] * right[j]
+    square = 0.0
+    for i in range(n):
+        left = values[i]
+        for m in range(columns):
+            left -= rows[m, i] * found[m]
+        square += left * left
+    return -1.0 if abs(found[1]) <= 1.0 else math.sqrt(square / max(1, n - columns)) / abs(found[1])
+
+
+@njit(cache=True, nogil=True)
+def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: Floats, out: Floats) -> bool:
+    """Find how well smears along several shares of a path fit: the residual over the step; False where it is not told.
+
+    Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
+    short smear.
+    """
+    (x_px, y_px), (path_x, path_y) = place, path
+    length = math.hypot(path_x, path_y)
+    radius = shape.window + math.ceil(0.5 * length)
+    pixels = window_pixels(radius)
+    n = pixels.shape[1]
+    values, rows = np.empty(n), np.empty((6, n))
+    cx, cy = math.floor(x_px + 0.5), math.floor(y_px + 0.5)
+    if not take_values(luma, cx, cy, pixels, math.ceil(radius), values):
+        return False
+    for k in range(len(shares)):
+        smear_x, smear_y = shares[k] * path_x, shares[k] * path_y
+        count = smear_count(math.hypot(smear_x, smear_y), shape.edge)
+        for i in range(n):
+            x, y = pixels[0, i] - (x_px - cx), pixels[1, i] - (y_px - cy)
+            d, along_x, along_y = smeared_point(x, y, shape, smear_x, smear_y, count)
+            rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, d, -along_x, -along_y
+        ramp = max(1.0, shares[k] * length)
+        columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape.strip, (path_x, path_y), ramp)
+        out[k] = residual_share(rows[:columns], values)
+        if out[k] < 0.0:
+            return False
+    return True

@@ -1,0 +1,155 @@
+"""What automatic detection saw in one picture: the places it considered, what it took, and why it refused the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.detect.dots import HUGE_PX, Dot, Refused, find_and_refuse, find_large_dots
+from tracker.detect.sticks import Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
+
+_SHOWN: Final = 24
+"""Candidates that are listed: a person reads no more, and no more dots are compared in pairs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A place that was considered as a marker.
+
+    Attributes
+    ----------
+    number : int
+        From 1, in the order in which candidates are listed.
+    x_px, y_px, radius_px : float
+        Where it is and how large; pixel centres at whole numbers, y down.
+    is_dot : bool
+        Whether it was measured as a dot.
+    taken : bool
+        Whether it was taken for a marker.
+    reason : str
+        Why it was not taken; empty where it was.
+    """
+
+    number: int
+    x_px: float
+    y_px: float
+    radius_px: float
+    is_dot: bool
+    taken: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What automatic detection makes of one picture.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        First the markers that were taken, then other dots, then places that look like a dot from afar; 24 at most.
+    sticks_px : (2, 2, 2) float64 or None
+        Positions of the markers on one stick and on the other, inner marker first; None where none were found. Which
+        stick moves is not seen in one picture.
+    reason : str
+        Why no markers were found, or empty.
+    """
+
+    candidates: tuple[Candidate, ...]
+    sticks_px: NDArray[np.float64] | None
+    reason: str
+
+
+def look(luma: NDArray[np.uint8]) -> Sighting:
+    """Look for markers in one picture and keep account of every decision.
+
+    Parameters
+    ----------
+    luma : (h, w) uint8
+        The picture.
+    """
+    dots, refused = find_and_refuse(luma)
+    sticks = sticks_in(luma, dots=dots)
+    if sticks is None or not are_markers(sticks):
+        dots = find_large_dots(luma, dots)
+    found = sticks if sticks is not None and are_markers(sticks) else None
+    taken = [] if found is None else [dot for stick in found for dot in (stick.inner, stick.outer)]
+    others = [dot for dot in clearest(dots) if not any(_same(dot, marker) for marker in taken)]
+    rows: list[tuple[float, float, float, bool, bool, str]] = []
+    rows += [(dot.x_px, dot.y_px, dot.radius_px, True, True, "") for dot in taken]
+    paired = _paired(luma, [*taken, *others])
+    rows += [(dot.x_px, dot.y_px, dot.radius_px, True, False, _why(luma, dot, dots, paired, found)) for dot in others]
+    if found is None:  # what is no dot matters only where the markers may be among it
+        rows += [(at.x_px, at.y_px, at.radius_px, False, False, at.reason) for at in _apart(refused, dots)]
+    candidates = tuple(Candidate(number, *row) for number, row in enumerate(rows[:_SHOWN], 1))
+    if found is None:
+        return Sighting(candidates, None, _why_none(luma, dots, paired, sticks))
+    places = np.array([[dot.x_px, dot.y_px] for dot in taken]).reshape(2, 2, 2)
+    return Sighting(candidates, places, "")
+
+
+def _same(one: Dot, two: Dot) -> bool:
+    return abs(one.x_px - two.x_px) + abs(one.y_px - two.y_px) < one.radius_px
+
+
+def _apart(refused: Iterable[Refused], dots: Sequence[Dot]) -> list[Refused]:
+    """Return the refused places that lie on no dot and on no likelier place: those are listed already."""
+    kept: list[Refused] = []
+    for place in refused:
+        before: list[Dot | Refused] = [*dots, *kept]
+        if all(np.hypot(place.x_px - one.x_px, place.y_px - one.y_px) > one.radius_px for one in before):
+            kept.append(place)
+    return kept
+
+
+def _paired(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Dot, Dot]]:
+    """Return which dots may lie on one stick."""
+    return [
+        (one, two)
+        for index, one in enumerate(dots)
+        for two in dots[:index]
+        if not isinstance(judge_pair(luma, one, two), str)
+    ]
+
+
+def _why(
+    luma: NDArray[np.uint8],
+    dot: Dot,
+    dots: Sequence[Dot],
+    paired: Sequence[tuple[Dot, Dot]],
+    found: tuple[Stick, Stick] | None,
+) -> str:
+    """Return in words why a dot was not taken for a marker."""
+    if any(dot is one or dot is two for one, two in paired):
+        if found is not None:
+            return "a dot that may lie on a stick, but the dots taken stand out more or match better"
+        return "a dot that may lie on a stick, but no second stick goes with it"
+    others = [other for other in dots if other is not dot]
+    if not others:
+        return "a dot, but there is no second one to make a stick"
+    nearest = min(others, key=lambda other: float(np.hypot(other.x_px - dot.x_px, other.y_px - dot.y_px)))
+    fault = judge_pair(luma, dot, nearest)
+    place = f"[{nearest.x_px:.0f}, {nearest.y_px:.0f}]"
+    return f"a dot on no stick with another; with the nearest one, at {place}: {fault}"
+
+
+def _why_none(
+    luma: NDArray[np.uint8],
+    dots: Sequence[Dot],
+    paired: Sequence[tuple[Dot, Dot]],
+    sticks: tuple[Stick, Stick] | None,
+) -> str:
+    """Return in words why no markers were found."""
+    count = len(dots)
+    if count < 4:
+        return f"{count} of at least 4 dots found; dots up to {HUGE_PX:g} px in radius are looked for"
+    if sticks is not None:
+        return f"the clearest four of {count} dots are so faint that they may be texture"
+    if len(paired) < 2:
+        return f"{count} dots found, but {len(paired)} of at least 2 pairs lie on a stick with nothing between them"
+    if choose_sticks(luma, dots) is not None:
+        return f"two pairs were found, but other ones of the {count} dots stand out twice as clearly"
+    return f"{len(paired)} pairs of dots found, but no two of them are like the sticks of one rig"

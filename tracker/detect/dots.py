@@ -1,0 +1,297 @@
+"""Finding dots in one picture, whatever their size and whatever lies around them.
+
+Normalised correlation with discs of many radii gives places that look like a dot; the least-squares fit decides. Light
+that falls unevenly and backgrounds with texture leave both unmoved: correlation is blind to brightness and contrast,
+and the fit asks how much of what is seen in the window a dot explains.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.appearance.dot_fit import DotFit, fit_dot, window_for
+
+SMALLEST_PX: Final = 2.6
+LARGEST_PX: Final = 23.0
+"""Radius up to which dots are looked for at first: larger ones are mostly of the background."""
+HUGE_PX: Final = 46.0
+"""Radius of the largest dots that are found at all."""
+_RATIO: Final = 1.22
+"""From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
+_LIKELY: Final = 0.5
+"""Correlation from which a place is looked at."""
+_EXPLAINED: Final = 0.75
+"""Share of the window's variance that a dot has to explain."""
+_RANKED: Final = 600
+"""Places that are compared with each other."""
+_MOST: Final = 80
+"""Places that are fitted in one picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """A dot found in a picture.
+
+    Attributes
+    ----------
+    fit : DotFit
+        Its fit.
+    room_px : float
+        Distance from its centre to where the stick that carries it ends.
+    """
+
+    fit: DotFit
+    room_px: float
+
+    @property
+    def x_px(self) -> float:
+        """Centre, to the right."""
+        return self.fit.x_px
+
+    @property
+    def y_px(self) -> float:
+        """Centre, down."""
+        return self.fit.y_px
+
+    @property
+    def radius_px(self) -> float:
+        """Radius."""
+        return self.fit.shape.radius_px
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A place that looks like a dot from afar and was refused.
+
+    Attributes
+    ----------
+    x_px, y_px, radius_px : float
+        Where it is and how large it seemed.
+    reason : str
+        Why it is no dot: the value met and the one needed.
+    """
+
+    x_px: float
+    y_px: float
+    radius_px: float
+    reason: str
+
+
+def find_dots(
+    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
+) -> list[Dot]:
+    """Return the dots in a picture, the clearest first.
+
+    Parameters
+    ----------
+    luma : (h, w) uint8
+        The picture.
+    radii_px : (float, float)
+        Smallest and largest radius that is looked for.
+    known : sequence of Dot
+        Dots that were found already: they are returned as well.
+    """
+    return find_and_refuse(luma, radii_px=radii_px, known=known)[0]
+
+
+def find_and_refuse(
+    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
+) -> tuple[list[Dot], list[Refused]]:
+    """Return the dots as :func:`find_dots` does, and the places that look like a dot but are none, likeliest first."""
+    dots = list(known)
+    refused: list[Refused] = []
+    smallest_px, largest_px = radii_px
+    for _, x, y, radius, light_dot in _places(luma, smallest_px, largest_px):
+        if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
+            continue
+        dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
+        if isinstance(dot, str):
+            refused.append(Refused(x, y, radius, dot))
+            continue
+        if not smallest_px <= dot.radius_px <= largest_px:
+            limits = f"{smallest_px:g} to {largest_px:g} px are looked for"
+            refused.append(Refused(x, y, radius, f"its radius is {dot.radius_px:.1f} px; {limits}"))
+            continue
+        if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
+            continue
+        dots.append(dot)
+    return sorted(dots, key=lambda dot: -dot.fit.explained), refused
+
+
+def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
+    """Return known dots and those that are larger than :func:`find_dots` looks for, the clearest first."""
+    return find_dots(luma, radii_px=(0.8 * LARGEST_PX, HUGE_PX), known=known)
+
+
+def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
+    """Fit the dot near a place and measure the room around it; None where there is none."""
+    dot = judge_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot)
+    return None if isinstance(dot, str) else dot
+
+
+def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
+    """Return the dot near a place as :func:`measure_dot` does, or in words why there is none."""
+    radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
+    room_px = 1.25 * radius_px + 1.5
+    close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
+    if close is None or close.explained < _EXPLAINED:
+        return _unexplained(close)
+    room = _room(luma, close)
+    radius = close.shape.radius_px
+    if room < radius + 0.5:
+        return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
+    fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
+    if fit is None or fit.explained < _EXPLAINED:
+        return _unexplained(fit)
+    step, needed = abs(fit.shape.contrast) * fit.light, max(3.0 * fit.residual, 6.0)
+    if step < needed:
+        return f"its contrast is {step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
+    fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, fit.shape.edge_px, room)))
+    return Dot(fit, room)
+
+
+def _unexplained(fit: DotFit | None) -> str:
+    if fit is None:
+        return "no disc can be fitted: too close to the border, or nothing round"
+    share = math.floor(100.0 * max(fit.explained, 0.0))
+    return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * _EXPLAINED:.0f} % needed"
+
+
+def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float = 12.0) -> Dot | None:
+    """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
+    near = _dot_near(luma, x_px, y_px, reach_px, (SMALLEST_PX, LARGEST_PX))
+    return near or _dot_near(luma, x_px, y_px, reach_px, (0.8 * LARGEST_PX, HUGE_PX))
+
+
+def _dot_near(
+    luma: NDArray[np.uint8], x_px: float, y_px: float, reach_px: float, radii_px: tuple[float, float]
+) -> Dot | None:
+    best: tuple[float, Dot] | None = None
+    half = math.ceil(reach_px + 2.5 * radii_px[1])
+    height, width = luma.shape
+    left, top = max(0, math.floor(x_px) - half), max(0, math.floor(y_px) - half)
+    right, bottom = min(width, math.floor(x_px) + half + 1), min(height, math.floor(y_px) + half + 1)
+    part = np.ascontiguousarray(luma[top:bottom, left:right])
+    for _, x, y, radius, light_dot in _places(part, *radii_px):
+        if math.hypot(x + left - x_px, y + top - y_px) > max(reach_px, 1.2 * radius) + 3.0:
+            continue
+        dot = measure_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
+        if dot is None:
+            continue
+        distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
+        if distance > max(reach_px, dot.radius_px):
+            continue
+        merit = distance - 6.0 * dot.fit.explained
+        if best is None or merit < best[0]:
+            best = (merit, dot)
+    return None if best is None else best[1]
+
+
+def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *, light_dot: bool) -> float:
+    """Return the radius, near a first guess, at which the brightness steps most."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+    reach = np.linspace(0.7, 1.4, 15) * radius_px
+    x = np.rint(x_px + reach[:, None] * np.cos(angles)).astype(np.int64)
+    y = np.rint(y_px + reach[:, None] * np.sin(angles)).astype(np.int64)
+    if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+        return radius_px
+    rings = luma[y, x].mean(axis=1)
+    steps = (rings[:-2] - rings[2:]) * (1.0 if light_dot else -1.0)
+    return float(reach[1 + int(np.argmax(steps))])
+
+
+def _room(luma: NDArray[np.uint8], fit: DotFit) -> float:
+    """Return how far the brightness around the dot stays that of the stick."""
+    radius = fit.shape.radius_px
+    step = abs(fit.shape.contrast) * fit.light
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    reach = radius + 1.5
+    level = None
+    while reach < 2.0 * radius + 8.0:
+        x = np.rint(fit.x_px + reach * np.cos(angles)).astype(np.int64)
+        y = np.rint(fit.y_px + reach * np.sin(angles)).astype(np.int64)
+        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+            break
+        ring = luma[y, x].astype(np.float64)
+        level = float(np.median(ring)) if level is None else level
+        # A quarter of the step: the outer edge of the stick, blurred, comes in sight.
+        if np.mean(np.abs(ring - level) > max(0.25 * step, 4.0 * fit.residual)) > 0.06:
+            break
+        reach += 0.5
+    return reach - 1.0
+
+
+Place = tuple[float, float, float, float, bool]
+"""Merit, x, y, radius, whether the dot is the lighter one."""
+
+
+def _places(luma: NDArray[np.uint8], smallest_px: float, largest_px: float) -> list[Place]:
+    """Return places that look like a dot of some radius, the likeliest first."""
+    found: list[Place] = []
+    radius = smallest_px
+    level, scale = luma, 1.0
+    while radius < largest_px:
+        while radius * scale > 7.5:
+            level = np.asarray(cv2.pyrDown(level), dtype=np.uint8)
+            scale *= 0.5
+        found += _places_at(level, radius * scale, scale)
+        radius *= _RATIO
+    found.sort(key=lambda place: -place[0])
+    kept: list[Place] = []
+    for place in found[:_RANKED]:
+        if all(
+            math.hypot(place[1] - other[1], place[2] - other[2]) > 0.6 * max(place[3], other[3])
+            or not 0.55 < place[3] / other[3] < 1.8
+            for other in kept
+        ):
+            kept.append(place)
+            if len(kept) >= _MOST:
+                break
+    return kept
+
+
+def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
+    picture = level.astype(np.float32)
+    side = (2 * half + 1, 2 * half + 1)
+    mean = cv2.blur(picture, side)
+    return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
+
+
+def disc_picture(radius_px: float) -> NDArray[np.float32]:
+    """Return a blurred light disc in a square that just holds its rim."""
+    half = math.ceil(1.35 * radius_px + 0.5)
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
+
+
+def _places_at(level: NDArray[np.uint8], radius_px: float, scale: float) -> list[Place]:
+    pattern = disc_picture(radius_px)
+    half = pattern.shape[0] // 2
+    if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
+        return []
+    score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
+    places: list[Place] = []
+    # Texture has many faint dots, so contrast counts too: the correlation times the spread is the fitted step.
+    spread = _spread(level, half)
+    for sign in (1.0, -1.0):
+        signed = sign * score
+        crest = cv2.dilate(signed, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
+        rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
+        places += [
+            (
+                float(signed[row, column]) * math.sqrt(spread[row + half, column + half]),
+                (column + half) / scale,
+                (row + half) / scale,
+                radius_px / scale,
+                sign > 0,
+            )
+            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
+    return places

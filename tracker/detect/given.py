@@ -1,0 +1,73 @@
+"""Dots at the positions that a person gives in the first frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.tracks import MARKERS
+from tracker.detect.dots import HUGE_PX, Dot, dot_near
+from tracker.detect.marker_file import MarkerHints
+from tracker.detect.sticks import Stick
+from tracker.frames.frame import Frame, FrameSource
+
+LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
+"""Frames in which markers are looked for until they are seen."""
+SNAP_PX: Final = 12.0
+"""A given position is of the dot whose centre is this near, or under it."""
+
+
+def decoded(source: FrameSource) -> Iterator[Frame]:
+    """Give the frames of a source that were decoded whole."""
+    return (frame for frame in source if frame.luma is not None and not frame.damaged)
+
+
+def first_frame(source: FrameSource) -> Frame:
+    """Return the first frame that was decoded whole: given positions are positions in it.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+    frame = next(decoded(source), None)
+    if frame is None:
+        raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+    return frame
+
+
+def given_dots(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Stick]:
+    """Return the dots of each stick next to the positions that were given.
+
+    Raises
+    ------
+    NoResultError
+        When there is no dot at a position, or two positions are of one dot.
+    """
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    dots: dict[str, Dot] = {}
+    for index in (2 * stick + end for stick in sticks for end in (0, 1)):
+        name, (x, y) = MARKERS[index], hints.position_px[index].tolist()
+        dot = dot_near(frame.luma, x, y, reach_px=SNAP_PX)
+        if dot is None:
+            raise NoResultError(
+                "there is no round dot next to this position",
+                where=f"{hints.where}, {name.replace('_', ', ')} marker",
+                value=f"[{x:g}, {y:g}]",
+                limit=f"a dot of 3 to {HUGE_PX:g} px radius within {SNAP_PX:g} px, in frame {frame.index}",
+                do='mend the position, or set kind = "texture" for a point without a dot',
+            )
+        for other, before in dots.items():
+            if math.hypot(before.x_px - dot.x_px, before.y_px - dot.y_px) < 0.5 * dot.radius_px:
+                raise NoResultError(
+                    f"is next to the same dot as {other}",
+                    where=f"{hints.where}, {name.replace('_', ', ')} marker",
+                    value=f"[{x:g}, {y:g}]",
+                    do="give one position on each dot",
+                )
+        dots[name] = dot
+    found = list(dots.values())
+    pairs = zip(found[::2], found[1::2], strict=True)
+    return [Stick(one, two, 0.0) for one, two in pairs]

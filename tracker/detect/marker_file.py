@@ -1,0 +1,188 @@
+"""``MARKERS.toml``: what the markers are, and where they are in the first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.config import get_number, get_text
+from torsight.core.errors import ConfigError
+from torsight.core.frozen import Frozen
+from torsight.core.paths import AnyPath
+from torsight.core.storage import check_keys, read_toml
+from torsight.core.tracks import MARKERS
+from tracker.detect.tags import check_id, family_of
+
+STICKS: Final = ("base", "moving")
+KEYS: Final = ("base", "moving", "kind", "family", "base_id", "moving_id", "base_mm", "moving_mm")
+"""What may be told of the markers."""
+KINDS: Final = ("dot", "texture", "tag")
+APART_PX: Final = 2.0
+"""Two positions nearer than this are one place."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkerHints(Frozen):
+    """What a person told of the markers.
+
+    Attributes
+    ----------
+    position_px : (4, 2) float64
+        Order of :data:`torsight.core.tracks.MARKERS`; pixels of the first frame; NaN for a stick with a tag.
+    kinds : (str, str)
+        Of the base and of the moving stick, each ``"dot"``, ``"texture"`` or ``"tag"``.
+    where : str
+        File or table that they come from, for messages.
+    length_mm : mapping of str to float
+        Distance of the markers of ``base`` and ``moving``, where it was measured by hand: a check of scale.
+    family : str
+        Of the tags; empty without any.
+    ids : (int or None, int or None)
+        Numbers of the tags on the base and on the moving stick.
+    """
+
+    position_px: NDArray[np.float64]
+    kinds: tuple[str, str]
+    where: str
+    length_mm: Mapping[str, float] = field(default_factory=dict)
+    family: str = ""
+    ids: tuple[int | None, int | None] = (None, None)
+
+    @property
+    def kind(self) -> str:
+        """The kind of both sticks, or both kinds in words."""
+        base, moving = self.kinds
+        return base if base == moving else f"{base} and {moving}"
+
+    def check_inside(self, size_px: tuple[int, int]) -> None:
+        """Refuse markers outside the picture.
+
+        Raises
+        ------
+        ConfigError
+            Naming the marker and the size of the picture.
+        """
+        width, height = size_px
+        for name, (x, y) in zip(MARKERS, self.position_px.tolist(), strict=True):
+            if not np.isnan(x) and not (0 <= x <= width - 1 and 0 <= y <= height - 1):
+                raise ConfigError(
+                    "lies outside the picture",
+                    where=f"{self.where}, {name.replace('_', ', ')} marker",
+                    value=f"[{x:g}, {y:g}]",
+                    limit=f"0 to {width - 1} and 0 to {height - 1}",
+                    do="give pixel positions in the first frame, x to the right, y down",
+                )
+
+
+def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
+    """Read what is told of the markers from a file or from a table that was read already.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown or missing key, a value that is no pair of positions, an unknown family of tags, or one tag for
+        both sticks.
+    InputError
+        When the file cannot be read.
+    """
+    content: Mapping[str, Any]
+    if not isinstance(source, Mapping):
+        content, where = read_toml(Path(source)), str(source)
+        # The table may stand in the file under its own name, as it does in an experiment.
+        if set(content) == {"markers"} and isinstance(content["markers"], Mapping):
+            content = content["markers"]
+    else:
+        content, where = source, "[markers]"
+    check_keys(content, KEYS, where=where)
+    kinds = _kinds(content, where)
+    # The place of a tag is seen: positions that stand there from another kind are passed over.
+    nowhere = [[np.nan, np.nan]] * 2
+    pairs = [nowhere if kind == "tag" else _pair(content, key, where) for key, kind in zip(STICKS, kinds, strict=True)]
+    position_px = np.array([*pairs[0], *pairs[1]])
+    for one in range(4):
+        for two in range(one):
+            if np.hypot(*(position_px[one] - position_px[two])) < APART_PX:
+                raise ConfigError(
+                    "two markers are at one place",
+                    where=where,
+                    value=f"{MARKERS[two]} and {MARKERS[one]} at {position_px[one].tolist()}",
+                    limit="four different positions",
+                )
+    length_mm = {
+        stick: get_number(content, f"{stick}_mm", where=where, lower=1e-3)
+        for stick in STICKS
+        if f"{stick}_mm" in content
+    }
+    family, ids = _tags(content, kinds, where)
+    return MarkerHints(position_px=position_px, kinds=kinds, where=where, length_mm=length_mm, family=family, ids=ids)
+
+
+def _kinds(content: Mapping[str, Any], where: str) -> tuple[str, str]:
+    """Return the kinds of base and moving stick: one for both, or a table with one for each."""
+    value = content.get("kind")
+    if not isinstance(value, Mapping):
+        kind = get_text(content, "kind", where=where, default="dot", choices=KINDS)
+        return kind, kind
+    check_keys(value, STICKS, where=f"{where}, kind")
+    base, moving = (get_text(value, stick, where=f"{where}, kind", default="dot", choices=KINDS) for stick in STICKS)
+    return base, moving
+
+
+def _tags(content: Mapping[str, Any], kinds: tuple[str, str], where: str) -> tuple[str, tuple[int | None, int | None]]:
+    """Return the family and the numbers of the tags; refuse what no tag has, and one number for both."""
+    if "tag" not in kinds:
+        given = [key for key in ("family", "base_id", "moving_id") if key in content]
+        if given:
+            raise ConfigError(
+                f"'{given[0]}' is of tags, and no stick has one",
+                where=where,
+                value=repr(content[given[0]]),
+                do='set kind = "tag", or take the key away',
+            )
+        return "", (None, None)
+    family = get_text(content, "family", where=where).removeprefix("DICT_")
+    family_of(family, where=where)
+    ids: list[int | None] = []
+    for stick, kind in zip(STICKS, kinds, strict=True):
+        if kind != "tag":
+            ids.append(None)
+            continue
+        key = f"{stick}_id"
+        if key not in content:
+            raise ConfigError(f"has no key '{key}'", where=where, do=f"give the number of the tag on the {stick} stick")
+        number = content[key]
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise ConfigError(f"'{key}' is no number of a tag", where=where, value=repr(number), limit="a whole number")
+        check_id(family, number, where=f"{where}, {key}")
+        ids.append(number)
+    if ids[0] is not None and ids[0] == ids[1]:
+        raise ConfigError(
+            "both sticks have the tag of one number",
+            where=where,
+            value=f"base_id = moving_id = {ids[0]}",
+            limit="two different numbers",
+            do="put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair",
+        )
+    return family, (ids[0], ids[1])
+
+
+def _pair(content: Mapping[str, Any], key: str, where: str) -> list[list[float]]:
+    value = content.get(key)
+    shape_ok = (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(isinstance(point, list) and len(point) == 2 for point in value)
+    )
+    if not shape_ok or value is None:
+        raise ConfigError(
+            f"'{key}' is not two positions",
+            where=where,
+            value=repr(value),
+            limit=f"{key} = [[x, y], [x, y]], inner marker first",
+        )
+    return [[get_number({key: number}, key, where=where) for number in point] for point in value]

@@ -1,0 +1,243 @@
+"""Which four dots are the markers, and which two lie on one stick."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.detect.dots import Dot, find_dots, find_large_dots
+
+CLEAR: Final = 2.0
+"""Score from which a pair of dots is taken at first sight."""
+_LEAST: Final = 1.2
+"""Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
+_CLEARER: Final = 2.0
+"""Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
+_LIKE: Final = 1.6
+"""Markers are of one make: size, brightness step and light differ by less than this factor."""
+_SIZES: Final = (1.8, 3.0)
+"""Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
+_MOST: Final = 24
+"""Dots among which the sticks are looked for."""
+_STRIP: Final = 0.8
+"""Share of the line between two dots that has to be stick."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stick:
+    """Two dots on one stick."""
+
+    inner: Dot
+    outer: Dot
+    score: float
+
+    @property
+    def length_px(self) -> float:
+        """Distance between its dots."""
+        return math.hypot(self.outer.x_px - self.inner.x_px, self.outer.y_px - self.inner.y_px)
+
+
+def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
+    """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs.
+
+    ``dots`` are those of :func:`tracker.detect.dots.find_dots`, where they were found already.
+    """
+    dots = find_dots(luma) if dots is None else dots
+    found = choose_sticks(luma, dots)
+    if found is not None and min(stick.score for stick in found) > CLEAR:
+        return found
+    dots = find_large_dots(luma, dots)
+    found = choose_sticks(luma, dots)
+    if found is None or min(stick.score for stick in found) > CLEAR:
+        return found
+    chosen = [dot for stick in found for dot in (stick.inner, stick.outer)]
+    limit = _CLEARER * min(clearness(dot) for dot in chosen)
+    clearer = [dot for dot in dots if clearness(dot) > limit and not any(dot is other for other in chosen)]
+    return None if len(clearer) >= 2 else found
+
+
+def are_markers(sticks: tuple[Stick, Stick]) -> bool:
+    """Return whether two pairs of dots stand out enough to be taken for the markers."""
+    return min(stick.score for stick in sticks) > _LEAST
+
+
+def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, Stick] | None:
+    """Return the two sticks, inner marker first where the picture tells it, or None.
+
+    Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all
+    along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner
+    from outer.
+    """
+    pairs = [
+        Stick(a, b, score)
+        for a, b in itertools.combinations(clearest(dots), 2)
+        if not isinstance(score := judge_pair(luma, a, b), str)
+    ]
+    best: tuple[float, Stick, Stick] | None = None
+    for one, two in itertools.combinations(pairs, 2):
+        if {id(one.inner), id(one.outer)} & {id(two.inner), id(two.outer)}:
+            continue
+        score = one.score + two.score + _couple_score(one, two)
+        if score > 0 and (best is None or score > best[0]):
+            best = (score, one, two)
+    if best is None:
+        return None
+    return towards_axis(best[1], best[2])
+
+
+def clearest(dots: Sequence[Dot]) -> list[Dot]:
+    """Return the dots among which the sticks are looked for, the clearest first."""
+    return sorted(dots, key=clearness, reverse=True)[:_MOST]
+
+
+def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
+    """Order each stick's dots by their distance from where the two sticks' lines cross."""
+    axis = crossing(one, two)
+    if axis is None:
+        # Parallel sticks: the ends that lie closer together are the inner ones.
+        straight = _gap(one.inner, two.inner)
+        crossed = min(_gap(one.inner, two.outer), _gap(one.outer, two.inner))
+        if crossed < straight and crossed < _gap(one.outer, two.outer):
+            return (
+                (_turned(one), two) if _gap(one.outer, two.inner) < _gap(one.inner, two.outer) else (one, _turned(two))
+            )
+        return (one, two) if straight <= _gap(one.outer, two.outer) else (_turned(one), _turned(two))
+    ordered = [
+        stick
+        if math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
+        <= math.hypot(stick.outer.x_px - axis[0], stick.outer.y_px - axis[1])
+        else _turned(stick)
+        for stick in (one, two)
+    ]
+    return ordered[0], ordered[1]
+
+
+def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
+    """Return where the lines through two sticks cross; None where they are nearly parallel."""
+    return crossing_point(
+        (one.inner.x_px, one.inner.y_px),
+        (one.outer.x_px, one.outer.y_px),
+        (two.inner.x_px, two.inner.y_px),
+        (two.outer.x_px, two.outer.y_px),
+    )
+
+
+def crossing_point(
+    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return where the lines a–b and c–d cross; None where they meet at less than 12°."""
+    ux, uy = b[0] - a[0], b[1] - a[1]
+    vx, vy = d[0] - c[0], d[1] - c[1]
+    cross = ux * vy - uy * vx
+    if abs(cross) < 0.2 * math.hypot(ux, uy) * math.hypot(vx, vy):
+        return None
+    along = ((c[0] - a[0]) * vy - (c[1] - a[1]) * vx) / cross
+    return a[0] + along * ux, a[1] + along * uy
+
+
+def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
+    """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii.
+
+    Brightness is taken across the stick at places along it that hold no dot; the edge is where it has gone half way.
+    """
+    ax, ay, bx, by = stick.inner.x_px, stick.inner.y_px, stick.outer.x_px, stick.outer.y_px
+    ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
+    radius = max(stick.inner.radius_px, stick.outer.radius_px)
+    along = np.linspace(radius + 3.0, stick.length_px - radius - 3.0, 24)
+    reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
+    found: list[float] = []
+    for side in (1.0, -1.0):
+        x = np.rint(ax + along[:, None] * ux - side * reach * uy).astype(np.int64)
+        y = np.rint(ay + along[:, None] * uy + side * reach * ux).astype(np.int64)
+        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+            continue
+        profile = np.median(luma[y, x], axis=0)
+        middle = float(np.median(profile[reach < radius]))
+        # Half way to the level two pixels on: the far background may have any brightness.
+        steps = np.abs(profile[4:] - profile[:-4])
+        first = np.flatnonzero((steps > 0.25 * _step(stick.inner)) & (reach[2:-2] > radius))
+        if len(first):
+            top = first[0] + int(np.argmax(steps[first[0] : first[0] + 5]))
+            if abs(profile[top] - middle) < 0.5 * steps[top]:
+                found.append(float(reach[top + 2]))
+    return float(np.mean(found)) if found else math.inf
+
+
+def _turned(stick: Stick) -> Stick:
+    return Stick(stick.outer, stick.inner, stick.score)
+
+
+def _gap(a: Dot, b: Dot) -> float:
+    return math.hypot(a.x_px - b.x_px, a.y_px - b.y_px)
+
+
+def _step(dot: Dot) -> float:
+    return abs(dot.fit.shape.contrast) * dot.fit.light
+
+
+def clearness(dot: Dot) -> float:
+    """Return how clearly a dot stands out, by its fit and its step in brightness."""
+    return dot.fit.explained**4 * math.sqrt(_step(dot))
+
+
+def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
+    """Return how clearly two dots lie on one stick, or in words why they do not."""
+    if (a.fit.shape.contrast > 0) != (b.fit.shape.contrast > 0):
+        return "one of the two is dark and the other light"
+    likeness = 1.0
+    for name, one, two in (
+        ("radius", a.radius_px, b.radius_px),
+        ("contrast", _step(a), _step(b)),
+        ("light around them", a.fit.light, b.fit.light),
+    ):
+        ratio = max(one, two) / max(min(one, two), 1e-6)
+        if ratio > _LIKE:
+            return f"they differ in {name} by a factor of {ratio:.1f}; {_LIKE:g} allowed"
+        likeness /= ratio
+    distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
+    if distance < needed:
+        return f"they are {distance:.0f} px apart; {needed:.0f} px needed"
+    strip = _strip_share(luma, a, b, distance)
+    if strip < _STRIP:
+        share = math.floor(100.0 * strip)
+        return f"{share} % of the line between them is as bright as a stick; {100.0 * _STRIP:.0f} % needed"
+    return likeness * strip * (a.fit.explained * b.fit.explained) ** 4 * math.sqrt(min(_step(a), _step(b)))
+
+
+def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> float:
+    """Return the share of the line between two dots that is as bright as the stick around them."""
+    first, last = a.radius_px + 2.0, distance - b.radius_px - 2.0
+    along = np.linspace(first, last, max(8, int(last - first))) / distance
+    x = np.rint(a.x_px + along * (b.x_px - a.x_px)).astype(np.int64)
+    y = np.rint(a.y_px + along * (b.y_px - a.y_px)).astype(np.int64)
+    expected = a.fit.light + along * (b.fit.light - a.fit.light)
+    limit = max(0.3 * min(_step(a), _step(b)), 3.0 * max(a.fit.residual, b.fit.residual))
+    return float(np.mean(np.abs(luma[y, x] - expected) < limit))
+
+
+def _couple_score(one: Stick, two: Stick) -> float:
+    """Return how well two pairs go together as the sticks of one rig; negative where they cannot."""
+    radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
+    steps = [_step(dot) for dot in (one.inner, one.outer, two.inner, two.outer)]
+    unlike = max(radii) / min(radii)
+    if unlike > _SIZES[1] or max(steps) > 2.5 * min(steps):
+        return -math.inf
+    if max(one.length_px, two.length_px) > 3.0 * min(one.length_px, two.length_px):
+        return -math.inf
+    unlikely = max(0.0, 1.0 - _SIZES[0] / unlike) * (one.score + two.score)
+    axis = crossing(one, two)
+    if axis is None:
+        return -unlikely
+    # The axis lies beyond the inner end of both sticks, not between a stick's markers.
+    beyond = 0.0
+    for stick in (one, two):
+        ux, uy = stick.outer.x_px - stick.inner.x_px, stick.outer.y_px - stick.inner.y_px
+        along = ((axis[0] - stick.inner.x_px) * ux + (axis[1] - stick.inner.y_px) * uy) / (ux * ux + uy * uy)
+        beyond += 1.0 if not 0.0 < along < 1.0 and -4.0 < along < 5.0 else -1.0
+    return beyond - unlikely

@@ -1,0 +1,100 @@
+"""ArUco and AprilTag tags: their families, and where they are in a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError
+from torsight.core.wording import listed
+
+Floats = NDArray[np.float64]
+
+_PREFIX: Final = "DICT_"
+
+
+def families() -> tuple[str, ...]:
+    """Return the names of the families, as OpenCV calls its dictionaries without ``DICT_``; no name twice."""
+    named: dict[int, str] = {}
+    for name in sorted(vars(cv2.aruco), reverse=True):
+        if name.startswith(_PREFIX):
+            # AprilTag families have two spellings of one number; the one with the small letter comes first here.
+            named.setdefault(int(getattr(cv2.aruco, name)), name.removeprefix(_PREFIX))
+    return tuple(sorted(named.values()))
+
+
+@lru_cache(maxsize=32)
+def family_of(name: str, *, where: str) -> Any:
+    """Return OpenCV's dictionary of a family.
+
+    Raises
+    ------
+    ConfigError
+        When there is no such family.
+    """
+    number = getattr(cv2.aruco, _PREFIX + name.removeprefix(_PREFIX), None)
+    if not isinstance(number, int):
+        raise ConfigError(
+            "is no family of tags", where=f"{where}, family", value=name, limit=f"one of {', '.join(families())}"
+        )
+    return cv2.aruco.getPredefinedDictionary(number)
+
+
+def count_of(name: str, *, where: str = "tag") -> int:
+    """Return how many tags a family has."""
+    return len(family_of(name, where=where).bytesList)
+
+
+def check_id(name: str, number: int, *, where: str) -> None:
+    """Refuse a number that a family does not have.
+
+    Raises
+    ------
+    ConfigError
+        Naming the numbers of the family.
+    """
+    count = count_of(name, where=where)
+    if not 0 <= number < count:
+        raise ConfigError("is no tag of this family", where=where, value=number, limit=f"0 to {count - 1} in {name}")
+
+
+def bits_of(name: str, number: int) -> NDArray[np.bool_]:
+    """Return the modules of a tag, True for white, with its black border and no white one, (n, n)."""
+    dictionary = family_of(name, where="tag")
+    modules = int(dictionary.markerSize) + 2
+    return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) > 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundTag:
+    """A tag in a picture: its number, and its corners (4, 2) clockwise from the top left one of the upright tag."""
+
+    number: int
+    corners_px: Floats
+
+
+def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
+    """Return the tags of a family in a picture, by OpenCV's detector."""
+    corners, numbers, _ = _detector(family).detectMarkers(np.ascontiguousarray(luma))
+    if numbers is None:
+        return []
+    return [
+        FoundTag(int(number), np.asarray(four, dtype=np.float64).reshape(4, 2))
+        for number, four in zip(np.ravel(numbers), corners, strict=True)
+    ]
+
+
+@lru_cache(maxsize=32)
+def _detector(family: str) -> Any:
+    return cv2.aruco.ArucoDetector(family_of(family, where="tag"), cv2.aruco.DetectorParameters())
+
+
+def in_words(found: list[FoundTag]) -> str:
+    """Return the numbers of tags for a message."""
+    numbers = sorted({tag.number for tag in found})
+    return f"{'number' if len(numbers) == 1 else 'numbers'} {listed([str(number) for number in numbers])}"

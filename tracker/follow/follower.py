@@ -1,0 +1,178 @@
+"""Two sticks with dots through a film: the state of all that is known, frame by frame."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.appearance.lucas_kanade import READING
+from tracker.detect.sticks import crossing_point
+from tracker.follow.axis import suppose_axis, turned
+from tracker.follow.frame_step import DONE, START, advance
+from tracker.follow.learning import skip, write_row
+from tracker.follow.marker import Marker
+from tracker.follow.records import Scene, state_type
+from tracker.follow.redetect import direction, place_of, redetect
+from tracker.frames.frame import Frame
+from tracker.rows import DAMAGED, ROW
+
+_MOVED_RAD: Final = math.radians(1.0)
+"""A stick that turned by this much, and three times as much as the other, is the moving one."""
+
+
+@dataclass(frozen=True, slots=True)
+class StickName:
+    """Which stick one is: its number, and the numbers of its markers."""
+
+    stick: int
+
+    @property
+    def indices(self) -> tuple[int, int]:
+        """Numbers of its markers."""
+        return 2 * self.stick, 2 * self.stick + 1
+
+
+class DotState:
+    """All that is known of the dots of one stick or of two, as one record.
+
+    Parameters
+    ----------
+    markers : two Marker of each stick
+    still : bool
+        Whether a stick that is alone is known not to turn.
+    """
+
+    def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
+        self._all = np.zeros((), state_type(len(markers) // 2))
+        # Always of four markers: a tuple of another length would be compiled anew.
+        looks = (*(marker.look for marker in markers), *(markers[0].look,) * (4 - len(markers)))
+        readings = np.zeros(len(markers), READING)
+        self.scene = Scene(self._all["markers"], self._all["sticks"], self._all["rig"], readings, looks)
+        for index, marker in enumerate(markers):
+            self.scene.markers[index] = marker.record[0]
+        self.scene.rig["moving"] = -1
+        for stick, own in enumerate(self.scene.sticks):
+            own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
+            own["start_rad"], own["still"] = direction(*self.ends(stick)), still
+            own["axis"]["last_rad"] = math.nan
+
+    def ends(self, stick: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return where both markers of a stick are."""
+        one, two = (place_of(marker) for marker in self.scene.markers[2 * stick : 2 * stick + 2])
+        return one, two
+
+    def follow(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+        """Follow the markers into the next frame and return their readings, which the next frame overwrites."""
+        stage = advance(self.scene, luma, time_s, START)
+        while stage != DONE:
+            redetect(self.scene, luma, stage)
+            stage = advance(self.scene, luma, time_s, stage)
+        return self.scene.readings
+
+    def skip(self, time_s: float) -> None:
+        """Pass over a frame that shows nothing."""
+        skip(self.scene, time_s)
+
+    def to_state(self) -> str:
+        """Return everything that :meth:`restore` needs to go on in the same way."""
+        return base64.b64encode(self._all.tobytes()).decode()
+
+    def restore(self, state: str) -> None:
+        """Go back to a noted state, exactly; it has to be made from the same first frame."""
+        self._all[...] = np.frombuffer(base64.b64decode(state), self._all.dtype)[0]
+        for _, _, extras in self.scene.looks:
+            extras[:, -1] = 0.0
+
+
+class Follower:
+    """Follows four markers through a film.
+
+    Parameters
+    ----------
+    markers : four Marker
+        Two of one stick, two of the other.
+    moving : int or None
+        Which stick moves (0 or 1); None until it shows.
+    """
+
+    def __init__(self, markers: Sequence[Marker], *, moving: int | None) -> None:
+        self._state = DotState(markers)
+        self._rows = np.zeros(1, ROW)
+        if moving is not None:
+            self._name_sticks(moving)
+
+    def step(self, frame: Frame) -> NDArray[np.void]:
+        """Follow the markers into the next frame and return its row, which the next frame overwrites."""
+        scene = self._state.scene
+        if frame.luma is None or frame.damaged:
+            self._state.skip(frame.time_s)
+            scene.readings["state"] = DAMAGED
+        else:
+            self._state.follow(frame.luma, frame.time_s)
+            if self.moving is None:
+                self._look_for_motion()
+        write_row(scene.readings, self._rows[0])
+        self._rows["time_s"] = frame.time_s
+        row: NDArray[np.void] = self._rows[0]
+        return row
+
+    @property
+    def moving(self) -> StickName | None:
+        """The moving stick; None until it shows."""
+        number = int(self._state.scene.rig["moving"][0])
+        return None if number < 0 else StickName(number)
+
+    @property
+    def base(self) -> StickName | None:
+        """The base stick; None until it shows."""
+        return None if self.moving is None else StickName(1 - self.moving.stick)
+
+    def _look_for_motion(self) -> None:
+        if self._state.scene.readings["state"].any():
+            return
+        sticks = self._state.scene.sticks
+        angles = [turned(direction(*self._state.ends(k)), float(sticks["start_rad"][k])) for k in (0, 1)]
+        moving = stick_that_moves(angles)
+        if moving is not None:
+            self._name_sticks(moving)
+
+    def _name_sticks(self, moving: int) -> None:
+        """Settle which stick moves."""
+        scene, ends = self._state.scene, self._state.ends(1 - moving)
+        rig = scene.rig[0]
+        rig["moving"], rig["zero"] = moving, ends
+        rig["reference_rad"] = rig["last_rad"] = direction(*ends)
+        centre = crossing_point(*ends, *self._state.ends(moving))
+        if centre is not None:
+            suppose_axis(scene.sticks[moving]["axis"], *centre)
+
+    def report(self) -> dict[str, float]:
+        """Return sizes for ``track.json``: of dots and sticks, and the shutter."""
+        scene = self._state.scene
+        return {
+            "radius_px": float(np.median(scene.markers["first_radius"])),
+            "stick_length_px": float(np.median(scene.sticks["length"])),
+            "shutter_share_of_frame": float(scene.rig["shutter_share"][0]),
+        }
+
+    def to_state(self) -> dict[str, Any]:
+        """Return everything that :meth:`restore` needs to go on in the same way."""
+        return {"dots": self._state.to_state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state, exactly; the follower has to be made from the same first frame."""
+        self._state.restore(state["dots"])
+
+
+def stick_that_moves(turned_rad: Sequence[float]) -> int | None:
+    """Return which of two sticks moves, from how far each has turned since the start; None while that is open."""
+    for stick in (0, 1):
+        if turned_rad[stick] > _MOVED_RAD + 3.0 * turned_rad[1 - stick]:
+            return stick
+    return None

@@ -1,0 +1,361 @@
+"""Judging the sticks against each other: what is covered, what stands still, what goes around the axis (compiled).
+
+The base does not move but for the camera's own shaking; the moving stick turns around an axis that is learned. Where
+the moving stick passes over the base's markers these are not read but held: two dots of one look in one place cannot be
+told apart by how they look.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from torsight.core.compiled import njit
+from tracker.appearance.disc import Floats, Record
+from tracker.appearance.lucas_kanade import Luma, Point
+from tracker.follow.axis import arm_px, on_circle, turned
+from tracker.follow.innovation import passes
+from tracker.follow.reading import read_marker
+from tracker.follow.records import Scene
+from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
+
+SHAKE_PX: Final = 2.0
+"""Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
+_STEP_PX2: Final = 2.0 * SHAKE_PX**2
+"""Variance of its step from one frame to the next, where both are independent."""
+_RIGID_PX: Final = 0.8
+"""Standard deviation of the difference of both base markers' steps: noise, and an edge of the moving stick nearby."""
+TURN_RAD: Final = math.radians(0.7)
+"""Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
+SURE_RAD: Final = math.radians(0.13)
+"""The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
+LENGTH_PX: Final = 0.8
+LENGTH: Final = 0.01
+"""By how much the distance of a stick's markers may be off, px and share: noise of both ends, and the tilt of 8 degrees
+that the sticks of a rig may have against each other."""
+STALE_LENGTH: Final = 20
+"""Frames over which that grows for a stick that is not seen: seen from aside its length changes as it turns."""
+_CLOSE: Final = 0.6
+"""Distance from a base dot, in radii, below which dots cannot be told apart."""
+NEAR: Final = 1.6
+"""The same after a gap, and where a dot is to show which stick is above: two dots touch at 2."""
+UNSEEN_PX: Final = 2.0 * SHAKE_PX
+"""How far a base dot may have gone with the picture since it was seen."""
+_OWN_RAD: Final = math.radians(1.0)
+"""Turn against the base from which both dots of the moving stick cannot be the base's."""
+_OWN_PX: Final = 0.6
+"""How far its dots may be off their circles, one against the other, and still both be its own."""
+KNOWN: Final = 2
+MOST_VOTES: Final = 20
+"""Votes from which it is known which stick lies above, and how many are kept at most."""
+_SHAKEN_PX: Final = 0.7
+"""Shift between two frames from which the moving stick is read again at the shifted place."""
+SOON: Final = 3
+"""Frames after which a lost marker is no longer taken to be next to where it is expected."""
+_OFF_CIRCLE: Final = 0.1
+_OFF_CIRCLE_PX: Final = 5.0
+"""Three standard deviations of a marker's distance from its axis, share and px: perspective of 10 %, and what a first
+guess of the axis is off."""
+_ALONE, _TWO, _OWN = range(3)
+"""One dot of the moving stick is seen; two are; both are known to be its own."""
+_SHORT: Final = 5
+"""Frames after which one dot alone is no longer taken for a marker."""
+BEYOND: Final = 0.6
+"""By how much of its markers' distance a stick is taken to go on beyond each of them."""
+_ROOM_PX: Final = 2.5
+"""Least distance of the moving stick's edge from the window of a base marker that is read: its blur, and its shade."""
+
+
+@njit(cache=True, nogil=True)
+def seen(scene: Scene, index: int) -> bool:
+    """Return whether a marker's reading is taken."""
+    return scene.readings[index].state == SEEN  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def at(scene: Scene, index: int) -> Point:
+    """Return where a marker is, or is expected where it was not read."""
+    reading = scene.readings[index]
+    if reading.state == SEEN:
+        return reading.x, reading.y
+    return reading.predicted[0], reading.predicted[1]
+
+
+@njit(cache=True, nogil=True)
+def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
+    """Return the distance of a point from the line a–b, drawn out by a share of its length on both sides."""
+    ux, uy = b[0] - a[0], b[1] - a[1]
+    along = ((point[0] - a[0]) * ux + (point[1] - a[1]) * uy) / max(ux * ux + uy * uy, 1e-9)
+    along = min(max(along, -beyond), 1.0 + beyond)
+    return math.hypot(point[0] - a[0] - along * ux, point[1] - a[1] - along * uy)
+
+
+@njit(cache=True, nogil=True)
+def covers(scene: Scene, point: Point, index: int) -> bool:
+    """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
+    i = 2 * scene.rig[0].moving
+    width = scene.markers[i].shape.window
+    away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
+    return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def check_length(scene: Scene, stick: int) -> None:
+    """Refuse the marker that is further from its prediction where the distance of both is not right."""
+    i, j = 2 * stick, 2 * stick + 1
+    if not (seen(scene, i) and seen(scene, j)):
+        return
+    (ax, ay), (bx, by) = at(scene, i), at(scene, j)
+    usual, length = scene.sticks[stick].length, math.hypot(bx - ax, by - ay)
+    lost = min(scene.markers[i].lost + scene.markers[j].lost, STALE_LENGTH)
+    if abs(length - usual) <= LENGTH_PX + LENGTH * usual * (1.0 + 0.5 * lost):
+        return
+    p, q = scene.readings[i].predicted, scene.readings[j].predicted
+    # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
+    if lost == 0 and abs(length - math.hypot(q[0] - p[0], q[1] - p[1])) <= LENGTH_PX + LENGTH * usual:
+        return
+    one, two = math.hypot(ax - p[0], ay - p[1]), math.hypot(bx - q[0], by - q[1])
+    if one > 2.0 * two + 0.5:
+        scene.readings[i].state = HIDDEN
+    elif two > 2.0 * one + 0.5:
+        scene.readings[j].state = HIDDEN
+    else:
+        scene.readings[i].state = scene.readings[j].state = HIDDEN
+
+
+# --- the base -------------------------------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def _cover(scene: Scene, index: int) -> int:
+    """Do not take a base marker that the moving stick reaches; return evidence that the moving stick is above.
+
+    Positive where the dot is hidden right under it, negative where it is seen whole there.
+    """
+    marker, reading, i = scene.markers[index], scene.readings[index], 2 * scene.rig[0].moving
+    here = (marker.x, marker.y)
+    if not covers(scene, here, index):
+        return 0
+    state, reading.state = reading.state, SHADOWED
+    a, b, radius = at(scene, i), at(scene, i + 1), marker.shape.radius
+    ends = min(math.hypot(here[0] - a[0], here[1] - a[1]), math.hypot(here[0] - b[0], here[1] - b[1]))
+    if ends <= 2.5 * radius or to_strip(here, a, b, BEYOND) >= 0.4 * radius:
+        return 0
+    return 1 if state == HIDDEN else (-1 if state == SEEN else 0)
+
+
+@njit(cache=True, nogil=True)
+def vote(rig: Record, evidence: int) -> None:
+    """Take in evidence of which stick is above."""
+    rig.above = max(-MOST_VOTES, min(MOST_VOTES, rig.above + evidence))
+
+
+@njit(cache=True, nogil=True)
+def judge_base(scene: Scene) -> bool:
+    """Judge the base; return whether it has to be looked for.
+
+    While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction will
+    do, and one dot alone has to be where the base was when the moving stick was last seen elsewhere.
+    """
+    rig, base = scene.rig[0], 1 - scene.rig[0].moving
+    i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
+    vote(rig, _cover(scene, i) + _cover(scene, j))
+    check_length(scene, base)
+    elsewhere = seen(scene, k) and seen(scene, k + 1)
+    if not elsewhere and not rig.anchored:
+        rig.anchor[:] = rig.shift
+    rig.anchored = not elsewhere
+    if seen(scene, i) and seen(scene, j):
+        if not _stands(scene, base):
+            scene.readings[i].state = scene.readings[j].state = LOST
+        elif elsewhere:
+            (ax, ay), (bx, by) = at(scene, i), at(scene, j)
+            rig.last_rad = math.atan2(by - ay, bx - ax)
+    else:
+        for end in range(2):
+            if seen(scene, i + end) and not _stands_alone(scene, i + end, end):
+                scene.readings[i + end].state = LOST
+    return _gone(scene, i) and _gone(scene, j)
+
+
+@njit(cache=True, nogil=True)
+def _gone(scene: Scene, index: int) -> bool:
+    return scene.readings[index].state not in (SEEN, SHADOWED)
+
+
+@njit(cache=True, nogil=True)
+def _stands(scene: Scene, base: int) -> bool:
+    """Return whether both markers are of a stick that stands still but for the camera."""
+    rig, i, j = scene.rig[0], 2 * base, 2 * base + 1
+    (ax, ay), (bx, by) = at(scene, i), at(scene, j)
+    one, two = (ax - scene.markers[i].x, ay - scene.markers[i].y), (bx - scene.markers[j].x, by - scene.markers[j].y)
+    shift = 0.25 * ((one[0] + two[0]) ** 2 + (one[1] + two[1]) ** 2)
+    apart = (one[0] - two[0]) ** 2 + (one[1] - two[1]) ** 2
+    direction = math.atan2(by - ay, bx - ax)
+    found = shift / (_STEP_PX2 * (1 + rig.unknown)) + apart / _RIGID_PX**2
+    found += (turned(direction, rig.reference_rad) / TURN_RAD) ** 2
+    if not rig.anchored:
+        return passes(found, 5)
+    return passes(found + (turned(direction, rig.last_rad) / SURE_RAD) ** 2, 6)
+
+
+@njit(cache=True, nogil=True)
+def _stands_alone(scene: Scene, index: int, end: int) -> bool:
+    """Return whether one marker alone is where it was, but for the camera."""
+    rig, marker, (x, y) = scene.rig[0], scene.markers[index], at(scene, index)
+    step = (x - marker.x) ** 2 + (y - marker.y) ** 2
+    if not passes(step / (_STEP_PX2 * (1 + rig.unknown)), 2):
+        return False
+    dx, dy = x - rig.zero[end, 0] - rig.anchor[0], y - rig.zero[end, 1] - rig.anchor[1]
+    return not rig.anchored or passes((dx * dx + dy * dy) / _RIGID_PX**2, 2)
+
+
+# --- the camera -----------------------------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def find_shift(scene: Scene) -> None:
+    """Find the shift of the picture: from the base, or from the moving stick's circles while the base is not seen."""
+    rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
+    count, x, y = 0, 0.0, 0.0
+    for end in range(2):
+        if seen(scene, i + end):
+            x += scene.readings[i + end].x - rig.zero[end, 0]
+            y += scene.readings[i + end].y - rig.zero[end, 1]
+            count += 1
+    rig.unknown = 0 if count else rig.unknown + 1
+    if count:
+        rig.shift_now[0], rig.shift_now[1] = x / count, y / count
+        return
+    rig.shift_now[:] = rig.shift
+    off = np.empty((2, 2))
+    # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
+    if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
+        x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
+        away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
+        if passes(away / (_STEP_PX2 * (1 + rig.unknown)), 2):
+            rig.shift_now[0], rig.shift_now[1] = x, y
+            rig.unknown = 0
+
+
+@njit(cache=True, nogil=True)
+def circles_off(scene: Scene, out: Floats) -> bool:
+    """Find how far either moving marker is from where its circle puts it (2, 2); False while that is not known."""
+    stick = scene.rig[0].moving
+    axis, i = scene.sticks[stick].axis, 2 * stick
+    if not (axis.known and seen(scene, i) and seen(scene, i + 1)):
+        return False
+    (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
+    direction = math.atan2(by - ay, bx - ax)
+    for end in range(2):
+        x, y = on_circle(axis, direction, end)
+        out[end, 0], out[end, 1] = scene.readings[i + end].x - x, scene.readings[i + end].y - y
+    return True
+
+
+@njit(cache=True, nogil=True)
+def follow_shake(scene: Scene, luma: Luma) -> None:
+    """Read the moving stick again where the picture has jumped and it was not found."""
+    rig, i = scene.rig[0], 2 * scene.rig[0].moving
+    dx, dy = rig.shift_now[0] - rig.shift[0], rig.shift_now[1] - rig.shift[1]
+    if math.hypot(dx, dy) > _SHAKEN_PX and not (seen(scene, i) and seen(scene, i + 1)):
+        read_shifted(scene, luma, dx, dy)
+
+
+@njit(cache=True, nogil=True)
+def read_shifted(scene: Scene, luma: Luma, dx: float, dy: float) -> bool:
+    """Read the moving stick shifted by a step; return whether both of its markers are seen."""
+    i = 2 * scene.rig[0].moving
+    for index in (i, i + 1):
+        scene.readings[index].predicted[0] += dx
+        scene.readings[index].predicted[1] += dy
+        read_marker(scene, luma, index)
+    return seen(scene, i) and seen(scene, i + 1)
+
+
+# --- the moving stick -----------------------------------------------------------------------------------------------
+
+
+@njit(cache=True, nogil=True)
+def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
+    """Return whether a place lies within some radii of a dot of the base; ``more_px`` where that is not seen."""
+    i = 2 - 2 * scene.rig[0].moving
+    for index in (i, i + 1):
+        marker = scene.markers[index]
+        # A base dot that was not seen lately may have moved with the picture.
+        reach = radii * marker.shape.radius + (more_px if marker.lost else 0.0)
+        if math.hypot(point[0] - marker.x, point[1] - marker.y) < reach:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def both_own(scene: Scene) -> bool:
+    """Return whether both dots are known to be the moving stick's, next to the base's dots as they may be.
+
+    Had one of them been a dot of the base, it would be off its circle against the other; had both, the stick would
+    point as the base does. Neither depends on a shake of the camera.
+    """
+    i, off = 2 * scene.rig[0].moving, np.empty((2, 2))
+    if scene.markers[i].lost or scene.markers[i + 1].lost or not circles_off(scene, off):
+        return False
+    (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
+    if turned(math.atan2(by - ay, bx - ax), scene.rig[0].last_rad) < _OWN_RAD:
+        return False
+    return math.hypot(off[1, 0] - off[0, 0], off[1, 1] - off[0, 1]) < _OWN_PX
+
+
+@njit(cache=True, nogil=True)
+def circle_misfit(scene: Scene, stick: int, point: Point, end: int) -> float:
+    """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
+
+    Seen from aside circles are ellipses, as flat as the stick's own length varies.
+    """
+    axis, own, shift = scene.sticks[stick].axis, scene.sticks[stick], scene.rig[0].shift_now
+    if not axis.known:
+        return 0.0
+    arm = arm_px(axis, end)
+    away = math.hypot(point[0] - axis.centre[0] - shift[0], point[1] - axis.centre[1] - shift[1])
+    varies = own.longest / own.shortest - 1.0
+    return 3.0 * abs(away - arm) / ((_OFF_CIRCLE + varies) * arm + _OFF_CIRCLE_PX)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def judge_moving(scene: Scene) -> bool:
+    """Refuse readings that could be of a base dot or are off their circle; return whether to look for the stick."""
+    rig, i, j = scene.rig[0], 2 * scene.rig[0].moving, 2 * scene.rig[0].moving + 1
+    check_length(scene, rig.moving)
+    company = _ALONE if seen(scene, i) != seen(scene, j) else (_OWN if both_own(scene) else _TWO)
+    for index in (i, j):
+        if seen(scene, index):
+            _judge_dot(scene, index, company)
+    if min(scene.markers[i].lost, scene.markers[j].lost) > _SHORT and seen(scene, i) != seen(scene, j):
+        # One dot alone, after a gap, could be anything that is round.
+        for index in (i, j):
+            if seen(scene, index):
+                scene.readings[index].state = LOST
+    return not (seen(scene, i) and seen(scene, j))
+
+
+@njit(cache=True, nogil=True)
+def _judge_dot(scene: Scene, index: int, company: int) -> None:
+    """Refuse one dot of the moving stick; ``company`` is what is known of both."""
+    rig, marker, reading, place = scene.rig[0], scene.markers[index], scene.readings[index], at(scene, index)
+    partner = scene.markers[index + 1 - 2 * (index % 2)]
+    b = 2 - 2 * rig.moving
+    # Seen whole in the middle of the base stick, it is above; next to a base dot that takes both to be its own.
+    if company == _OWN or not near_base(scene, place, NEAR, 0.0):
+        one, two = scene.markers[b], scene.markers[b + 1]
+        if to_strip(place, (one.x, one.y), (two.x, two.y), 0.1) < 1.2 * one.shape.radius:
+            vote(rig, 1)
+    followed = marker.lost <= SOON or partner.lost == 0
+    alone = company == _ALONE
+    radii = _CLOSE if followed and not alone else NEAR
+    near = near_base(scene, place, radii, UNSEEN_PX if alone else 0.0)
+    if near and company != _OWN and (alone or rig.above < KNOWN):
+        # One dot alone next to a base dot may be either, whichever stick is above.
+        reading.state = SHADOWED
+    elif marker.lost and not passes(circle_misfit(scene, rig.moving, place, index % 2) ** 2, 1):
+        reading.state = HIDDEN

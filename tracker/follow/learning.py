@@ -1,0 +1,177 @@
+"""What a frame leaves behind (compiled): histories, running means of fit and shape, lengths, axis, shutter, its row.
+
+Uneven light shifts a dot (a slope of 0.1 grey levels per pixel by 0.005 px), but a free slope in every frame costs a
+third of the precision, since it looks like an offset. So slopes are measured and averaged over frames, and taken as
+known.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from torsight.core.compiled import njit
+from tracker.appearance.disc import Floats, Record
+from tracker.appearance.lucas_kanade import Luma
+from tracker.appearance.motion_blur import SHARP_PX, is_sharp, learn_shutter
+from tracker.follow.axis import learn_axis
+from tracker.follow.judgement import SOON, at, circles_off, seen
+from tracker.follow.prediction import STALE, is_base, predict, ways
+from tracker.follow.reading import share_of_step
+from tracker.follow.records import KEPT, Scene
+from tracker.rows import DARK, SEEN
+
+RATE: Final = 0.1
+"""Share of the new in averages of shape, light and misses: ten frames, over which noise averages to a
+quarter."""
+_FIT_RATE: Final = 0.03
+"""The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
+_LENGTH_RATE: Final = 0.2
+"""The same for the distance of a stick's markers, which changes as it turns: five frames."""
+BRIGHTNESS_RATE: Final = 0.05
+"""The same for the brightness of the picture: twenty frames, so that a light that fades is followed."""
+_CHANGE_PX: Final = 0.15
+"""Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
+_RADIUS_RANGE: Final = (0.7, 1.4)
+_MOST_STRETCH: Final = 0.45
+"""Radius over the first one, and stretch, up to which a dot's shape is followed: a plane seen from 67 degrees aside."""
+
+
+@njit(cache=True, nogil=True)
+def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
+    """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
+    for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
+        off = share_of_step(value, reading.step) - kept[0]
+        kept[0] += _FIT_RATE * off
+        kept[1] += _FIT_RATE * (abs(off) - kept[1])
+    marker.change[:] += RATE * (reading.change - marker.change)
+    marker.slope[:] += RATE * (reading.slope - marker.slope)
+    shape = marker.shape
+    radius = shape.radius + marker.change[0]
+    e, f = marker.change[1], marker.change[2]
+    if max(abs(marker.change[0]), abs(e) * radius, abs(f) * radius) < _CHANGE_PX:
+        return
+    e, f = shape.stretch[0] + e, shape.stretch[1] + f
+    in_range = _RADIUS_RANGE[0] < radius / marker.first_radius < _RADIUS_RANGE[1]
+    if in_range and math.hypot(e, f) <= _MOST_STRETCH:
+        shape.radius, shape.stretch[0], shape.stretch[1] = radius, e, f
+        extras[:, -1] = 0.0
+    marker.change[:] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
+    """Note a reading in a marker's history."""
+    x, y, h = reading.x - shift[0], reading.y - shift[1], marker.history
+    count = marker.count
+    if marker.lost > 0:
+        # Only readings close to each other tell a velocity.
+        kept = min(count, 1) if marker.lost <= SOON else 0
+        if kept:
+            h[0, :] = h[count - 1, :]
+        count = kept
+    elif count == KEPT:
+        guesses = ways(marker, time_s)
+        for way in range(len(guesses)):
+            miss = (x - guesses[way, 0]) ** 2 + (y - guesses[way, 1]) ** 2
+            marker.miss[way] += RATE * (miss - marker.miss[way])
+        for k in range(KEPT - 1):
+            h[k, :] = h[k + 1, :]
+        count = KEPT - 1
+    h[count, 0], h[count, 1], h[count, 2] = time_s, x, y
+    marker.count = count + 1
+    marker.x, marker.y, marker.lost = reading.x, reading.y, 0
+
+
+@njit(cache=True, nogil=True)
+def miss(marker: Record, x: float, y: float) -> None:
+    """Note that a marker was not read, and where it is taken to be."""
+    marker.x, marker.y = x, y
+    marker.lost += 1
+    if marker.lost > STALE:
+        marker.count = 0
+
+
+@njit(cache=True, nogil=True)
+def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
+    """Take in what was read of all markers."""
+    rig = scene.rig[0]
+    rig.shift[:] = rig.shift_now
+    if not rig.dark:
+        rig.brightness += (BRIGHTNESS_RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
+    for index in range(len(scene.markers)):
+        _note_marker(scene, index, time_s)
+    for index in range(len(scene.markers)):
+        reading = scene.readings[index]
+        path = (reading.path[0], reading.path[1])
+        if reading.state == SEEN and math.hypot(path[0], path[1]) > SHARP_PX:
+            learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
+    for stick in range(len(scene.sticks)):
+        _note_stick(scene, stick)
+
+
+@njit(cache=True, nogil=True)
+def skip(scene: Scene, time_s: float) -> None:
+    """Pass over a frame that shows nothing: markers are carried on, and lost for one frame more."""
+    predict(scene, time_s)
+    for index in range(len(scene.markers)):
+        predicted = scene.readings[index].predicted
+        miss(scene.markers[index], predicted[0], predicted[1])
+
+
+@njit(cache=True, nogil=True)
+def _note_marker(scene: Scene, index: int, time_s: float) -> None:
+    rig, marker, reading = scene.rig[0], scene.markers[index], scene.readings[index]
+    if reading.state != SEEN:
+        if rig.dark:
+            reading.state = DARK
+        if is_base(rig, index // 2):
+            # It goes with the picture.
+            end = index % 2
+            miss(marker, rig.zero[end, 0] + rig.shift[0], rig.zero[end, 1] + rig.shift[1])
+        else:
+            miss(marker, reading.predicted[0], reading.predicted[1])
+        return
+    marker.light += RATE * (reading.light - marker.light)
+    marker.step += RATE * (abs(reading.step) - marker.step)
+    if is_sharp(rig, math.hypot(reading.path[0], reading.path[1])):
+        learn_look(marker, scene.looks[index][2], reading)
+    take(marker, time_s, reading, rig.shift)
+
+
+@njit(cache=True, nogil=True)
+def _note_stick(scene: Scene, stick: int) -> None:
+    """Follow the distance of a stick's markers, and learn its axis."""
+    rig, own, i = scene.rig[0], scene.sticks[stick], 2 * stick
+    if not (seen(scene, i) and seen(scene, i + 1)):
+        return
+    (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
+    own.length += _LENGTH_RATE * (math.hypot(bx - ax, by - ay) - own.length)
+    own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
+    base = 2 - 2 * stick
+    if is_base(rig, stick) or (rig.moving >= 0 and not (seen(scene, base) or seen(scene, base + 1))):
+        return
+    dx, dy = rig.shift[0], rig.shift[1]
+    learn_axis(own.axis, (ax - dx, ay - dy), (bx - dx, by - dy))
+    off = np.empty((2, 2))
+    if rig.moving >= 0 and circles_off(scene, off):
+        rig.offset_known = 1
+        rig.offset[0], rig.offset[1] = 0.5 * (off[0, 0] + off[1, 0]) - dx, 0.5 * (off[0, 1] + off[1, 1]) - dy
+
+
+@njit(cache=True, nogil=True)
+def write_row(readings: Record, row: Record) -> None:
+    """Write what is noted of a frame (see :mod:`tracker.rows`); of markers that are not seen nothing but why."""
+    for index in range(len(readings)):
+        reading = readings[index]
+        taken = reading.state == SEEN
+        row.state[index] = reading.state
+        row.position_px[index, 0] = reading.x if taken else np.nan
+        row.position_px[index, 1] = reading.y if taken else np.nan
+        for k in range(3):
+            row.covariance_px2[index, k] = reading.covariance[k] if taken else np.nan
+        row.light[index] = reading.light if taken else 0.0
+        row.step[index] = reading.step if taken else 0.0
+        row.residual[index] = reading.residual if taken else 0.0

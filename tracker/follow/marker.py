@@ -1,0 +1,119 @@
+"""One marker as following begins: its record, and what is kept to read it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import NoResultError
+from tracker.appearance.disc import COLUMNS, window_pixels
+from tracker.appearance.dot_fit import DotShape
+from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
+from tracker.detect.dots import Dot
+from tracker.detect.given import given_dots
+from tracker.detect.marker_file import MarkerHints
+from tracker.detect.sticks import Stick, half_width
+from tracker.follow.reading import share_of_step
+from tracker.follow.records import MARKER
+from tracker.frames.frame import Frame
+
+_FIT_SPREAD: Final = 0.15
+"""Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, and
+no noise is white; the worst sector twice as much."""
+_MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
+"""Misses at the start: the steady way is taken until another one has proved better."""
+
+
+class Marker:
+    """A round dot.
+
+    Parameters
+    ----------
+    shape : DotShape
+        As fitted in the first picture.
+    strip_px : float
+        Half the width of the stick that carries it; infinite where that is not known.
+    """
+
+    def __init__(self, shape: DotShape, *, strip_px: float = math.inf) -> None:
+        self.record = np.zeros(1, MARKER)
+        own = self.record["shape"]
+        own["radius"], own["edge"], own["stretch"] = shape.radius_px, shape.edge_px, shape.stretch
+        own["contrast"], own["strip"], own["window"] = shape.contrast, strip_px, shape.window_px
+        self.record["first_radius"] = shape.radius_px
+        self.record["miss"] = _MISSES_PX2
+        pixels = window_pixels(shape.window_px)
+        slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
+        self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
+
+    def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
+        """Return what is read near a position, a record of READING; None where the window leaves the picture."""
+        out = np.zeros(1, READING)
+        inside = read_dot(luma, x_px, y_px, self.record[0], self.look, (0.0, 0.0), out[0])
+        reading: NDArray[np.void] = out[0]
+        return reading if inside else None
+
+    def begin(self, reading: NDArray[np.void]) -> None:
+        """Begin with the first reading, which is known to be of the marker."""
+        for name in ("x", "y", "light"):
+            self.record[name] = reading[name]
+        self.record["step"] = abs(reading["step"])
+        for name, spread in (("residual", _FIT_SPREAD), ("patch", 2.0 * _FIT_SPREAD)):
+            self.record[name] = (share_of_step(float(reading[name]), float(reading["step"])), spread)
+
+    @property
+    def x_px(self) -> float:
+        """Where it was found, to the right."""
+        return float(self.record["x"][0])
+
+    @property
+    def y_px(self) -> float:
+        """Where it was found, down."""
+        return float(self.record["y"][0])
+
+    @property
+    def radius_px(self) -> float:
+        """Radius as it was found."""
+        return float(self.record["first_radius"][0])
+
+
+def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
+    """Return both markers of a stick, read for the first time.
+
+    Raises
+    ------
+    NoResultError
+        When one of them lies at the border of the picture.
+    """
+    strip_px = half_width(luma, stick)
+    return [_marker(luma, dot, strip_px) for dot in (stick.inner, stick.outer)]
+
+
+def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
+    marker = Marker(dot.fit.shape, strip_px=strip_px)
+    reading = marker.read(luma, dot.x_px, dot.y_px)
+    if reading is None:
+        raise NoResultError(
+            "a marker lies at the border of the picture",
+            value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
+            do="keep the sticks inside the picture",
+        )
+    marker.begin(reading)
+    return marker
+
+
+def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
+    """Return the markers, two of each stick, next to the positions that were given.
+
+    Raises
+    ------
+    NoResultError
+        See :func:`tracker.detect.given.given_dots` and :func:`markers_on`.
+    """
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    found = given_dots(frame, hints, sticks=sticks)
+    return [marker for stick in found for marker in markers_on(frame.luma, stick)]

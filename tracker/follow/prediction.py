@@ -1,0 +1,123 @@
+"""Where each marker should be in the next frame: by its own last motion, or by the axis and what is seen (compiled)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from torsight.core.compiled import njit
+from tracker.appearance.disc import Floats, Record
+from tracker.follow.axis import direction_from, on_circle
+from tracker.follow.records import Scene
+
+STALE: Final = 15
+"""Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
+STEADY: Final = 1
+"""Which way to predict is the steady one."""
+
+
+@njit(cache=True, nogil=True)
+def is_base(rig: Record, stick: int) -> bool:
+    """Return whether a stick is known to be the base."""
+    return rig.moving >= 0 and stick != rig.moving  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def ways(marker: Record, time_s: float) -> Floats:
+    """Return where a marker's last readings carry it (4, 2): at rest, steady, averaged over three steps, curved.
+
+    A smooth fast motion wants the curved way, a shaking camera the averaged one.
+    """
+    out = np.empty((4, 2))
+    count, h = marker.count, marker.history
+    for axis in (1, 2):
+        out[:, axis - 1] = h[count - 1, axis]
+    if count < 2:
+        return out
+    t1, t2, t0 = h[count - 1, 0], h[count - 2, 0], h[0, 0]
+    for axis in (1, 2):
+        out[1:, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t2) * (h[count - 1, axis] - h[count - 2, axis])
+    if count < 3:
+        return out
+    t3 = h[count - 3, 0]
+    # Lagrange's parabola through the last three readings, whatever their spacing.
+    a = (time_s - t2) * (time_s - t3) / ((t1 - t2) * (t1 - t3))
+    b = (time_s - t1) * (time_s - t3) / ((t2 - t1) * (t2 - t3))
+    c = (time_s - t1) * (time_s - t2) / ((t3 - t1) * (t3 - t2))
+    for axis in (1, 2):
+        out[2, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t0) * (h[count - 1, axis] - h[0, axis])
+        out[3, axis - 1] = a * h[count - 1, axis] + b * h[count - 2, axis] + c * h[count - 3, axis]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def predict(scene: Scene, time_s: float) -> None:
+    """Fill in where every marker is expected, and how far it is expected to have moved since the last frame."""
+    rig = scene.rig[0]
+    for index in range(len(scene.markers)):
+        marker, reading = scene.markers[index], scene.readings[index]
+        reading.predicted[0], reading.predicted[1] = marker.x, marker.y
+        reading.path[:] = 0.0
+        if not is_base(rig, index // 2) and marker.count > 0:
+            way = STEADY if marker.lost > 0 else int(np.argmin(marker.miss))
+            place = ways(marker, time_s)[way]
+            reading.predicted[:] = place + rig.shift
+    for stick in range(len(scene.sticks)):
+        if is_base(rig, stick):
+            continue
+        if scene.sticks[stick].axis.known:
+            _carry_lost(scene, stick, time_s)
+        for index in (2 * stick, 2 * stick + 1):
+            marker, reading = scene.markers[index], scene.readings[index]
+            if marker.count > 0 and marker.lost > 0:
+                reading.path[0], reading.path[1] = reading.predicted[0] - marker.x, reading.predicted[1] - marker.y
+            elif marker.count > 0:
+                reading.path[:] = reading.predicted - rig.shift - marker.history[marker.count - 1, 1:]
+
+
+@njit(cache=True, nogil=True)
+def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
+    """Expect lost markers on their circles: by the other one, or by the last turning where both are lost."""
+    shift, axis = scene.rig[0].shift, scene.sticks[stick].axis
+    lost = (scene.markers[2 * stick].lost > 0, scene.markers[2 * stick + 1].lost > 0)
+    if not lost[0] and not lost[1]:
+        return
+    known, direction = False, 0.0
+    if lost[0] and lost[1]:
+        known, direction = _last_turning(scene, stick, time_s)
+    else:
+        seen = 1 if lost[0] else 0
+        at = scene.readings[2 * stick + seen].predicted
+        known, direction = True, direction_from(axis, at[0] - shift[0], at[1] - shift[1], seen)
+    for end in range(2):
+        if known and lost[end]:
+            x, y = on_circle(axis, direction, end)
+            predicted = scene.readings[2 * stick + end].predicted
+            predicted[0], predicted[1] = x + shift[0], y + shift[1]
+
+
+@njit(cache=True, nogil=True)
+def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]:
+    """Return whether the last turning of a stick is known, and the direction to which it leads."""
+    axis, first, last, count = scene.sticks[stick].axis, 0.0, 0.0, 0
+    if scene.markers[2 * stick].lost + scene.markers[2 * stick + 1].lost > 2 * STALE:
+        return False, 0.0
+    for end in range(2):
+        marker = scene.markers[2 * stick + end]
+        if marker.count < 2:
+            continue
+        h = marker.history[marker.count - 2 : marker.count]
+        before, now = direction_from(axis, h[0, 1], h[0, 2], end), direction_from(axis, h[1, 1], h[1, 2], end)
+        rate = folded(now - before) / (h[1, 0] - h[0, 0])
+        last = now + rate * (time_s - h[1, 0])
+        first = last if count == 0 else first
+        count += 1
+    return count > 0, first + 0.5 * folded(last - first)
+
+
+@njit(cache=True, nogil=True)
+def folded(angle: float) -> float:
+    """Return an angle within half a turn of zero."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

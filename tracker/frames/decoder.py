@@ -1,0 +1,101 @@
+"""One pass of decoding a film, with account of the packets that gave no frame."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from typing import Any
+
+import av
+
+from tracker.frames.display import Display, Luma, luma_of
+
+
+class Decoder:
+    """One pass of decoding.
+
+    Attributes
+    ----------
+    message, fatal : str
+        What the decoder said last of a packet, and what ended the pass before the end of the file.
+    hidden : int
+        Packets that are not meant to be shown: those that an edit list discards, and those without a picture of their
+        own.
+    in_damage : bool
+        Whether what was decoded last hangs on something that could not be decoded whole.
+    interlaced : int
+        Frames that hold two instants.
+    """
+
+    def __init__(self) -> None:
+        self.message = ""
+        self.fatal = ""
+        self.hidden = 0
+        self.in_damage = False
+        self.interlaced = 0
+        self._waiting: list[int] = []
+        self._errors = 0
+
+    def pictures(
+        self, container: Any, stream: Any, *, display: Display
+    ) -> Iterator[tuple[int | None, Luma | None, bool]]:
+        """Give ``(pts, luma or None, damaged)`` in display order."""
+        damaged = False
+        for frame in self._decoded(container, stream):
+            for pts in self._missing_before(frame.pts):
+                damaged = True
+                yield pts, None, True
+            if frame.key_frame and not frame.is_corrupt:
+                damaged = False
+                self.in_damage = False
+            damaged = damaged or bool(frame.is_corrupt)
+            self.interlaced += bool(frame.interlaced_frame)
+            yield frame.pts, luma_of(frame, display), damaged
+
+    def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
+        packets = container.demux(stream)
+        while True:
+            try:
+                packet = next(packets)
+            except StopIteration:
+                return
+            except (av.error.FFmpegError, OSError) as error:
+                self.fatal = str(error.strerror or error)
+                # What the decoder still holds was read before the damage.
+                yield from self._flush(stream)
+                return
+            if packet.is_discard:
+                # Before or after what the edit list shows: decoded, because other frames hang on it, and not given out.
+                self.hidden += 1
+            elif packet.pts is not None and packet.size:
+                heapq.heappush(self._waiting, packet.pts)
+            if getattr(packet, "is_corrupt", False):
+                self._errors += 1
+                self.message = "a packet is marked as corrupt"
+            try:
+                yield from packet.decode()
+            except (av.error.InvalidDataError, av.error.FFmpegError) as error:
+                self._errors += 1
+                self.message = str(error.strerror or error)
+
+    def _flush(self, stream: Any) -> Iterator[Any]:
+        try:
+            yield from stream.decode(None)
+        except (av.error.FFmpegError, EOFError):
+            return
+
+    def _missing_before(self, pts: int | None) -> Iterator[int]:
+        """Give the stamps of packets before ``pts`` that gave no frame, once an error has been met.
+
+        Without an error such packets are frames that are not meant to be shown.
+        """
+        if pts is None:
+            return
+        while self._waiting and self._waiting[0] < pts:
+            lost = heapq.heappop(self._waiting)
+            if self._errors:
+                yield lost
+            else:
+                self.hidden += 1
+        while self._waiting and self._waiting[0] == pts:
+            heapq.heappop(self._waiting)

@@ -1,0 +1,351 @@
+"""A film as a source of frames, decoded to luma only."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from tracker.frames.decoder import Decoder
+from tracker.frames.display import Display, display_of, luma_of, transfer_of
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
+
+_FROM_KEY: Final = 300
+"""Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
+_CAPTURE_KEYS: Final = ("com.android.capture.fps",)
+"""Metadata in which phones note the rate of a slow-motion film (Android's MediaRecorder)."""
+_SLOWER: Final = 1.5
+"""Frames captured for each one that is played from which a film counts as slow motion: the smallest factor on sale is
+2."""
+
+
+class FilmSource:
+    """A film file; every pass over it decodes it again.
+
+    Raises
+    ------
+    InputError
+        When the file is no film, has no video, or its codec cannot be decoded here.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        fps: float | None = None,
+        times_s: NDArray[np.float64] | None = None,
+    ) -> None:
+        self.path = path
+        self.name = str(path)
+        self.damage = Damage()
+        self._fps = fps
+        self._times_s = times_s
+        self.display = Display()
+        self.pts: list[int | None] = []
+        with self.open() as container:
+            stream = self.stream(container)
+            self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
+            self._count = int(stream.frames) or None
+            aspect = stream.sample_aspect_ratio
+            self._aspect = float(aspect) if aspect else 1.0
+            self.rate_fps = _number(stream.average_rate)
+            self.tick_s = float(stream.time_base or 0)
+            self.span_s = _span_s(container, stream)
+            self._about: dict[str, Any] = {
+                "kind": "film",
+                "format": str(container.format.name),
+                "codec": str(stream.codec_context.name),
+                "pixel_format": str(stream.codec_context.pix_fmt),
+                "bit_rate_kbps": _kilo(stream.bit_rate or container.bit_rate),
+                "fps": self.rate_fps,
+            }
+            self._note_streams(container, stream)
+            self._note_slow_motion(container, stream)
+            self._look_at_first(container, stream)
+
+    def _look_at_first(self, container: Any, stream: Any) -> None:
+        """Decode until one frame comes out: proof that there is a picture, and how it is turned for display."""
+        message = "no frame in it"
+        try:
+            for packet in container.demux(stream):
+                try:
+                    frames = packet.decode()
+                except av.error.InvalidDataError as error:
+                    message = str(error)
+                    continue
+                if frames:
+                    self.display = display_of(frames[0], stream.codec_context)
+                    self._about["pixel_format"] = str(frames[0].format.name)
+                    if (transfer := transfer_of(frames[0])) is not None:
+                        self._about["transfer"] = transfer
+                    self._size_px = (frames[0].width, frames[0].height)
+                    if self.display.transposed:
+                        self._size_px = self._size_px[::-1]
+                        self._aspect = 1.0 / self._aspect
+                    return
+        except (av.error.FFmpegError, OSError) as error:
+            message = str(error)
+        raise InputError(
+            f"holds no frame that can be decoded ({message})",
+            where=self.name,
+            value=f"codec {self._about['codec']}",
+            do="convert it with ffmpeg, or copy it from the camera again",
+        )
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+        return [self.path]
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height as displayed."""
+        return self._size_px
+
+    @property
+    def frame_count(self) -> int | None:
+        """Number of frames that the file declares, where it does."""
+        return self._count
+
+    @property
+    def times_given(self) -> bool:
+        """Whether the times are those of a table or of a given rate, and not the film's own stamps."""
+        return self._fps is not None or self._times_s is not None
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height as displayed."""
+        return self._aspect
+
+    def describe(self) -> dict[str, Any]:
+        """Return format, codec, bit rate, size and rate of the film."""
+        about: dict[str, Any] = {**self._about, "width_px": self._size_px[0], "height_px": self._size_px[1]}
+        about |= self.display.describe()
+        if not self.times_given:
+            about["tick_s"] = self.tick_s
+        if self._fps is not None:
+            about["capture_fps"] = self._fps
+        if abs(self._aspect - 1.0) > 1e-6:
+            about["pixel_aspect"] = self._aspect
+        return about
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames in display order; packets that could not be decoded as frames without luma."""
+        decoder = Decoder()
+        with self.open() as container:
+            stream = self.stream(container)
+            stream.thread_type = "AUTO"
+            base = stream.time_base or Fraction(1, 1000)
+            start = stream.start_time
+            index = 0
+            self.pts = []
+            last_s = -np.inf
+            for pts, luma, damaged in decoder.pictures(container, stream, display=self.display):
+                if start is None and pts is not None:
+                    start = pts
+                self.pts.append(pts)
+                time_s = self._time_s(index, pts, start, base, last_s)
+                last_s = time_s
+                if damaged or luma is None:
+                    self._note(index, time_s, decoder, missing=luma is None)
+                if luma is not None and (luma.shape[1], luma.shape[0]) != self._size_px:
+                    raise InputError(
+                        "changes its picture size",
+                        where=f"{self.name}, frame {index}",
+                        value=f"{luma.shape[1]} × {luma.shape[0]}",
+                        limit=f"{self._size_px[0]} × {self._size_px[1]}",
+                        do="cut the film where its size changes",
+                    )
+                yield Frame(index, time_s, luma, damaged=damaged or luma is None)
+                index += 1
+        self._note_end(index, last_s, decoder)
+
+    def times_of(self, pts: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the times (n,) of all frames from their stamps, s, or from the table or the rate that was given."""
+        if self._times_s is not None:
+            return np.array([time_from_table(self._times_s, index, name=self.name) for index in range(len(pts))])
+        if self._fps is not None:
+            return np.arange(len(pts)) / self._fps
+        return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
+
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some frames of the last pass again, by their numbers; those that cannot be decoded are left out.
+
+        Frames that cannot be sought, in a damaged film or one without an index, are all taken from one further pass.
+        """
+        wanted = set(indices)
+        stamps = {index: self.pts[index] for index in wanted if index < len(self.pts)}
+        sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
+        found = {index: luma for index, luma in sought.items() if luma is not None}
+        left = wanted - set(found)
+        for frame in self if left else ():
+            if frame.index in left and frame.luma is not None:
+                found[frame.index] = frame.luma.copy()
+            if frame.index >= max(left):
+                break
+        return found
+
+    def _sought(self, pts: int) -> NDArray[np.uint8] | None:
+        """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""
+        with self.open() as container:
+            stream = self.stream(container)
+            stream.thread_type = "AUTO"
+            try:
+                container.seek(pts, stream=stream)
+                for frame in itertools.islice(container.decode(stream), _FROM_KEY):
+                    if frame.pts == pts:
+                        return luma_of(frame, self.display).copy()
+                    if frame.pts is not None and frame.pts > pts:
+                        break
+            except (av.error.FFmpegError, OSError):
+                pass  # damaged here: a pass from the start knows which frames are whole
+        return None
+
+    def _time_s(self, index: int, pts: int | None, start: int | None, base: Fraction, last_s: float) -> float:
+        if self._times_s is not None:
+            return time_from_table(self._times_s, index, name=self.name)
+        if self._fps is not None:
+            return index / self._fps
+        step = 1.0 / (self.rate_fps or DEFAULT_FPS)
+        if pts is None or start is None:
+            return last_s + step if np.isfinite(last_s) else 0.0
+        # Rounded once, as the fraction would be.
+        time_s = (pts - start) * base.numerator / base.denominator
+        # Two frames with one stamp: some containers' clocks are coarser than the frame rate.
+        return time_s if time_s > last_s else last_s + 1e-3 * step
+
+    def _note(self, index: int, time_s: float, decoder: Decoder, *, missing: bool) -> None:
+        if decoder.in_damage and not missing:
+            return
+        decoder.in_damage = True
+        text = "could not be decoded" if missing else "was decoded with errors"
+        more = f" ({decoder.message})" if decoder.message else ""
+        self.damage.add(index, time_s, f"frame {index} {text}{more}; nothing is taken from here to the next key frame")
+
+    def _note_end(self, count: int, last_s: float, decoder: Decoder) -> None:
+        note_rows_left(self.damage, self._times_s, count)
+        self._note_interlaced(decoder, count)
+        if decoder.fatal:
+            self.damage.add(
+                count,
+                last_s,
+                f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept",
+            )
+        elif self._count is not None and count < self._count - decoder.hidden:
+            self.damage.add(
+                count,
+                last_s,
+                f"the film ends after frame {count - 1}, but {self._count} frames are declared: it was cut",
+            )
+
+    def _note_interlaced(self, decoder: Decoder, count: int) -> None:
+        if not decoder.interlaced:
+            return
+        part = "" if decoder.interlaced == count else f" in {decoder.interlaced} of its {count} frames"
+        text = (
+            f"the film is interlaced{part}: of such a frame only the field that is shown first is used, which halves "
+            f"the "
+            "resolution down the picture; film progressively (25p or 30p instead of 50i or 60i)"
+        )
+        self.damage.add(0, 0.0, text, kind="interlaced")
+
+    def open(self) -> Any:
+        """Return the film's container, to be closed after use.
+
+        Raises
+        ------
+        InputError
+            When it is none that can be read.
+        """
+        try:
+            return av.open(self.name, metadata_errors="ignore")
+        except (av.error.FFmpegError, OSError) as error:
+            raise InputError(
+                f"is not a film that can be read ({error.strerror or error})",
+                where=self.name,
+                do="check that the copy is whole; a film whose recording was cut off may be mended with ffmpeg",
+            ) from error
+
+    def stream(self, container: Any) -> Any:
+        """Return the video stream that a player would show; a cover picture is none.
+
+        Raises
+        ------
+        InputError
+            When there is none, or its codec cannot be decoded here.
+        """
+        streams = _films_in(container)
+        if not streams:
+            others = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
+            covers = " and a cover picture" if container.streams.video else ""
+            raise InputError(
+                "has no video stream",
+                where=self.name,
+                value=f"{others.replace('video', '').strip(', ') or 'nothing else'}{covers}",
+                do="name the film",
+            )
+        best = container.streams.best("video")
+        stream = best if best in streams else streams[0]
+        if stream.codec_context is None or not hasattr(stream.codec_context, "width"):
+            raise InputError("has a codec that cannot be decoded here", where=self.name, do="convert it with ffmpeg")
+        return stream
+
+    def _note_streams(self, container: Any, stream: Any) -> None:
+        """Note which stream is used where there is more than one."""
+        streams = _films_in(container)
+        if len(streams) < 2:
+            return
+        self._about["video_streams"] = len(streams)
+        self._about["video_stream"] = streams.index(stream)
+        sizes = [f"{one.codec_context.width} × {one.codec_context.height}" for one in streams if one.codec_context]
+        text = (
+            f"the film holds {len(streams)} video streams ({', '.join(sizes)}), and number {streams.index(stream)}, "
+            f"which "
+            "players show, is used; for another one write it into a file of its own"
+        )
+        self.damage.add(0, 0.0, text, kind="streams")
+
+    def _note_slow_motion(self, container: Any, stream: Any) -> None:
+        """Note that the camera says it captured more frames a second than are played, unless true times are given."""
+        metadata = {**container.metadata, **stream.metadata}
+        told = next((metadata[key] for key in _CAPTURE_KEYS if key in metadata), "")
+        try:
+            capture_fps = float(told)
+        except ValueError:
+            return
+        self._about["camera_says_fps"] = capture_fps
+        if not self.rate_fps or not capture_fps > _SLOWER * self.rate_fps or self._fps or self._times_s is not None:
+            return
+        text = (
+            f"the camera filmed {capture_fps:g} frames a second (its own note in the file) and the film plays "
+            f"{self.rate_fps:.4g}: in slow motion every time is wrong by {capture_fps / self.rate_fps:.3g}; give --fps "
+            f"{capture_fps:g}"
+        )
+        self.damage.add(0, 0.0, text, kind="slow motion")
+
+
+def _films_in(container: Any) -> list[Any]:
+    """Return the video streams that are no cover pictures."""
+    cover = av.stream.Disposition.attached_pic
+    return [stream for stream in container.streams.video if not stream.disposition & cover]
+
+
+def _span_s(container: Any, stream: Any) -> float | None:
+    """Return how long the file says that it plays."""
+    if stream.duration:
+        return float(stream.duration * stream.time_base)
+    return container.duration / av.time_base if container.duration else None
+
+
+def _kilo(value: int | None) -> float | None:
+    return None if not value else value / 1000.0
+
+
+def _number(value: Fraction | None) -> float | None:
+    return None if not value else float(value)

@@ -1,0 +1,114 @@
+"""What every source of frames gives, and what was found wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+
+DEFAULT_FPS: Final = 30.0
+"""Frame rate of pictures for which none is given."""
+
+
+REPORT_EVERY: Final = 100
+"""Frames after which progress is reported: some hundredths of a second of work."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame as displayed.
+
+    Attributes
+    ----------
+    index : int
+        From 0, none missing.
+    time_s : float
+        On the film's clock; the first frame of the file is at 0 unless a table of times is given.
+    luma : (h, w) uint8 or None
+        Brightness; a view that is only valid until the next frame is asked for. None where nothing could be decoded.
+    damaged : bool
+        True where the picture, or one that it was predicted from, was not decoded whole.
+    """
+
+    index: int
+    time_s: float
+    luma: NDArray[np.uint8] | None
+    damaged: bool = False
+
+
+@dataclass(slots=True)
+class Damage:
+    """What was found damaged while a source was read."""
+
+    entries: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, frame: int, time_s: float, text: str, *, kind: str = "damage") -> None:
+        """Note one place, unless something of this kind already stands at the same frame."""
+        if not any(entry["frame"] == frame and entry["kind"] == kind for entry in self.entries):
+            self.entries.append({"frame": frame, "time_s": time_s, "kind": kind, "text": text})
+
+
+class FrameSource(Protocol):
+    """What gives frames: a film or a row of pictures. Can be gone through more than once."""
+
+    damage: Damage
+    name: str
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height as displayed."""
+
+    @property
+    def frame_count(self) -> int | None:
+        """Number of frames that the file declares, where it does."""
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height as displayed."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames in the order in which they are displayed."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return what is known of the source, for ``track.json``."""
+
+
+def note_rows_left(damage: Damage, times_s: NDArray[np.float64] | None, count: int) -> None:
+    """Note that a table of times goes on after the last frame: it may be of another film, or frames may be missing."""
+    if times_s is None or len(times_s) <= count:
+        return
+    rows = int(np.isfinite(times_s[count:]).sum())
+    damage.add(
+        max(count - 1, 0),
+        float(times_s[count - 1]) if count else 0.0,
+        f"the table of --timestamps has {int(np.isfinite(times_s).sum())} rows for {count} frames: the last {rows} are "
+        "not used; if frames were lost while filming, every time after the first lost one is wrong",
+        kind="timestamps",
+    )
+
+
+def time_from_table(times_s: NDArray[np.float64], index: int, *, name: str) -> float:
+    """Return the time of a frame from a table of times.
+
+    Raises
+    ------
+    InputError
+        When the table has no row for this frame.
+    """
+    if index < len(times_s) and np.isfinite(times_s[index]):
+        return float(times_s[index])
+    raise InputError(
+        "has no time for this frame",
+        where=f"--timestamps for {name}, frame {index}",
+        limit=f"one row for every frame; the table ends with frame {len(times_s) - 1}",
+        do="complete the table, or leave --timestamps away",
+    )

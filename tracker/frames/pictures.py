@@ -1,0 +1,193 @@
+"""A row of pictures as a source of frames.
+
+Cameras of 10, 12 and 14 bits write their numbers into the low bits of 16. The depth in use is read off pictures from
+all over the row, and all pictures are scaled alike: a scale of its own for every picture would flicker.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.paths import PICTURE_SUFFIXES, require_content
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
+
+_DEPTHS: Final = (8, 10, 12, 14, 16)
+"""Bits per pixel of cameras."""
+_LOOKED_AT: Final = 24
+"""Pictures, from the first to the last, of which the depth is read."""
+
+
+class PictureSource:
+    """Pictures in the order of their names, all of one size.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The pictures.
+    name : str
+        What messages call them.
+    fps : float, optional
+        Pictures per second.
+    times_s : (n,) float64, optional
+        Time of every picture, in place of ``fps``.
+    bits : int, optional
+        Depth of pictures with two bytes per pixel; read off the pictures otherwise.
+
+    Raises
+    ------
+    InputError
+        When there is no picture, or the first one cannot be read, or is a pointer of Git LFS.
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        *,
+        name: str,
+        fps: float | None = None,
+        times_s: NDArray[np.float64] | None = None,
+        bits: int | None = None,
+    ) -> None:
+        self.name = name
+        self.paths = tuple(paths)
+        self.damage = Damage()
+        self.fps_given = fps is not None or times_s is not None
+        self.fps = fps or DEFAULT_FPS
+        self.times_s = times_s
+        if not self.paths:
+            raise InputError(
+                "has no pictures",
+                where=name,
+                limit=", ".join(PICTURE_SUFFIXES),
+                do="name a film, or a folder or glob of pictures",
+            )
+        first = _read(self.paths[0])
+        if first is None:
+            require_content(self.paths[0])
+            raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
+        self._size_px = (first.shape[1], first.shape[0])
+        self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+        return list(self.paths)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self._size_px
+
+    @property
+    def frame_count(self) -> int | None:
+        """Number of pictures."""
+        return len(self.paths)
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Pictures have square pixels."""
+        return 1.0
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give one frame per picture; one that cannot be read has no luma."""
+        for index, path in enumerate(self.paths):
+            time_s = index / self.fps if self.times_s is None else time_from_table(self.times_s, index, name=self.name)
+            picture = _read(path)
+            luma = None if picture is None else self._to_bytes(picture, index, time_s)
+            if luma is None:
+                self.damage.add(index, time_s, f"{path.name} is not a readable picture")
+            elif (luma.shape[1], luma.shape[0]) != self._size_px:
+                raise InputError(
+                    "has another size than the first picture",
+                    where=f"{path}, frame {index}",
+                    value=f"{luma.shape[1]} × {luma.shape[0]}",
+                    limit=f"{self._size_px[0]} × {self._size_px[1]}",
+                    do="keep one size per folder",
+                )
+            yield Frame(index, time_s, luma, damaged=luma is None)
+        note_rows_left(self.damage, self.times_s, len(self.paths))
+
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some pictures again, by their numbers; those that cannot be read are left out."""
+        read = {index: _read(self.paths[index]) for index in indices}
+        return {
+            index: picture.astype(np.uint8, copy=False) if picture.dtype == np.uint8 else self._scaled(picture)
+            for index, picture in read.items()
+            if picture is not None
+        }
+
+    def _scaled(self, picture: Picture) -> NDArray[np.uint8]:
+        """Return a picture of two bytes per pixel with one, brightest values clipped."""
+        return np.asarray(np.minimum(picture >> ((self.bits or _DEPTHS[-1]) - 8), 255), dtype=np.uint8)
+
+    def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
+        """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""
+        if picture.dtype == np.uint8:
+            return picture.astype(np.uint8, copy=False)
+        bits = self.bits or _DEPTHS[-1]
+        top = int(picture.max())
+        if top >= 1 << bits and not self._overflown(index):
+            self.damage.add(
+                index,
+                time_s,
+                f"picture {index} holds values up to {top}, but those looked at need {bits} bits only, up to "
+                f"{(1 << bits) - 1}: from here on what is brighter is clipped; pictures of one camera setting belong "
+                "into a folder of their own",
+                kind="clipped",
+            )
+        return self._scaled(picture)
+
+    def _overflown(self, index: int) -> bool:
+        return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what is known of the pictures."""
+        content: dict[str, Any] = {
+            "kind": "pictures",
+            "format": self.paths[0].suffix.lower().lstrip("."),
+            "codec": "jpeg" if self.paths[0].suffix.lower() in (".jpg", ".jpeg", ".webp", ".jp2") else "none",
+            "width_px": self._size_px[0],
+            "height_px": self._size_px[1],
+            "fps": None if self.times_s is not None else self.fps,
+        }
+        if self.bits is not None:
+            content["bits_in_use"] = self.bits
+        if not self.fps_given:
+            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} pictures per second are taken"
+        return content
+
+
+Picture = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+def _bits_in_use(paths: Sequence[Path]) -> int:
+    """Return the depth of a camera, in bits, that holds the brightest value of pictures from all over the row."""
+    chosen = np.unique(np.linspace(0, len(paths) - 1, _LOOKED_AT).astype(np.int64))
+    pictures = [_read(paths[index]) for index in chosen]
+    top = max(int(picture.max()) for picture in pictures if picture is not None and picture.dtype == np.uint16)
+    return next(bits for bits in _DEPTHS if top < 1 << bits)
+
+
+def _read(path: Path) -> Picture | None:
+    """Return the brightness of a picture, of one byte per pixel or two; None where it cannot be read."""
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError:
+        return None
+    if data.size == 0:
+        return None
+    try:
+        picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+        if picture is not None and picture.dtype not in (np.uint8, np.uint16):
+            picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+    except cv2.error:
+        return None
+    if picture is None:
+        return None
+    return np.asarray(picture, dtype=np.uint16) if picture.dtype == np.uint16 else np.asarray(picture, dtype=np.uint8)

@@ -1,0 +1,187 @@
+"""Frames from chosen places of a film, without decoding what lies between: for a look before the whole is tracked."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.progress import Progress, silent
+from tracker.frames.display import luma_of
+from tracker.frames.film import FilmSource
+from tracker.frames.frame import REPORT_EVERY, Damage, Frame, time_from_table
+from tracker.frames.pictures import PictureSource
+
+_DECODED_PX: Final = 3e9
+"""Pixels of a film up to which all of it is decoded to read its stamps: 10,000 frames of VGA, some four seconds at
+the 1.0 to 1.5 ns per pixel that light H.264 costs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stamps:
+    """When every frame of a source is shown.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        From 0, in the order of display.
+    pts : (n,) int64 or None
+        The container's own stamps; numbers of the pictures where there is no container. None where the container has
+        none, so that frames cannot be sought.
+    decoded : bool
+        Whether the frames themselves were counted, rather than what the container says that it shows.
+    hidden : int
+        Frames of the container that are not shown.
+    """
+
+    time_s: NDArray[np.float64]
+    pts: NDArray[np.int64] | None
+    decoded: bool
+    hidden: int = 0
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def read_stamps(source: FilmSource | PictureSource, *, progress: Progress = silent) -> Stamps:
+    """Return the stamps of all frames, with the times at which :func:`tracker.track.track_film` takes them.
+
+    A short film is decoded from end to end, and what is damaged in it noted in ``source.damage``; of a long one those
+    packets are listed that its edit list shows.
+    """
+    if isinstance(source, PictureSource):
+        number = np.arange(len(source.paths), dtype=np.int64)
+        times = source.times_s
+        if times is None:
+            return Stamps(number / source.fps, number, decoded=True)
+        return Stamps(
+            np.array([time_from_table(times, int(at), name=source.name) for at in number]), number, decoded=True
+        )
+    about = source.frame_count or (source.span_s or 0.0) * (source.rate_fps or 0.0)
+    if not about or about * np.prod(source.size_px) <= _DECODED_PX:
+        return _decoded(source, about=int(about), progress=progress)
+    pts: list[int] = []
+    hidden = 0
+    # What comes before a damage is what there is to sample.
+    with source.open() as container, contextlib.suppress(av.error.FFmpegError):
+        for packet in container.demux(source.stream(container)):
+            hidden += bool(packet.is_discard)
+            if packet.pts is not None and packet.size and not packet.is_discard:
+                pts.append(int(packet.pts))
+    ordered = np.unique(np.array(pts, dtype=np.int64))
+    if len(ordered) == 0:
+        return _decoded(source, about=int(about), progress=progress)
+    return Stamps(source.times_of(ordered), ordered, decoded=False, hidden=hidden)
+
+
+def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Stamps:
+    """Return the stamps of a film that is decoded from end to end."""
+    times: list[float] = []
+    for frame in source:
+        times.append(frame.time_s)
+        if frame.index % REPORT_EVERY == 0:
+            progress("reading the film", frame.index, max(about, frame.index + 1))
+    progress("reading the film", len(times), len(times))
+    known = [pts for pts in source.pts if pts is not None]
+    pts = np.array(known, np.int64) if len(known) == len(times) and (np.diff(known) > 0).all() else None
+    return Stamps(np.array(times), pts, decoded=True)
+
+
+class Clip:
+    """Some frames of a source in a row, numbered from 0, as a source of their own.
+
+    Parameters
+    ----------
+    source : FilmSource or PictureSource
+        What the frames are taken from.
+    stamps : Stamps
+        From :func:`read_stamps`.
+    first, count : int
+        Which frames.
+    """
+
+    def __init__(self, source: FilmSource | PictureSource, stamps: Stamps, *, first: int, count: int) -> None:
+        self._source = source
+        self._stamps = stamps
+        self.first = first
+        self.count = min(count, len(stamps) - first)
+        self.damage = Damage()
+        self.name = f"{source.name}, frames {first} to {first + self.count - 1}"
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
+        return self._source.files()
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height as displayed."""
+        return self._source.size_px
+
+    @property
+    def frame_count(self) -> int | None:
+        """Number of frames of the clip."""
+        return self.count
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height as displayed."""
+        return self._source.pixel_aspect
+
+    def describe(self) -> dict[str, Any]:
+        """Return what is known of the whole source."""
+        return self._source.describe()
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames of the clip; what cannot be decoded is left out."""
+        source = self._source
+        pictures = self._pictures(source) if isinstance(source, PictureSource) else self._decoded(source)
+        for index, (number, luma) in enumerate(pictures):
+            yield Frame(index, float(self._stamps.time_s[number]), luma)
+
+    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return some frames of the clip again, by their numbers; those that cannot be decoded are left out."""
+        wanted = set(indices)
+        found: dict[int, NDArray[np.uint8]] = {}
+        for frame in self if wanted else ():
+            if frame.index in wanted and frame.luma is not None:
+                found[frame.index] = frame.luma.copy()
+            if frame.index >= max(wanted):
+                break
+        return found
+
+    def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
+        # The depth of the whole row: a few pictures of it may be darker than the rest.
+        for frame in PictureSource(
+            source.paths[self.first : self.first + self.count], name=self.name, bits=source.bits
+        ):
+            yield self.first + frame.index, frame.luma
+
+    def _decoded(self, source: FilmSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
+        pts = self._stamps.pts
+        if pts is None:
+            for frame in islice(source, self.first, self.first + self.count):
+                yield frame.index, None if frame.damaged else frame.luma
+            return
+        wanted = pts[self.first : self.first + self.count]
+        with source.open() as container:
+            stream = source.stream(container)
+            stream.thread_type = "AUTO"
+            if self.first:
+                # Backward: to the key frame that the first wanted frame hangs on.
+                container.seek(int(wanted[0]), stream=stream, backward=True)
+            try:
+                for frame in container.decode(stream):
+                    if frame.pts is None or frame.pts < wanted[0]:
+                        continue
+                    if frame.pts > wanted[-1]:
+                        return
+                    yield int(np.searchsorted(pts, frame.pts)), luma_of(frame, source.display)
+            except av.error.FFmpegError as error:
+                self.damage.add(self.first, 0.0, f"cannot be decoded here ({error.strerror or error})")

@@ -1,0 +1,77 @@
+"""Frames one after the other: of a film, or of pictures in a folder or under a glob.
+
+A film is decoded packet by packet, so that damage is seen where it is: a packet that cannot be decoded becomes a frame
+without a picture, and what hangs on it, up to the next key frame, is marked as damaged (a decoder fills holes with
+stale picture content, on which a marker would be found at its old place).
+"""
+
+from __future__ import annotations
+
+import glob
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError, InputError
+from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
+from tracker.frames.film import FilmSource
+from tracker.frames.pictures import PictureSource
+
+
+def open_source(
+    source: str | Path, *, fps: float | None = None, timestamps: AnyPath | None = None
+) -> FilmSource | PictureSource:
+    """Open a film, a folder of pictures or a glob.
+
+    Parameters
+    ----------
+    source : str or Path
+        Film, folder, or glob of pictures in the order of their names.
+    fps : float, optional
+        Frame rate of pictures, or the rate at which a film was captured: frame k is then at k / fps, whatever the
+        film's own stamps say (slow motion plays at 30 what was filmed at 240).
+    timestamps : str or Path, optional
+        Table ``frame, time_s`` with the time of every frame.
+
+    Raises
+    ------
+    ConfigError
+        When ``fps`` is no positive number.
+    InputError
+        When there is no such file, it is empty, or nothing in it can be decoded.
+    """
+    timestamps = None if timestamps is None else Path(timestamps)
+    if fps is not None and not (np.isfinite(fps) and fps > 0):
+        raise ConfigError("is no frame rate", where="--fps", value=fps, limit="above 0")
+    times = None if timestamps is None else _read_times(timestamps)
+    path = Path(source)
+    if path.is_dir():
+        found = sorted(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+        return PictureSource(found, name=str(source), fps=fps, times_s=times)
+    if not path.exists():
+        if any(character in str(source) for character in "*?["):
+            # glob.glob, not Path.glob: the pattern may be absolute and hold wildcards in its folders.
+            matches = [Path(name) for name in sorted(glob.glob(str(source)))]  # noqa: PTH207
+            return PictureSource(matches, name=str(source), fps=fps, times_s=times)
+        raise missing_file(path)
+    if path.stat().st_size == 0:
+        raise InputError("is an empty file", where=str(path), do="record or copy the film again")
+    require_content(path)
+    if path.suffix.lower() in PICTURE_SUFFIXES:
+        return PictureSource([path], name=str(source), fps=fps, times_s=times)
+    return FilmSource(path, fps=fps, times_s=times)
+
+
+def _read_times(path: Path) -> NDArray[np.float64]:
+    """Read ``frame, time_s``; index by frame number, NaN where the table has no row."""
+    from torsight.core.storage import read_table
+    from torsight.core.tables import frame_numbers, require_increasing
+
+    table = read_table(path, required=("frame", "time_s"))
+    time_s = table["time_s"].to_numpy(np.float64)
+    require_increasing(time_s, path=path)
+    frame = frame_numbers(table, path=path)
+    times = np.full(int(frame[-1]) + 1, np.nan)
+    times[frame] = time_s
+    return times

@@ -1,0 +1,138 @@
+"""The four markers in the first frames: as a person gives them, or found without help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError, NoResultError
+from torsight.core.progress import Progress, silent
+from tracker.detect.dots import HUGE_PX
+from tracker.detect.given import LOOKED_AT, decoded, first_frame
+from tracker.detect.marker_file import MarkerHints
+from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
+from tracker.follow.follower import Follower
+from tracker.follow.marker import Marker, given_markers, markers_on
+from tracker.frames.frame import Frame, FrameSource
+from tracker.patches.follower import StickFollower
+from tracker.patches.initialise import look_for_tags, sticks_of
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where following begins.
+
+    Attributes
+    ----------
+    markers : list of Marker
+        Two of one stick, two of the other; none where a stick has no dots.
+    frame : int
+        Frame in which they were found.
+    moving : int or None
+        Which stick moves; None where motion has yet to tell.
+    kinds : (str, str)
+        Of both sticks, see :class:`tracker.detect.marker_file.MarkerHints`.
+    doubtful : bool
+        True where the markers are so faint that only their motion can tell them from background.
+    first : Frame or None
+        The first frame, for sticks without dots.
+    hints : MarkerHints or None
+        What was told of the markers.
+    """
+
+    markers: list[Marker]
+    frame: int
+    moving: int | None
+    kinds: tuple[str, str] = ("dot", "dot")
+    doubtful: bool = False
+    first: Frame | None = None
+    hints: MarkerHints | None = None
+
+    @property
+    def kind(self) -> str:
+        """The kind of both sticks, or both kinds in words."""
+        return "dot" if self.hints is None else self.hints.kind
+
+    def follower(self, *, motion_tells: bool = False) -> Follower | StickFollower:
+        """Return what follows the markers from here.
+
+        ``motion_tells``: leave open which stick moves even where it was told.
+        """
+        moving = None if motion_tells else self.moving
+        if self.hints is None or self.kinds == ("dot", "dot"):
+            return Follower(self.markers, moving=moving)
+        return StickFollower(sticks_of(self.first, self.hints), moving=moving)
+
+
+def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
+    """Return the markers in the first frame in which they can be seen; ``progress`` is told before every look.
+
+    Raises
+    ------
+    ConfigError
+        When a given marker lies outside the picture.
+    InputError
+        When the source holds no frame.
+    NoResultError
+        When there is no dot at a given position, or no four markers are found.
+    """
+    if hints is not None:
+        hints.check_inside(source.size_px)
+        if hints.kinds == ("dot", "dot"):
+            return _given(source, hints)
+        return _other_kinds(source, hints, progress)
+    return _found_by_itself(source, progress)
+
+
+def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
+    """Return the four dots that stand out in one of the first frames."""
+    best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
+    count = 0
+    for frame in decoded(source):
+        count += 1
+        if frame.index > LOOKED_AT[-1]:
+            break
+        if frame.index not in LOOKED_AT or frame.luma is None:
+            continue
+        progress("looking for the markers", frame.index, LOOKED_AT[-1])
+        found = sticks_in(frame.luma)
+        if found is None:
+            continue
+        score = min(found[0].score, found[1].score)
+        if are_markers(found) and (best is None or score > best[0]):
+            best = (score, frame.index, frame.luma.copy(), found)
+        if score > CLEAR:
+            break
+    progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
+    if best is None:
+        if count == 0:
+            raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+        raise NoResultError(
+            "four markers, two dots on each of two sticks, were not found",
+            where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, LOOKED_AT[-1])}",
+            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
+            "of one stick no more than 3 times as large as those of the other",
+            do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
+        )
+    score, index, luma, sticks = best
+    markers = [marker for stick in sticks for marker in markers_on(luma, stick)]
+    return Start(markers, index, None, doubtful=score <= CLEAR)
+
+
+def _given(source: FrameSource, hints: MarkerHints) -> Start:
+    frame = first_frame(source)
+    return Start(given_markers(frame, hints, sticks=(0, 1)), frame.index, 1, hints=hints)
+
+
+def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:
+    """Return the start of sticks of which at least one has no dots, after a look at whether they are there."""
+    first = first_frame(source)
+    assert first.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    # The frame's picture is only lent.
+    first = replace(first, luma=first.luma.copy())
+    sticks_of(first, hints)
+    if "tag" in hints.kinds:
+        look_for_tags((frame for frame in decoded(source)), hints, name=source.name, progress=progress)
+    return Start([], first.index, 1, hints.kinds, first=first, hints=hints)

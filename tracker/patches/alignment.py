@@ -1,0 +1,126 @@
+"""The steps of the inverse compositional Lucas–Kanade of a patch (compiled), see :mod:`tracker.patches.align`."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.compiled import njit
+from tracker.patches.warps import Floats, project
+
+
+class Template(NamedTuple):
+    """What a step needs of a template.
+
+    Attributes
+    ----------
+    points : (2, n) float64
+        Offsets from its middle.
+    inverse : (first + k, n) float64
+        Least-squares inverse: light, gain (row 3) and whatever else comes before δ, then δ times gain.
+    generators : (k, 3, 3) float64
+        What δ does.
+    rim : (2, m) float64
+        Points on its rim.
+    half_px, spread : float
+        Its half width, and the standard deviation of its brightness.
+    """
+
+    points: Floats
+    inverse: Floats
+    generators: Floats
+    rim: Floats
+    half_px: float
+    spread: float
+
+
+class Part(NamedTuple):
+    """Part of a picture, blurred, with the pixel at its top left corner; where its inside ends, and the picture's."""
+
+    values: NDArray[np.float32]
+    left: int
+    top: int
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+
+_GAIN: Final = 3
+"""Row of the solution that holds the contrast over the template's."""
+_LEAST_SPREAD: Final = 1.0
+"""Grey levels below which a patch shows nothing: rounding alone spreads a third of that."""
+_FARTHEST: Final = 0.7
+"""Step, over the half width, that leads astray: the template knows nothing of what lies there."""
+
+
+@njit(cache=True, nogil=True)
+def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
+    """Return whether the rim of a patch lies in a part of a picture."""
+    seen = project(warp, rim)
+    for i in range(seen.shape[1]):
+        for k in range(2):
+            if not part.low[k] <= seen[k, i] <= part.high[k]:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tuple[bool, Floats]:
+    """Return whether a step leads somewhere, and the warp after it: W D⁻¹."""
+    gain, count = found[_GAIN], len(template.generators)
+    if abs(gain) * template.spread < _LEAST_SPREAD:
+        return False, warp
+    change = np.eye(3)
+    for k in range(count):
+        delta = found[len(found) - count + k] / gain
+        if not abs(delta) < _FARTHEST * template.half_px:
+            return False, warp
+        change += delta * template.generators[k]
+    after = np.dot(warp, np.linalg.inv(change))
+    after /= after[2, 2]
+    return in_part(after, template.rim, part), after
+
+
+@njit(cache=True, nogil=True)
+def sample(part: Part, warp: Floats, points: Floats) -> Floats:
+    """Return the brightness at points of the template, by linear interpolation."""
+    values = part.values
+    height, width = values.shape
+    out = np.empty(points.shape[1])
+    seen = project(warp, points)
+    for i in range(len(out)):
+        x = min(max(seen[0, i] - part.left, 0.0), width - 1.0)
+        y = min(max(seen[1, i] - part.top, 0.0), height - 1.0)
+        column, row = min(int(x), width - 2), min(int(y), height - 2)
+        f, g = x - column, y - row
+        upper = (1.0 - f) * values[row, column] + f * values[row, column + 1]
+        lower = (1.0 - f) * values[row + 1, column] + f * values[row + 1, column + 1]
+        out[i] = (1.0 - g) * upper + g * lower
+    return out
+
+
+@njit(cache=True, nogil=True)
+def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
+    """Return how far a step moves the rim at most, px."""
+    return float(np.abs(project(after, rim) - project(before, rim)).max())
+
+
+@njit(cache=True, nogil=True)
+def align_warp(
+    warp: Floats, template: Template, part: Part, rounds: int, stop_px: float
+) -> tuple[bool, float, Floats, Floats]:
+    """Step until steps are small.
+
+    Returned are whether the steps led somewhere, the size of the last one, the warp before it, and the one after it.
+    """
+    moved, before = np.inf, warp
+    for _ in range(rounds):
+        found = np.dot(template.inverse, sample(part, warp, template.points))
+        good, after = step_warp(found, warp, template, part)
+        if not good:
+            return False, moved, warp, after
+        moved, before, warp = largest_step(warp, after, template.rim), warp, after
+        if moved < stop_px:
+            break
+    return True, moved, before, warp

@@ -1,0 +1,117 @@
+"""Two sticks of any kinds through a film, each by itself: no tag or texture is taken for another stick's marker."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.follow.axis import turned
+from tracker.follow.follower import StickName, stick_that_moves
+from tracker.follow.frame_step import DARK_SHARE, brightness_of
+from tracker.follow.learning import BRIGHTNESS_RATE, write_row
+from tracker.follow.redetect import direction, place_of
+from tracker.frames.frame import Frame
+from tracker.patches.stick import Stick, nothing
+from tracker.patches.tag_stick import TagStick
+from tracker.rows import DAMAGED, DARK, ROW, SEEN
+
+_NO_NOISE: Final = 1e-6
+
+
+class StickFollower:
+    """Follows two sticks through a film.
+
+    Parameters
+    ----------
+    sticks : two Stick
+        The base first where it is known.
+    moving : int or None
+        Which stick moves (0 or 1); None until it shows.
+    """
+
+    def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
+        self.sticks = list(sticks)
+        self.moving: StickName | None = None
+        self.base: StickName | None = None
+        self._brightness = 0.0
+        self._starts: list[float] = []
+        self._rows = np.zeros(1, ROW)
+        if moving is not None:
+            self._name(moving)
+
+    def step(self, frame: Frame) -> NDArray[np.void]:
+        """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
+        readings = self._read(frame)
+        write_row(readings, self._rows[0])
+        self._rows["time_s"] = frame.time_s
+        row: NDArray[np.void] = self._rows[0]
+        return row
+
+    def _read(self, frame: Frame) -> NDArray[np.void]:
+        if frame.luma is None or frame.damaged:
+            return self._pass(frame.time_s, DAMAGED)
+        level = brightness_of(frame.luma)
+        if level < DARK_SHARE * self._brightness:
+            return self._pass(frame.time_s, DARK)
+        self._brightness = (
+            level if self._brightness == 0.0 else self._brightness + BRIGHTNESS_RATE * (level - self._brightness)
+        )
+        readings = np.concatenate([stick.step(frame.luma, frame.time_s) for stick in self.sticks])
+        if all(isinstance(stick, TagStick) for stick in self.sticks):
+            _share_noise(readings)
+        if self.moving is None and not readings["state"].any():
+            self._look_for_motion(readings)
+        return readings
+
+    def _pass(self, time_s: float, state: int) -> NDArray[np.void]:
+        for stick in self.sticks:
+            stick.miss(time_s)
+        return np.concatenate([nothing(state), nothing(state)])
+
+    def _look_for_motion(self, readings: NDArray[np.void]) -> None:
+        now = [direction(place_of(readings[i]), place_of(readings[i + 1])) for i in (0, 2)]
+        self._starts = self._starts or now
+        angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
+        moving = stick_that_moves(angles)
+        if moving is not None:
+            self._name(moving)
+
+    def _name(self, moving: int) -> None:
+        self.base, self.moving = StickName(1 - moving), StickName(moving)
+
+    def report(self) -> dict[str, float]:
+        """Return sizes for ``track.json``: of markers and sticks, and the shutter, which only dots tell."""
+        return {
+            "radius_px": float(np.nanmedian([stick.radius_px for stick in self.sticks])),
+            "stick_length_px": float(np.nanmedian([stick.length_px for stick in self.sticks])),
+            "shutter_share_of_frame": max(stick.shutter_share for stick in self.sticks),
+        }
+
+    def to_state(self) -> dict[str, Any]:
+        """Return everything that :meth:`restore` needs to go on in the same way."""
+        return {
+            "moving": None if self.moving is None else self.moving.stick,
+            "brightness": self._brightness,
+            "starts": self._starts,
+            "sticks": [stick.to_state() for stick in self.sticks],
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state, exactly."""
+        if state["moving"] is not None:
+            self._name(int(state["moving"]))
+        self._brightness = float(state["brightness"])
+        self._starts = [float(start) for start in state["starts"]]
+        for stick, content in zip(self.sticks, state["sticks"], strict=True):
+            stick.restore(content)
+
+
+def _share_noise(readings: NDArray[np.void]) -> None:
+    """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise."""
+    seen = readings["state"] == SEEN
+    if seen.any():
+        share = (readings["residual"][seen].min() / np.maximum(readings["residual"][seen], _NO_NOISE)) ** 2
+        readings["covariance"][seen] *= share[:, None]

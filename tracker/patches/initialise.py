@@ -1,0 +1,251 @@
+"""Sticks of all kinds at their beginning: from the first frame, or from the first frames that show their tags."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import NoResultError
+from torsight.core.progress import Progress, silent
+from torsight.core.tracks import MARKERS
+from torsight.core.wording import counted, listed
+from tracker.detect.given import LOOKED_AT
+from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.tags import FoundTag, count_of, find_tags, in_words
+from tracker.follow.marker import given_markers
+from tracker.frames.frame import Frame
+from tracker.patches.align import Patch, cut_out
+from tracker.patches.dot_stick import DotStick
+from tracker.patches.stick import Stick
+from tracker.patches.tag_stick import TagStick
+from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
+from tracker.patches.texture_stick import TextureStick
+
+_WINDOWS_PX: Final = (8.0, 11.0, 15.0)
+"""Radii of the patch around a point without a dot."""
+_HOLDS: Final = 0.8
+"""Share of the structure of the largest patch that a smaller one has to hold to be taken. Texture all around gives it a
+quarter or a half; around a spot on blank ground the larger one adds nothing but the shading, which does not turn."""
+_ROOM_PX: Final = 8.0
+_SPREAD: Final = 2.0
+"""Grey levels of texture below which there is none: noise alone spreads as far."""
+_STRUCTURE_PX: Final = 2.0
+"""Blur before structure is looked for: noise of two grey levels then has slopes of 0.1 levels per px."""
+_SLOPE: Final = 0.6
+"""Least slope (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2 to 10,
+the straight edge of a pipe in a film in H.264 0.3 to 0.5."""
+_USUAL: Final = (
+    "4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5", "ARUCO_ORIGINAL",
+    "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
+)  # fmt: skip
+"""Families that are tried where the given one is not seen: the most printed first, and of one code the smallest."""
+_TRIED: Final = 3
+"""Frames in which other families are looked for."""
+
+
+def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
+    """Return both sticks, ready for the first frame.
+
+    Raises
+    ------
+    NoResultError
+        When there is no dot or no texture at a position that was given.
+    """
+    assert first is not None  # noqa: S101 - for the type checker: kept wherever a stick has no dots
+    base, moving = (_stick(first, hints, stick) for stick in (0, 1))
+    return base, moving
+
+
+def _stick(first: Frame, hints: MarkerHints, stick: int) -> Stick:
+    kind, number = hints.kinds[stick], hints.ids[stick]
+    if kind == "tag" and number is not None:
+        return TagStick(hints.family, number)
+    if kind == "dot":
+        return DotStick(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
+    return _texture_stick(first, hints, stick)
+
+
+def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick:
+    assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
+    indices = (2 * stick, 2 * stick + 1)
+    points = [(float(x), float(y)) for x, y in hints.position_px[list(indices)]]
+    windows = [_window_px(first.luma, x, y) for x, y in points]
+    patches: list[Patch] = []
+    for index, (x, y), window in zip(indices, points, windows, strict=True):
+        where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
+        if window < _ROOM_PX - 2.0:
+            raise NoResultError(
+                "lies too close to the border of the picture",
+                where=where,
+                value=f"[{x:g}, {y:g}]",
+                limit=f"{_ROOM_PX:g} px of room",
+            )
+        patches.append(texture_patch(first.luma, x, y, window_px=window))
+        _check_texture(first.luma, x, y, window, spread=patches[-1].spread, where=where)
+    window_px = min(windows)
+    looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
+    (x1, y1), (x2, y2) = points
+    search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1))
+    return TextureStick(patches, points, search, still=stick == 0)
+
+
+def _window_px(luma: NDArray[np.uint8], x: float, y: float) -> float:
+    """Return the radius of the patch around a point: the smallest that holds most of the structure."""
+    height, width = luma.shape
+    room = min(x, y, width - 1 - x, height - 1 - y) - 2.0
+    radii = [radius for radius in _WINDOWS_PX if radius <= room] or [room]
+    if room > radii[-1] and radii[-1] < _WINDOWS_PX[-1]:
+        radii.append(room)
+    held = [_structure(luma, x, y, radius) for radius in radii]
+    return next(radius for radius, part in zip(radii, held, strict=True) if part >= _HOLDS * held[-1])
+
+
+def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, spread: float, where: str) -> None:
+    """Refuse a point around which nothing shows where it is."""
+    if spread < _SPREAD:
+        raise NoResultError(
+            "has no texture around it that could be followed",
+            where=where,
+            value=f"spread of {spread:.1f} grey levels",
+            limit=f"{_SPREAD:g} grey levels or more within {window_px:g} px",
+            do="choose a point with clear structure",
+        )
+    weakest = math.sqrt(_structure(luma, x, y, window_px) / (math.pi * window_px**2))
+    if weakest < _SLOPE:
+        raise NoResultError(
+            "lies on an edge or a line, along which the patch around it looks the same",
+            where=where,
+            value=f"slope of {weakest:.2f} grey levels per px along it",
+            limit=f"{_SLOPE:g} or more in every direction within {window_px:g} px",
+            do="choose a corner, a crossing or a blot",
+        )
+
+
+def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) -> float:
+    """Return the sum of the squared slopes of the brightness along the direction in which it is least, grey levels²."""
+    half = int(window_px)
+    cx, cy = round(x), round(y)
+    margin = half + round(3.0 * _STRUCTURE_PX)
+    part = cut_out(luma, cx, cy, margin).astype(np.float32)
+    soft = np.asarray(cv2.GaussianBlur(part, (0, 0), _STRUCTURE_PX), dtype=np.float64)
+    v, u = np.mgrid[-margin : margin + 1, -margin : margin + 1]
+    inside = np.hypot(u, v) <= half
+    down, right = (np.asarray(axis)[inside] for axis in np.gradient(soft))
+    tensor = np.array([[right @ right, right @ down], [right @ down, down @ down]])
+    return float(max(np.linalg.eigvalsh(tensor)[0], 0.0))
+
+
+def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, progress: Progress = silent) -> None:
+    """Make sure that every tag that was named is seen in one of the first frames, and tell what is wrong otherwise.
+
+    Raises
+    ------
+    NoResultError
+        Where a tag is not seen, or two tags of one number are: with the family that is seen instead, the numbers that
+        are, or that the picture is a mirror's.
+    """
+    wanted = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
+    missing = dict(wanted)
+    kept: list[NDArray[np.uint8]] = []
+    others: list[FoundTag] = []
+    last = 0
+    for frame in frames:
+        if frame.index > LOOKED_AT[-1]:
+            break
+        last = frame.index
+        if frame.index not in LOOKED_AT or frame.luma is None:
+            continue
+        progress("looking for the tags", frame.index, LOOKED_AT[-1])
+        found = find_tags(frame.luma, hints.family)
+        _refuse_twins(found, wanted, where=f"{name}, frame {frame.index}")
+        for tag in found:
+            missing.pop(tag.number, None)
+        if not missing:
+            break
+        others += [tag for tag in found if tag.number not in wanted]
+        if len(kept) < _TRIED:
+            kept.append(frame.luma.copy())
+    progress("looking for the tags", LOOKED_AT[-1], LOOKED_AT[-1])
+    if missing:
+        raise _not_found(missing, hints, kept, others, where=f"{name}, frames 0 to {last}")
+
+
+def _refuse_twins(found: list[FoundTag], wanted: dict[int, str], *, where: str) -> None:
+    for number, stick in wanted.items():
+        count = sum(tag.number == number for tag in found)
+        if count > 1:
+            raise NoResultError(
+                f"tag {number} of the {stick} stick is seen {count} times",
+                where=where,
+                value=", ".join(_place(tag) for tag in found if tag.number == number),
+                limit="one tag of each number",
+                do="put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair",
+            )
+
+
+def _place(tag: FoundTag) -> str:
+    x, y = tag.corners_px.mean(axis=0)
+    return f"[{x:.0f}, {y:.0f}]"
+
+
+def _not_found(
+    missing: dict[int, str], hints: MarkerHints, kept: list[NDArray[np.uint8]], others: list[FoundTag], *, where: str
+) -> NoResultError:
+    """Return why tags may not be seen."""
+    words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
+    what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
+    mirrored = [tag for luma in kept for tag in find_tags(luma[:, ::-1], hints.family) if tag.number in missing]
+    if mirrored:
+        return NoResultError(
+            f"{what}: the picture is mirrored",
+            where=where,
+            value=f"{in_words(mirrored)} in the picture turned over",
+            do="switch mirroring off in the camera's program, or do not film through a mirror; a film that is there "
+            "already is turned back by 'ffmpeg -i FILM -vf hflip NEW'",
+        )
+    if others:
+        return NoResultError(
+            what,
+            where=where,
+            value=f"of this family {in_words(others)} {'is' if len(others) == 1 else 'are'} seen",
+            do="mend base_id and moving_id",
+        )
+    family, seen = _other_family(kept, but=hints.family)
+    if seen:
+        return NoResultError(
+            f"{what}, but tags of another family",
+            where=where,
+            value=f"{family}, {in_words(seen)}",
+            do=f'set family = "{family}" and the numbers that are seen',
+        )
+    return NoResultError(
+        what,
+        where=where,
+        value=f"no tag of {hints.family} nor of {counted(len(_USUAL) - 1, 'other usual family')}"
+        if hints.family in _USUAL
+        else f"no tag of {hints.family} nor of {counted(len(_USUAL), 'usual family')}",
+        limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
+        "4 px and more",
+        do="come closer or print them larger, light them evenly, and keep hands off",
+    )
+
+
+def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list[FoundTag]]:
+    """Return the usual family of which most tags are seen, and these tags."""
+    best: tuple[str, list[FoundTag]] = ("", [])
+    code, own = but.partition("_")[0], count_of(but)
+    for family in _USUAL:
+        if family == but:
+            continue
+        seen = max((find_tags(luma, family) for luma in kept), key=len, default=[])
+        if family.startswith(f"{code}_") and not code.startswith("AP"):
+            # The first tags of a larger family of one code are those of the smaller one.
+            seen = [tag for tag in seen if tag.number >= own]
+        if len(seen) > len(best[1]):
+            best = (family, seen)
+    return best

@@ -1,0 +1,201 @@
+"""``track.json``: what the film allowed, what was reached, and how to film better."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.units import DEG
+from tracker.angle.plane import Orientation
+from tracker.frames.timing import timing
+from tracker.quality.events import events_of_right, find_events
+from tracker.quality.gap_pictures import Pictures
+from tracker.quality.gaps import Causes, find_causes, gap_advice
+from tracker.rows import CODE, STATES
+from tracker.track import TrackResult
+
+_LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
+_COMPRESSED: Final = 1.5
+"""Error over that of white noise from which compression is felt."""
+_SMALL_PX: Final = 4.0
+_SHORT_PX: Final = 60.0
+_FAINT: Final = 40.0
+
+
+def account(
+    result: TrackResult,
+    orientation: Orientation,
+    *,
+    doubts: Sequence[str],
+    remarks: Sequence[str] = (),
+    pictures: Pictures | None = None,
+    right: TrackResult | None = None,
+) -> dict[str, Any]:
+    """Return the content of ``track.json``.
+
+    ``doubts`` are those of :func:`tracker.quality.track_warnings.doubts`, ``remarks`` what was noticed before anything
+    was tracked, ``pictures`` gives frames by their numbers, of which some without an angle are looked at.
+    ``right`` is the right film of a stereo pair.
+    """
+    angles, rows = orientation.angles, result.rows
+    noise = orientation.report.get("noise", {})
+    source = result.report["source"]
+    times = timing(angles.time_s, tick_s=source.get("tick_s", 0.0))
+    # A film that plays at another rate than it was captured at has its bit rate in the time in which it plays.
+    own = source["kind"] == "film" and "tick_s" in source
+    states = gap_states(rows, angles)
+    causes = find_causes(result, angles, states, pictures=pictures)
+    content: dict[str, Any] = {
+        **result.report,
+        "source": {**source, "fps": times.rate_fps} if own else source,
+        "frames": frame_account(states, angles, causes),
+        "timing": times.to_json(),
+        **{name: value for name, value in orientation.report.items() if name != "noise"},
+        "noise": noise_account(rows, orientation.with_errors(result.tracks), angles, noise),
+        "compression": compression_account(result.report["source"], noise),
+    }
+    events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
+    if right is not None:
+        content["right_film"] = {
+            **right.report,
+            "frames": len(right.rows),
+            "error_over_white_noise": noise.get("error_over_white_noise_right"),
+        }
+        events = sorted(events + events_of_right(right, angles), key=lambda event: event["frame"])
+    markers = result.report["markers"]
+    # What makes the angles doubtful comes before what would make them better.
+    content["advice"] = list(doubts)
+    content["advice"] += advice(
+        content,
+        length_px=markers["stick_length_px"],
+        radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
+        events=events,
+        gaps=gap_advice(content["frames"], causes),
+    )
+    content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
+    content["events"] = events
+    return content
+
+
+def _remark(angles: StickAngles, text: str) -> dict[str, Any]:
+    first_s, last_s = (float(angles.time_s[at]) if len(angles) else 0.0 for at in (0, -1))
+    return {
+        "time_s": first_s,
+        "frame": 0,
+        "kind": "camera",
+        "text": text,
+        "end_time_s": last_s,
+        "end_frame": max(len(angles) - 1, 0),
+    }
+
+
+def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
+    """Return what the markers say of every frame without an angle: one of ``STATES``, or ``impossible``."""
+    found: list[str] = []
+    for index in np.flatnonzero(~angles.valid):
+        states = rows["state"][index]
+        moving = states[2:] if (states[2:] != CODE["seen"]).any() else states[:2]
+        away = moving[moving != CODE["seen"]]
+        found.append(STATES[int(np.bincount(away).argmax())] if len(away) else "impossible")
+    return found
+
+
+def frame_account(states: Sequence[str], angles: StickAngles, causes: Causes) -> dict[str, Any]:
+    """Return how many frames have an angle, and why the others have none: by the markers' states, and by cause."""
+    reasons = Counter(states)
+    return {
+        "total": len(angles),
+        "with_angle": int(angles.valid.sum()),
+        "without_angle": int((~angles.valid).sum()),
+        "why": dict(reasons.most_common()),
+        "causes": causes.count,
+        "turn_uncertain": int((~angles.branch_certain & angles.valid).sum()),
+    }
+
+
+def noise_account(
+    rows: NDArray[np.void], tracks: MarkerTracks, angles: StickAngles, noise: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return noise, the bound that it sets, and the sigma that was reached."""
+    seen = rows["state"] == CODE["seen"]
+    white = np.sqrt(0.5 * (rows["covariance_px2"][..., 0] + rows["covariance_px2"][..., 2]))
+    reached = np.sqrt(0.5 * np.trace(tracks.covariance_px2, axis1=2, axis2=3))
+    sigma = angles.sigma_rad[angles.valid & angles.branch_certain] / DEG
+    return {
+        "picture_noise_grey": _median(rows["residual"][seen]),
+        "marker_contrast_grey": _median(np.abs(rows["step"][seen])),
+        "marker_sigma_px": {"bound": _median(white[seen]), "reached": _median(reached[seen])},
+        "angle_sigma_deg": {
+            "bound": noise.get("angle_bound_deg"),
+            "median": _median(sigma),
+            "p95": float(np.percentile(sigma, 95)) if len(sigma) else None,
+        },
+        "error_over_white_noise": noise.get("error_over_white_noise"),
+    }
+
+
+def compression_account(source: Mapping[str, Any], noise: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how the film is compressed and what that does to the positions."""
+    codec = str(source.get("codec", "unknown"))
+    lossless = codec in _LOSSLESS
+    rate, fps = source.get("bit_rate_kbps"), source.get("fps")
+    pixels = float(source["width_px"]) * float(source["height_px"])
+    ratio = (noise.get("error_over_white_noise") or {}).get("moving")
+    return {
+        "codec": codec,
+        "lossless": lossless,
+        "bits_per_pixel": None if not rate or not fps else 1000.0 * rate / fps / pixels,
+        "error_over_white_noise": ratio,
+    }
+
+
+def advice(
+    account: Mapping[str, Any],
+    *,
+    length_px: float,
+    radius_px: float | None,
+    events: list[dict[str, Any]],
+    gaps: Sequence[str] = (),
+) -> list[str]:
+    """Return what would make the next film better, the most important first.
+
+    ``gaps`` is of frames without an angle; ``radius_px`` is None where not all markers are dots.
+    """
+    words: list[str] = []
+    compression, noise = account["compression"], account["noise"]
+    ratio = compression["error_over_white_noise"]
+    if ratio is not None and ratio > _COMPRESSED and not compression["lossless"]:
+        words.append(
+            f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
+            "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless FFV1."
+        )
+    words += gaps
+    if radius_px is not None and radius_px < _SMALL_PX:
+        words.append(f"The dots are small (radius {radius_px:.1f} px): dots of 6 px and more halve the error.")
+    if radius_px is not None and length_px < _SHORT_PX:
+        words.append(
+            f"The markers of a stick are only {length_px:.0f} px apart: the angle's error falls as their distance "
+            "grows, so come closer or put the dots further apart."
+        )
+    contrast = noise["marker_contrast_grey"]
+    if radius_px is not None and contrast is not None and contrast < _FAINT:
+        words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
+    kinds = {event["kind"] for event in events}
+    if "bump" in kinds:
+        words.append("The camera was moved during the film: fix it, and do not touch the table.")
+    if "light" in kinds:
+        words.append("The light was off for a while: use a steady lamp.")
+    if "turn uncertain" in kinds:
+        words.append("A gap was so long that a whole turn could be missing: keep at least one marker in sight.")
+    return words
+
+
+def _median(values: NDArray[Any]) -> float | None:
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if len(known) else None

@@ -1,0 +1,136 @@
+"""What happened while a film was tracked, in the order of time and in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import runs
+from torsight.core.tracks import MARKERS, StickAngles
+from tracker.angle.reference_direction import steps_of_mean
+from tracker.rows import CODE
+
+if TYPE_CHECKING:
+    from tracker.track import TrackResult
+
+_SHORTEST: Final = 2
+"""Frames for which a marker must be away to be told, unless the angle is lost with it."""
+_BUMP_PX: Final = 3.0
+_SIDE: Final = 10
+_KINDS: Final = {
+    "hidden": ("occlusion", "{name} is covered or blurred"),
+    "lost": ("lost", "{name} is not found"),
+    "outside": ("occlusion", "{name} is outside the picture"),
+    "shadowed": ("crossing", "the other stick is over {name} or next to it"),
+}
+
+
+def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return what happened: covered and lost markers, darkness, damage, bumps of the camera, uncertain turns.
+
+    Parameters
+    ----------
+    rows : (n,) structured
+        Of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`.
+    angles : StickAngles
+        The angle made of them.
+    damage : list of dict
+        What the source told.
+    """
+    events = [dict(entry) for entry in damage]
+    dark = (rows["state"] == CODE["dark"]).any(axis=1)
+    events += [_event(angles, run, "light", "the light is off") for run in _runs(dark)]
+    for marker, name in enumerate(MARKERS):
+        events += _of_marker(rows["state"][:, marker], angles, name.replace("_", " "))
+    events += _bumps(rows, angles)
+    events += _angle_events(angles)
+    return sorted(events, key=lambda event: (event["frame"], event["kind"]))
+
+
+def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, Any]]:
+    """Return what happened in the right film of a stereo pair, at the left film's frames.
+
+    ``angles`` (left film's frames) are what was made of both.
+    """
+    time_s = right.rows["time_s"]
+    if len(angles) == 0:
+        return []
+    at = np.clip(np.searchsorted(angles.time_s, time_s), 0, len(angles) - 1)
+    # Whether there is an angle is asked, and what the angle itself did is told of both films together.
+    known = np.zeros(len(time_s))
+    seen = StickAngles(np.arange(len(time_s)), time_s, known, known, angles.valid[at], np.ones(len(time_s), np.bool_))
+    events = [event for event in find_events(right.rows, seen, right.damage) if event["kind"] != "angle unknown"]
+    for event in events:
+        event["text"] = f"right film: {event['text']}"
+        for key in ("frame", "end_frame"):
+            if key in event:
+                event[key] = int(at[min(event[key], len(at) - 1)]) if len(at) else 0
+    return events
+
+
+def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list[dict[str, Any]]:
+    away = (state != CODE["seen"]) & (state != CODE["dark"]) & (state != CODE["damaged"])
+    events: list[dict[str, Any]] = []
+    for run in _runs(away):
+        if len(run) < _SHORTEST and angles.valid[run].all():
+            continue
+        counts = np.bincount(state[run], minlength=len(CODE))
+        reason = max(_KINDS, key=lambda key: int(counts[CODE[key]]))
+        kind, words = _KINDS[reason]
+        events.append(_event(angles, run, kind, words.format(name=name)))
+        if kind != "crossing" and run[-1] + 1 < len(state):
+            back = run[-1] + 1
+            events.append(_event(angles, np.array([back]), "found", f"{name} is found again"))
+    return events
+
+
+def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
+    """Return where the base stick has moved in the picture for good.
+
+    A camera that is moved takes both base markers along. Where one of them stands still the other was misread, or has
+    come off its stick.
+    """
+    both = (rows["state"][:, :2] == CODE["seen"]).all(axis=1)
+    known = np.flatnonzero(both)
+    if len(known) < 2 * _SIDE + 1:
+        return []
+    jump = np.linalg.norm(steps_of_mean(rows["position_px"][known, :2], _SIDE), axis=-1).min(axis=1)
+    events: list[dict[str, Any]] = []
+    for run in _runs(jump > _BUMP_PX):
+        at = run[int(np.argmax(jump[run]))]
+        frame = known[at + _SIDE]
+        events.append(
+            _event(angles, np.array([frame]), "bump", f"the camera was moved: {jump[at]:.1f} px in the picture")
+        )
+    return events
+
+
+def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:
+    events = [
+        _event(angles, run, "angle unknown", f"no angle for {len(run)} frames")
+        for run in _runs(~angles.valid)
+        if len(run) > 1
+    ]
+    unsure = np.flatnonzero(~angles.branch_certain)
+    if len(unsure):
+        words = "from here on the whole turn is not certain: the motion around a gap allows more than one"
+        events.append(_event(angles, unsure[:1], "turn uncertain", words))
+    return events
+
+
+def _event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) -> dict[str, Any]:
+    first, last = int(run[0]), int(run[-1])
+    return {
+        "time_s": float(angles.time_s[first]),
+        "frame": first,
+        "kind": kind,
+        "text": text,
+        "end_time_s": float(angles.time_s[last]),
+        "end_frame": last,
+    }
+
+
+def _runs(flag: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    return [np.arange(begin, end) for begin, end in runs(flag)]

@@ -1,0 +1,218 @@
+"""What pictures of frames without an angle show: woven fields, blur, a stick that moves too far, or none of these.
+
+The sticks' region of a picture is laid out over the angle about the axis. What is brighter or darker there than in
+the median of all pictures looked at is the moving stick: a peak, as wide as the stick. From one frame to the next the
+peak moves by the stick's turn, and a shutter that is open for long makes it wider by a share of that turn.
+Under a hand it does neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.units import DEG
+from tracker.detect.sticks import crossing_point
+from tracker.follow.redetect import REACH_PX
+from tracker.quality.track_warnings import axis_px
+
+Luma = NDArray[np.uint8]
+Pictures = Callable[[Iterable[int]], dict[int, Luma]]
+
+COMBED: Final = 2.0
+"""Energy of second differences between next rows over that between next rows of a field, where something moved: 1 for
+noise, below 1 for edges and blur, 4 and more where two fields are of two instants."""
+_MOVED_GREY: Final = 25
+"""Change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
+_MOVED_PX: Final = 60
+"""Pixels that have to have moved for the rows to tell anything: a few dots' area."""
+BLURRED: Final = 0.6
+"""Steepness of the edges, over that in frames with an angle, from which a picture is out of focus."""
+FAST: Final = 2.0
+"""Turn from one frame to the next, over the largest one that was followed, from which the stick is too fast."""
+LEAST_FAST_DEG: Final = 3.0
+SMEARED: Final = 0.4
+"""Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
+_PAIRS: Final = 5
+"""Frames without an angle that are looked at, each with the next one."""
+_KNOWN: Final = 5
+"""Frames with an angle that they are held against."""
+_ALIKE: Final = 0.5
+"""Correlation of two layouts from which they show one thing at two places."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the picture of one frame without an angle shows.
+
+    Attributes
+    ----------
+    combed : float
+        See :data:`COMBED`.
+    sharpness : float
+        Steepness of its edges over that in frames with an angle.
+    step_deg : float or None
+        Turn of the stick to the next frame; None where no stick is recognised in both.
+    step_px : float
+        How far that takes the outer marker; 0 where it is not known.
+    smear_px : float
+        By how much the stick's edges, at its outer marker, are wider than in frames with an angle.
+    """
+
+    combed: float
+    sharpness: float
+    step_deg: float | None
+    step_px: float
+    smear_px: float
+
+    def cause(self, *, usual_deg: float, radius_px: float) -> str | None:
+        """Return ``interlaced``, ``focus``, ``shutter`` or ``speed``; None where it shows none of these.
+
+        ``usual_deg`` is the largest turn between frames that were followed, ``radius_px`` that of the dots.
+        """
+        if self.combed > COMBED:
+            return "interlaced"
+        if self.sharpness < BLURRED:
+            return "focus"
+        if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
+            return None
+        # Beyond the search's reach a stick is followed only as long as its speed stays the same.
+        if abs(self.step_deg) < FAST * usual_deg and self.step_px < REACH_PX:
+            return None
+        return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
+
+
+def look_at_gaps(
+    unknown: NDArray[np.int64], tracks: MarkerTracks, angles: StickAngles, pictures: Pictures
+) -> list[Seen]:
+    """Return what some of the frames without an angle show.
+
+    Parameters
+    ----------
+    unknown : (k,) int64
+        Frames without an angle, of which nothing else tells why.
+    tracks, angles
+        Of the film.
+    pictures : callable
+        Gives pictures of frames by their numbers.
+    """
+    known = np.flatnonzero(angles.valid)
+    if not len(unknown) or not len(known):
+        return []
+    chosen = unknown[np.unique(np.linspace(0, len(unknown) - 1, _PAIRS).astype(int))]
+    # Places all over the stroke: in their median the moving stick is nowhere.
+    by_angle = known[np.argsort(angles.angle_rad[known])]
+    held = by_angle[np.unique(np.linspace(0, len(known) - 1, _KNOWN).astype(int))]
+    found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held.tolist()} & set(range(len(angles)))))
+    layout = _Layout.of(tracks, found)
+    reference = [found[index] for index in held.tolist() if index in found]
+    if not reference:
+        return []
+    edges = float(np.median([_steepness(picture) for picture in reference]))
+    width_deg = _median([layout.width_deg(picture) for picture in reference]) if layout else 0.0
+    seen: list[Seen] = []
+    for index in chosen.tolist():
+        picture, after = found.get(index), found.get(index + 1)
+        if picture is None or after is None:
+            continue
+        step_deg = layout.step_deg(picture, after) if layout else None
+        step_px = 0.0 if layout is None or step_deg is None else abs(step_deg) * DEG * layout.outer_px
+        smear_px = (layout.width_deg(picture) - width_deg) * DEG * layout.outer_px if layout else 0.0
+        seen.append(Seen(combed(picture, after), _steepness(picture) / max(edges, 1e-9), step_deg, step_px, smear_px))
+    return seen
+
+
+def combed(picture: Luma, other: Luma) -> float:
+    """Return how much the rows of a picture alternate where it differs from another one; see :data:`COMBED`."""
+    moved = cv2.absdiff(picture, other)[2:-2] > _MOVED_GREY
+    if moved.sum() < _MOVED_PX:
+        return 0.0
+    rows = picture.astype(np.float32)
+    near = rows[1:-3] - 2.0 * rows[2:-2] + rows[3:-1]
+    field = rows[:-4] - 2.0 * rows[2:-2] + rows[4:]
+    return float(np.sum(near[moved] ** 2) / max(float(np.sum(field[moved] ** 2)), 1e-9))
+
+
+def _steepness(picture: Luma) -> float:
+    """Return the gradient at a picture's edges over the change of brightness across each of them, 1/px."""
+    across, down = (cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1)))
+    gradient = np.hypot(across, down)
+    window = np.ones((9, 9), np.uint8)
+    change = cv2.dilate(picture, window).astype(np.float32) - cv2.erode(picture, window)
+    edge = gradient >= np.percentile(gradient, 99.0)
+    return float(np.median(gradient[edge] / np.maximum(change[edge], 1.0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layout:
+    """The ring between the moving stick's markers, a column for every degree."""
+
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    ground: NDArray[np.float32]
+    outer_px: float
+
+    @classmethod
+    def of(cls, tracks: MarkerTracks, pictures: Mapping[int, Luma]) -> _Layout | None:
+        centre = _centre(tracks)
+        if centre is None or not pictures:
+            return None
+        away = [np.hypot(*(tracks.position_px[tracks.valid[:, index], index] - centre).T) for index in (2, 3)]
+        inner, outer = sorted(float(np.median(one)) if len(one) else np.nan for one in away)
+        if not outer - inner > 2.0:
+            return None
+        turn = np.deg2rad(np.arange(360.0))[None, :]
+        radius = np.linspace(inner, outer, 24)[:, None]
+        x = (centre[0] + radius * np.cos(turn)).astype(np.float32)
+        y = (centre[1] + radius * np.sin(turn)).astype(np.float32)
+        laid = [cv2.remap(picture, x, y, cv2.INTER_LINEAR) for picture in pictures.values()]
+        return cls(x, y, np.median(laid, axis=0).astype(np.float32), outer)
+
+    def profile(self, picture: Luma) -> NDArray[np.float64]:
+        laid = cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR)
+        return np.asarray(np.abs(laid - self.ground).mean(axis=0), dtype=np.float64)
+
+    def width_deg(self, picture: Luma) -> float:
+        """Return over how many degrees the stick's edges rise, in the outer half of the ring."""
+        laid = np.abs(cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR) - self.ground)[len(self.x) // 2 :]
+        slope = np.abs(laid[:, 2:] - laid[:, :-2]).max(axis=1) / 2.0
+        return float(np.median(laid.max(axis=1) / np.maximum(slope, 1e-3)))
+
+    def step_deg(self, one: Luma, other: Luma) -> float | None:
+        """Return by how much what differs from the ground has turned from one picture to the other."""
+        first, second = (values - values.mean() for values in (self.profile(one), self.profile(other)))
+        total = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
+        spectrum = np.conj(np.fft.rfft(first)) * np.fft.rfft(second)
+        match = np.fft.irfft(spectrum, len(first)) / max(total, 1e-9)
+        best = int(np.argmax(match))
+        return None if match[best] < _ALIKE else float((best + 180) % 360 - 180)
+
+
+def _centre(tracks: MarkerTracks) -> NDArray[np.float64] | None:
+    """Return the axis in the picture (2,), or the crossing of both sticks where the stick has turned too little."""
+    axis = axis_px(tracks)
+    if axis is not None:
+        return axis
+    whole = np.flatnonzero(tracks.valid.all(axis=1))
+    if not len(whole):
+        return None
+    places = [(float(x), float(y)) for x, y in tracks.position_px[whole[len(whole) // 2]]]
+    crossing = crossing_point(places[0], places[1], places[2], places[3])
+    return None if crossing is None else np.array(crossing)
+
+
+def usual_step_deg(angles: StickAngles) -> float:
+    """Return the largest turn (but for the last twentieth) between two frames next to each other that have an angle."""
+    both = angles.valid[1:] & angles.valid[:-1]
+    step = np.abs(np.diff(angles.angle_rad)[both]) / DEG
+    return float(np.percentile(step, 95.0)) if len(step) else 0.0
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else 0.0

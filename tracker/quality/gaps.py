@@ -1,0 +1,201 @@
+"""Why frames have no angle, and what to do about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from torsight.core.series import runs
+from torsight.core.tracks import StickAngles
+from torsight.core.wording import counted
+from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.track import TrackResult
+
+_FELT: Final = 0.02
+"""Share of the frames without an angle from which something is said."""
+_SECOND: Final = 0.25
+"""Share of the frames without an angle from which a cause is named beside the commonest one."""
+_AROUND: Final = 15
+"""Steps on each side of a gap that tell how fast the stick was."""
+_DO: Final = {
+    "hand": "something lies over the markers; keep hands and wires off them.",
+    "file": "the film's file is damaged there; copy it from the camera again.",
+    "light": "the light was off; use a steady lamp.",
+    "late": (
+        "the markers are found from frame {first_frame} on, {first_s:.1f} s into the film; start filming when the "
+        "rig stands "
+        "in the picture with its light on, or cut off the beginning."
+    ),
+    "marker": (
+        "a marker was lost and not found again; look in track.png whether it is a dark or light dot that stands out "
+        "all around it, and give the places with 'torsight markers'."
+    ),
+    "texture": (
+        "the texture around a marker was lost: it changed, glared or left the picture; choose points with clear "
+        "structure all "
+        "around them, or stick dots or tags on."
+    ),
+    "picture": "a marker leaves the picture; film from further away.",
+    "sticks": "the sticks pass so close to each other that their markers mix; mount them further apart.",
+    "shutter": (
+        "the moving stick is fast there and its markers are smeared over {smear_px:.0f} px; film with a shorter "
+        "shutter time and more light, or move more slowly."
+    ),
+    "speed": (
+        "the moving stick is too fast there for the search: it turns by some {step_deg:.0f} degrees from one frame "
+        "to the next, "
+        "{usual_deg:.1f} were followed; film more frames a second, or move more slowly."
+    ),
+    "focus": (
+        "the picture is out of focus there; lock the focus at the sticks before filming, and keep anything nearer "
+        "out of the "
+        "picture."
+    ),
+    "interlaced": (
+        "the film is interlaced without saying so: every second row shows another instant; film progressively (25p "
+        "or 30p "
+        "instead of 50i or 60i), or give one field of every frame as pictures."
+    ),
+}
+_OF_STATE: Final = {"damaged": "file", "dark": "light", "outside": "picture", "shadowed": "sticks", "lost": "marker"}
+"""What stands behind a marker's state as it is; a hand for all others."""
+_UNCLEAR: Final = ("lost", "hidden", "impossible")
+"""States that blur, speed and fields lead to as well: the pictures tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class Causes:
+    """Why frames have no angle.
+
+    Attributes
+    ----------
+    count : dict of str to int
+        Frames by cause, the commonest first; keys of ``_DO``.
+    figures : dict of str to float
+        What the advice names.
+    """
+
+    count: dict[str, int] = field(default_factory=dict)
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+def find_causes(
+    result: TrackResult, angles: StickAngles, states: Sequence[str], *, pictures: Pictures | None = None
+) -> Causes:
+    """Return why frames have no angle.
+
+    Parameters
+    ----------
+    result : TrackResult
+        The markers.
+    angles : StickAngles
+        The angle made of them.
+    states : sequence of str
+        Of every frame without an angle in turn, what the markers say: see
+        :func:`tracker.quality.account.frame_account`.
+    pictures : callable, optional
+        Gives pictures of frames by their numbers, some of which are looked at; without it blur, speed and fields are
+        not told from a hand.
+    """
+    unknown = np.flatnonzero(~angles.valid)
+    if len(unknown) == 0:
+        return Causes()
+    markers = result.report["markers"]
+    first = int(markers.get("first_frame", 0))
+    textured = "texture" in str(markers.get("kind", ""))
+    figures = {"first_frame": first, "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0])}
+    count: Counter[str] = Counter()
+    unclear: list[int] = []
+    for index, state in zip(unknown.tolist(), states, strict=True):
+        if index < first and state == "lost":
+            count["late"] += 1
+        elif state in _UNCLEAR:
+            unclear.append(index)
+        else:
+            count[_OF_STATE.get(state, "hand")] += 1
+    for index, cause in zip(unclear, _of_unclear(unclear, result, angles, pictures, figures), strict=True):
+        state = states[int(np.searchsorted(unknown, index))]
+        count[cause or ("texture" if textured else _OF_STATE.get(state, "hand"))] += 1
+    return Causes(dict(count.most_common()), figures)
+
+
+def _of_unclear(
+    unclear: Sequence[int],
+    result: TrackResult,
+    angles: StickAngles,
+    pictures: Pictures | None,
+    figures: dict[str, float],
+) -> list[str | None]:
+    """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
+    if not unclear:
+        return []
+    smear_px, radius_px = smear_around_gaps_px(result, angles), float(result.report["markers"]["radius_px"])
+    smeared = smear_px > SMEARED * radius_px
+    figures["smear_px"] = smear_px
+    if pictures is None or len(unclear) <= _FELT * len(angles):
+        return ["shutter" if smeared else None] * len(unclear)
+    usual_deg = usual_step_deg(angles)
+    seen = look_at_gaps(np.array(unclear, np.int64), result.tracks, angles, pictures)
+    causes = [one.cause(usual_deg=usual_deg, radius_px=radius_px) for one in seen]
+    if not causes:
+        return ["shutter" if smeared else None] * len(unclear)
+    figures["usual_deg"] = usual_deg
+    sharp = float(np.median([one.smear_px for one in seen])) < SMEARED * radius_px
+    _note_speed(seen, figures)
+    commonest, _ = Counter(causes).most_common(1)[0]
+    if commonest is None and smeared:
+        # The shutter that was learned from blurred readings is contradicted where the pictures are sharp.
+        commonest = "speed" if sharp and "step_deg" in figures else "shutter"
+    return [commonest] * len(unclear)
+
+
+def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
+    """Note how far the stick turns and how wide it is smeared in the pictures that were looked at."""
+    steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
+    if steps:
+        figures["step_deg"] = float(np.median(steps))
+        figures["smear_px"] = max(figures["smear_px"], float(np.median([one.smear_px for one in seen])))
+
+
+def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
+    """Return what would give more frames an angle: a sentence each for the commonest causes, or none.
+
+    Parameters
+    ----------
+    frames : mapping
+        From :func:`tracker.quality.account.frame_account`.
+    causes : Causes
+        From :func:`find_causes`.
+    """
+    if not frames["total"] or frames["without_angle"] <= _FELT * frames["total"] or not causes.count:
+        return []
+    words = ", ".join(f"{count} {name}" for name, count in frames["why"].items())
+    head = f"{frames['without_angle']} of {frames['total']} frames have no angle ({words}): "
+    (first, _), *others = causes.count.items()
+    told = [head + _DO[first].format(**causes.figures)]
+    for name, count in others[:1]:
+        if count > _SECOND * frames["without_angle"]:
+            told.append(
+                f"{counted(count, 'frame')} of these have none for another reason: "
+                + _DO[name].format(**causes.figures)
+            )
+    return told
+
+
+def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:
+    """Return how far the moving outer marker travels while the shutter is open, around frames without an angle, px."""
+    share = float(result.report["markers"]["shutter_share_of_frame"] or 0.0)
+    place = result.tracks.position_px[:, 3]
+    step = np.hypot(*np.diff(place, axis=0).T)
+    known = np.flatnonzero(np.isfinite(step))
+    around: list[float] = []
+    for begin, end in runs(~angles.valid):
+        at, past = np.searchsorted(known, (begin, end))
+        near = np.concatenate([known[max(0, at - _AROUND) : at], known[past : past + _AROUND]])
+        if len(near):
+            around += [float(step[near].max())] * (end - begin)
+    return share * float(np.median(around)) if around else 0.0
