@@ -135,10 +135,11 @@ class Search:
         best, best_value = fit, self._value(problem, fit)
         for _ in range(_ROUNDS):
             found = self._fitter(problem, best).refit(best, max_iterations=8)
-            value = self._value(problem, found)
-            if value <= best_value + _SETTLED:
+            gained = self._value(problem, found) - best_value
+            if gained > 0.0:
+                best, best_value = found, best_value + gained
+            if gained <= _SETTLED:
                 break
-            best, best_value = found, value
         fitter = self._fitter(problem, best)
         return Explanation(fitter, best, laws, log_evidence(fitter, best, self._likelihood), self._progress)
 
