@@ -27,8 +27,6 @@ from torsight.discovery.settings import Settings
 _SILENT = 0.9
 """Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
 all information about it is the record's."""
-_LITTLE = 0.1
-"""Gain, in −2 log L, that a further step may promise at an optimum: values within a third of a standard deviation."""
 
 
 @one_thread()
@@ -91,7 +89,7 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
         rmse_deg=errors.rmse_train_deg,
         r2=1.0 - float(np.sum(residual[counted] ** 2)) / float(np.sum(total**2)),
         cycle=fitted_cycle(drive, simulation, values),
-        converged=fit.solution.promised < _LITTLE,
+        converged=fit.solution.converged,
         silent_about=silent_about,
         notes=notes_of_fit(model, silent_about, ratio, rows),
     )

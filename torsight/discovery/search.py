@@ -136,7 +136,7 @@ class Search:
         for _ in range(_ROUNDS):
             found = self._fitter(problem, best).refit(best, max_iterations=8)
             gained = self._value(problem, found) - best_value
-            if gained > 0.0:
+            if gained >= 0.0:
                 best, best_value = found, best_value + gained
             if gained <= _SETTLED:
                 break
