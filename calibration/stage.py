@@ -17,12 +17,12 @@ from calibration.quality.calibration_verdict import GOOD, Verdict, judge_lens, j
 from calibration.views.board_views import Seen, find_views
 from calibration.views.detect import View
 from calibration.views.picture_files import expand, is_film
-from torsight.core.camera import Camera, Intrinsics, require_size
 from torsight.core.errors import ConfigError, InputError, NoResultError
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
+from torsight.core.optics.camera import Camera, Intrinsics, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.shown import Shown
-from torsight.core.wording import number
+from torsight.core.words.shown import Shown
+from torsight.core.words.wording import number
 
 
 @dataclass(frozen=True, slots=True, eq=False)

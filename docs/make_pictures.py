@@ -17,8 +17,8 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
-from torsight.core.storage import read_json, read_table
-from torsight.core.wording import effect_name
+from torsight.core.files.storage import read_json, read_table
+from torsight.core.words.wording import effect_name
 from torsight.viewer.pictures import WHOLE, take_pictures
 
 HERE = Path(__file__).parent

@@ -30,7 +30,7 @@ from torsight.discovery import (
     model_problem,
     parameter,
 )
-from torsight.discovery.explanation import Explanation
+from torsight.discovery.inference.explanation import Explanation
 
 Array = NDArray[np.float64]
 RATE_HZ = 1000.0

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from torsight.core.storage import write_table
-from torsight.core.tables import write_merged
+from torsight.core.files.storage import write_table
+from torsight.core.files.tables import write_merged
 from torsight.synthetic import Record
 
 

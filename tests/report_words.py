@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torsight.core.results import read_results
+from torsight.core.files.results import read_results
 from torsight.report.figures.motion import Figure
 from torsight.report.write import contents, page
 

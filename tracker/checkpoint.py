@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError
-from torsight.core.storage import json_text, write_text
+from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
 VERSION: Final = 5

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
+from torsight.core.files.paths import AnyPath
 from torsight.core.frozen import Frozen
-from torsight.core.paths import AnyPath
 from torsight.core.progress import Progress, silent
-from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from torsight.core.words.shown import Shown
 from tracker.angle.partial_occlusion import cover_base
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from seeds import lines_of
 
-from torsight.actuator.characterisation import characterise
-from torsight.actuator.spring_tests import read_tests
+from torsight.actuator.characterising.characterisation import characterise
+from torsight.actuator.characterising.spring_tests import read_tests
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "actuator"))
 from spring_bench import Spring, true_values, write_bench

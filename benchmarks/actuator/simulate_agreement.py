@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from torsight.actuator.closed_form import critical_angle, stable_cycle
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import critical_angle, stable_cycle
 from torsight.cli.simulate import simulate
-from torsight.core.storage import read_table, write_table
+from torsight.core.files.storage import read_table, write_table
 from torsight.core.units import DEG, GPA, MM, MNM, MPA
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "actuator"))

@@ -80,7 +80,7 @@ def interpreted(rows: int) -> float:
 
 def kernel_only(rows: int, times: int) -> float:
     """Return the CPU time of the kernel alone over a log of so many rows."""
-    from torsight.actuator import kernel
+    from torsight.actuator.stepping import kernel
 
     model = ActuatorModel(reference_spec())
     drive = model.prepare_log(two_hours(rows), start_angle_rad=177.6 * DEG)

@@ -24,8 +24,8 @@ from calibration.boards.board import Board
 from calibration.cameras.lens import calibrate_lens
 from calibration.cameras.stereo_pair import calibrate_pair
 from calibration.views.detect import View
-from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera
-from torsight.core.geometry import project, rotation_matrix, rotation_vector
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera
+from torsight.core.optics.geometry import project, rotation_matrix, rotation_vector
 
 TILTS_DEG = (0, 5, 10, 15, 20, 30)
 RADIAL = (0.0, -0.05, -0.15, -0.30)

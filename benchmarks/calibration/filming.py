@@ -19,7 +19,7 @@ from films import tracks_of
 from ways import error_deg
 
 from torsight.core.errors import NoResultError
-from torsight.core.storage import read_table
+from torsight.core.files.storage import read_table
 from torsight.synthetic.filming import optics
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from

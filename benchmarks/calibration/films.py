@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from ways import angles_by_way, error_deg
 
-from torsight.core.camera import Camera, Pose
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import rotation_vector
-from torsight.core.storage import read_table
+from torsight.core.files.storage import read_table
+from torsight.core.optics.camera import Camera, Pose
+from torsight.core.optics.geometry import rotation_vector
 from torsight.core.tracks import MarkerTracks
 from torsight.synthetic.filming import optics
 from torsight.synthetic.filming.camera_work import marker_points

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.core.axis import axis_in_picture, pose_from_axis, stick_angle
-from torsight.core.camera import Camera, Intrinsics, Pose
-from torsight.core.geometry import on_plane, ray_from_pixel
+from torsight.core.optics.axis import axis_in_picture, pose_from_axis, stick_angle
+from torsight.core.optics.camera import Camera, Intrinsics, Pose
+from torsight.core.optics.geometry import on_plane, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.stereo import orient_pair
 

@@ -37,9 +37,9 @@ from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.design.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.discover import discover
-from torsight.discovery.engine import Findings, find_missing
-from torsight.discovery.next_experiment import NextExperiment, next_experiment
+from torsight.discovery.inference.engine import Findings, find_missing
 from torsight.discovery.settings import Settings
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.plots.still import still

@@ -72,7 +72,7 @@ def tilt_and_roll(rotation: np.ndarray) -> tuple[float, float, float]:
 
 def measure(films: list[Film], folder: Path) -> dict[str, object]:
     """Return error and sigma (deg) of both single cameras and of the pair, and the pair's report."""
-    from torsight.core.camera import read_camera
+    from torsight.core.optics.camera import read_camera
     from tracker.angle.orient import orient
     from tracker.angle.stereo import orient_pair
     from tracker.detect.marker_file import read_markers

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from calibration.boards.board import Board
 from calibration.views.detect import View
-from torsight.core.camera import Intrinsics, Pose
-from torsight.core.circles import axis_basis
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.minimise import least_squares
+from torsight.core.optics.camera import Intrinsics, Pose
+from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]

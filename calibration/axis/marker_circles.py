@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
-from torsight.core.camera import Camera, Pose
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.paths import AnyPath
-from torsight.core.provenance import file_hash
-from torsight.core.storage import read_table
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.provenance import file_hash
+from torsight.core.files.storage import read_table
+from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
+from torsight.core.optics.camera import Camera, Pose
 
 Floats = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError
-from torsight.core.paths import AnyPath
-from torsight.core.storage import check_keys, read_toml
+from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_toml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

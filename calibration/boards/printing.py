@@ -17,8 +17,8 @@ from scipy.constants import inch, milli
 
 from calibration.boards.board import Board
 from torsight.core.errors import ConfigError
-from torsight.core.paths import AnyPath
-from torsight.core.storage import atomic_path, write_text
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import atomic_path, write_text
 
 PAGES_MM: Final = {
     "a5": (210.0, 148.0),

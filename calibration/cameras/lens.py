@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.views.detect import View, board_normals
-from torsight.core.camera import Intrinsics
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import project, rotation_matrix
+from torsight.core.optics.camera import Intrinsics
+from torsight.core.optics.geometry import project, rotation_matrix
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 

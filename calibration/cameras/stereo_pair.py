@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, groups_of, jackknife_sigma, worst_view
 from calibration.views.detect import View
-from torsight.core.camera import Intrinsics, RightCamera
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import epipolar_distance_px, rotation_vector
+from torsight.core.optics.camera import Intrinsics, RightCamera
+from torsight.core.optics.geometry import epipolar_distance_px, rotation_vector
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calibration.cameras.lens import LensCalibration, spread_deg
 from calibration.views.detect import View
-from torsight.core.geometry import rotation_matrix
+from torsight.core.optics.geometry import rotation_matrix
 
 CELLS: Final = (8, 6)
 """Cells across and down in which the coverage of the picture is counted."""

@@ -12,8 +12,8 @@ from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
 from calibration.stage import Calibration, Side, views_of
 from calibration.views.board_views import Seen
-from torsight.core.geometry import rotation_matrix
-from torsight.core.provenance import versions
+from torsight.core.files.provenance import versions
+from torsight.core.optics.geometry import rotation_matrix
 
 
 def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) -> dict[str, Any]:

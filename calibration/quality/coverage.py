@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.quality.calibration_verdict import CELLS, cells_covered
 from calibration.stage import Side, views_of
-from torsight.core.storage import atomic_path
+from torsight.core.files.storage import atomic_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,7 @@ from calibration.views.picture_files import (
     require_same_camera,
 )
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 

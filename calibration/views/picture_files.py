@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file
-from torsight.core.provenance import file_hash
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file
+from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
 """Frames of a film that a lens is fitted to: beyond, its sigma falls by less than a tenth with every five more."""

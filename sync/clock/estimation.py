@@ -23,10 +23,10 @@ from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from torsight.core.errors import NoResultError
 from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
-from torsight.core.shown import Shown
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
+from torsight.core.words.shown import Shown
 
 _EXACT: Final = 1e-6
 """Standard deviation, s and ppm, of a value that is given: small against all others, and can be inverted."""

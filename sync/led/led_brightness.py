@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sync.led.led_events import LightEvents
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.series import constant_runs, robust_sigma
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import AnyPath
-from torsight.core.shown import Shown, span
-from torsight.core.storage import number_column, read_table
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import number_column, read_table
+from torsight.core.words.shown import Shown, span
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -15,8 +15,8 @@ from typing import Any, Final
 
 from sync.log.column_units import AMPERE, CELSIUS, SECONDS, Unit, split_unit, unit_of
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.storage import check_keys
 from torsight.core.frozen import Frozen
-from torsight.core.storage import check_keys
 
 CONTRACT: Final = {
     "time": "time_s",

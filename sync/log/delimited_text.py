@@ -19,8 +19,8 @@ from sync.log.header import BLANKS, fields_of, find_header, require_columns, spl
 from sync.log.labview import labview_header
 from sync.log.repairs import Repair
 from torsight.core.errors import InputError
+from torsight.core.files.paths import missing_file, require_ordinary
 from torsight.core.frozen import Frozen
-from torsight.core.paths import missing_file, require_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd

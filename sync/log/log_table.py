@@ -26,8 +26,8 @@ from sync.log.header import require_columns
 from sync.log.repairs import Repair
 from sync.log.wall_clock import read_stamps
 from torsight.core.errors import InputError
+from torsight.core.files.storage import is_parquet, read_table
 from torsight.core.frozen import Frozen
-from torsight.core.storage import is_parquet, read_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,9 +17,9 @@ from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import join_blocks
 from sync.log.timestamps import OrderedStamps, order_stamps, usual_step_s
 from torsight.core.errors import InputError
-from torsight.core.paths import AnyPath
-from torsight.core.plausible import require_stamps, require_units
+from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
+from torsight.core.words.plausible import require_stamps, require_units
 
 if TYPE_CHECKING:
     import pandas as pd

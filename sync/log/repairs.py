@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from torsight.core.frozen import Frozen
 from torsight.core.records import TemperatureLog
-from torsight.core.shown import Shown
+from torsight.core.words.shown import Shown
 
 if TYPE_CHECKING:
     from sync.log.column_names import LogColumn

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from torsight.core.storage import write_table
+from torsight.core.files.storage import write_table
 
 
 @dataclass(frozen=True)

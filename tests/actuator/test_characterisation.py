@@ -9,18 +9,18 @@ import pytest
 from actuator_programmes import programme
 from spring_bench import Spring, true_values, write_bench
 
-from torsight.actuator.characterisation import characterise
-from torsight.actuator.curves import fit_curve
+from torsight.actuator.characterising.characterisation import characterise
+from torsight.actuator.characterising.curves import fit_curve
+from torsight.actuator.characterising.spring_tests import read_tests
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import read_actuator
-from torsight.actuator.spring_tests import read_tests
 from torsight.cli.characterise import characterise as command
 from torsight.cli.fit import fit_to_folder
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.storage import read_table, write_table
+from torsight.core.files.tables import write_merged
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable
-from torsight.core.storage import read_table, write_table
-from torsight.core.tables import write_merged
 
 
 def test_without_noise_the_values_come_back(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torsight.actuator.conditioning import condition, measure_noise
+from torsight.actuator.record.conditioning import condition, measure_noise
 
 RATE_C_S = 0.12
 

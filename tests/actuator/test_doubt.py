@@ -99,7 +99,7 @@ def test_the_file_keeps_it(tmp_path: Path, log) -> None:
 def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(tmp_path: Path, log, capsys) -> None:
     import pandas as pd
 
-    from torsight.core.storage import write_table
+    from torsight.core.files.storage import write_table
 
     nominal = ActuatorModel(reference_spec()).nominal()
     slow = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})

@@ -12,12 +12,12 @@ from actuator_programmes import programme
 from torsight.actuator.fit import fit_model, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
+from torsight.actuator.record.weights import correlation_rows, spikes
 from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
-from torsight.actuator.weights import correlation_rows, spikes
 from torsight.cli.fit import fit_to_folder
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.files.tables import read_merged
 from torsight.core.records import SyncedTable
-from torsight.core.tables import read_merged
 from torsight.core.units import DEG
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
@@ -184,8 +184,8 @@ def test_record_of_a_rig_that_is_not_ours(shared_data, tmp_path):
     # 0.06° of reading noise; 0.2 to 0.35° is what a fit is said to leave.
     assert result.rmse_deg < 0.2
     assert result.values["tau_c_mnm"] == pytest.approx(0.9518, rel=0.03)
-    from torsight.actuator.logs import read_log
-    from torsight.core.storage import read_table
+    from torsight.actuator.record.logs import read_log
+    from torsight.core.files.storage import read_table
 
     truth = read_table(folder / "test_truth.csv", required=("angle_deg",))["angle_deg"].to_numpy()
     predicted = predict_with_sigma(

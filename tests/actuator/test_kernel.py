@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator import kernel
 from torsight.actuator.effects import load_effects
 from torsight.actuator.laws import FAMILIES
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
+from torsight.actuator.stepping import kernel
 from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG

@@ -12,10 +12,10 @@ from actuator_programmes import programme
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from torsight.actuator.closed_form import cooled_angle, half_cycle, heated_angle, stable_cycle
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import cooled_angle, half_cycle, heated_angle, stable_cycle
 from torsight.core.units import DEG
 
 FULL = [(80.0, 0.1)]

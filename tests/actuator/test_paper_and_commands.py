@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
-from torsight.actuator.logs import read_log
 from torsight.actuator.model import ActuatorModel
+from torsight.actuator.record.logs import read_log
 from torsight.actuator.spec import reference_spec
 from torsight.cli.fit import fit
 from torsight.cli.paper import paper
 from torsight.cli.predict import predict
 from torsight.cli.simulate import simulate
 from torsight.core.errors import InputError
+from torsight.core.files.storage import read_table, write_table, write_text
+from torsight.core.files.tables import write_merged
 from torsight.core.records import SyncedTable
-from torsight.core.storage import read_table, write_table, write_text
-from torsight.core.tables import write_merged
 from torsight.core.units import DEG
 
 HALVES = [(0, [(75.0, 0.3)]), (1, [(62.0, 0.4)]), (0, [(80.0, 0.6)])]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from torsight.actuator.phase import COOLING_LAWS, HEATING_LAWS
 from torsight.actuator.springs import strain_ratio
+from torsight.actuator.stepping.phase import COOLING_LAWS, HEATING_LAWS
 
 HEAT = {"start_c": 36.0, "finish_c": 54.0, "influence": 32e6}
 COOL = {"start_c": 42.0, "finish_c": 28.0, "influence": 32e6}

@@ -8,7 +8,7 @@ from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log, prepare_table, start_angle
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.segments import begun_with_a_jump, half_cycles
+from torsight.actuator.record.segments import begun_with_a_jump, half_cycles
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.records import SyncedTable, TemperatureLog

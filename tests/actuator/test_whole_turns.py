@@ -11,8 +11,8 @@ from torsight.actuator.fitted import FittedModel, fitted_model, read_model, writ
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.storage import read_toml
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.storage import read_toml
 from torsight.core.units import DEG
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.boards.board import Board
 from calibration.views.detect import View
-from torsight.core.camera import Intrinsics
+from torsight.core.optics.camera import Intrinsics
 
 CHESSBOARD = Board("chessboard", columns=9, rows=6, square_mm=10.0)
 CHARUCO = Board("charuco", columns=8, rows=6, square_mm=12.0, marker_mm=8.4, dictionary="DICT_4X4_50")

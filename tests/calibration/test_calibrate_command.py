@@ -13,10 +13,10 @@ from PIL import Image
 
 from torsight.cli import board as board_module
 from torsight.cli import calibrate as calibrate_module
-from torsight.core.camera import read_camera
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
-from torsight.core.geometry import project
-from torsight.core.storage import write_table
+from torsight.core.files.storage import write_table
+from torsight.core.optics.camera import read_camera
+from torsight.core.optics.geometry import project
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command("calibrate", cls=calibrate_module.Command)(calibrate_module.calibrate)

@@ -19,8 +19,8 @@ from torsight.cli import campaign, limited
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment import read_experiment
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.provenance import provenance
-from torsight.core.storage import is_running, write_json
+from torsight.core.files.provenance import provenance
+from torsight.core.files.storage import is_running, write_json
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from torsight.actuator.spec import read_actuator
 from torsight.cli.experiment import KEYS
 from torsight.cli.init import init
 from torsight.core.errors import ConfigError
-from torsight.core.storage import read_toml
+from torsight.core.files.storage import read_toml
 
 
 def test_the_files_can_be_read_and_name_every_table(tmp_path: Path) -> None:

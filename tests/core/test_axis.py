@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.core.axis import axis_from_pair, axis_in_picture, pose_from_axis, stick_angle
-from torsight.core.camera import Intrinsics, RightCamera
-from torsight.core.circles import axis_basis
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import on_plane, rotation_matrix
 from torsight.core.minimise import least_squares
-from torsight.core.sights import Sight
+from torsight.core.optics.axis import axis_from_pair, axis_in_picture, pose_from_axis, stick_angle
+from torsight.core.optics.camera import Intrinsics, RightCamera
+from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.geometry import on_plane, rotation_matrix
+from torsight.core.optics.sights import Sight
 
 LENS = Intrinsics(
     (640, 480),

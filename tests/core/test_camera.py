@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import tomli_w
 
-from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera, camera_content, read_camera
 from torsight.core.errors import ConfigError
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, camera_content, read_camera
 
 
 def _camera() -> Camera:

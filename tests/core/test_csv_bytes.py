@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from torsight.core.storage import write_table
+from torsight.core.files.storage import write_table
 
 
 def test_numbers_are_written_as_the_table_library_writes_them(tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError, InputError, NoResultError, OutputError, TorsightError
+from torsight.core.files.config import get_number, get_text
+from torsight.core.files.provenance import file_hash, provenance
 from torsight.core.parameter import Estimate, Parameter
-from torsight.core.provenance import file_hash, provenance
 
 
 def test_the_message_holds_all_parts() -> None:

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.core.camera import Intrinsics, Pose, RightCamera
-from torsight.core.geometry import (
+from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
+from torsight.core.optics.geometry import (
     epipolar_distance_px,
     on_plane,
     pixel_from_ray,

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from torsight.core.errors import OutputError
-from torsight.core.lock import only_writer
+from torsight.core.files.lock import only_writer
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from torsight.core.lock import only_writer
+from torsight.core.files.lock import only_writer
 with only_writer(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

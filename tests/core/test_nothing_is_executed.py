@@ -21,7 +21,7 @@ METHODS = {
 
 # A model of one's own is Python that its owner asks to be run (torsight missing MODEL.py); worker processes get it as
 # the object in memory that it is, never from a file.
-OWN_MODELS = {"torsight/discovery/own/evaluate.py", "torsight/discovery/own/model_file.py"}
+OWN_MODELS = {"torsight/discovery/own/model/evaluate.py", "torsight/discovery/own/model/model_file.py"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))

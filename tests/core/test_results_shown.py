@@ -21,13 +21,13 @@ from sync import Found, LightEvents, LogReading
 from sync.log.repairs import Repair, Restart
 from tests.core.test_paths import public_functions
 from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
-from torsight.actuator.characterised import Characterisation, Step
+from torsight.actuator.characterising.characterised import Characterisation, Step
 from torsight.actuator.predicted import Prediction
+from torsight.core.files.results import RunResults
 from torsight.core.parameter import Estimate
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
-from torsight.core.results import RunResults
-from torsight.core.shown import Shown
 from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.words.shown import Shown
 from torsight.discovery import PredictedAngle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect
 from torsight.synthetic import Record

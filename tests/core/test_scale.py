@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import NoResultError
-from torsight.core.scale import check_scale
+from torsight.core.optics.scale import check_scale
 
 
 def rig(*, stretch=1.0, squeeze=1.0, sigma_mm=0.05, frames=400, seed=0):

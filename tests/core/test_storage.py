@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from torsight.core.errors import ConfigError, InputError, OutputError
-from torsight.core.storage import (
+from torsight.core.files.storage import (
     atomic_path,
     check_keys,
     json_text,

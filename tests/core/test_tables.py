@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import InputError
+from torsight.core.files.tables import marker_columns, read_angles, read_merged, write_angles, write_merged
 from torsight.core.records import ClockMap, SyncedTable
-from torsight.core.tables import marker_columns, read_angles, read_merged, write_angles, write_merged
 from torsight.core.tracks import MarkerTracks, StickAngles
 
 

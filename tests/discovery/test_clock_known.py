@@ -12,10 +12,10 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
 from torsight.cli.discover import _clock_sigma_s
 from torsight.core.errors import InputError
-from torsight.core.storage import write_json
+from torsight.core.files.storage import write_json
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.fitting import Fitter
-from torsight.discovery.noise import Scales, Stretches, information
+from torsight.discovery.inference.fitting import Fitter
+from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.discovery.settings import Settings
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.values import declared_from

@@ -9,11 +9,11 @@ import pytest
 from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidates
 
 from torsight.core.errors import InputError
-from torsight.discovery.engine import find_missing
-from torsight.discovery.intervals import covariance
-from torsight.discovery.noise import Stretches, correlation_samples, residual_scales
+from torsight.discovery.inference.engine import find_missing
+from torsight.discovery.inference.intervals import covariance
+from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
+from torsight.discovery.inference.validate import held_out_by_refit
 from torsight.discovery.settings import Settings
-from torsight.discovery.validate import held_out_by_refit
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:

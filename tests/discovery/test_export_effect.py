@@ -18,7 +18,7 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
-from torsight.discovery.export_effect import export_effect
+from torsight.discovery.actuator.export_effect import export_effect
 from torsight.discovery.measured_law import MeasuredLaw
 
 

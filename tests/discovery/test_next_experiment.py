@@ -15,14 +15,14 @@ from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.explanation import Explanation, Field
-from torsight.discovery.fitting import Fitter
-from torsight.discovery.likelihood import Likelihood
-from torsight.discovery.next_experiment import NextExperiment, next_experiment
-from torsight.discovery.noise import Scales, Stretches, information
-from torsight.discovery.programme import HalfCyclePlan, Heat, Leg, Programme
-from torsight.discovery.programme_menu import Habits, menu
-from torsight.discovery.separation import Rival, least_gain, linear_gains, refitted_gains
+from torsight.discovery.design.next_experiment import NextExperiment, next_experiment
+from torsight.discovery.design.programme import HalfCyclePlan, Heat, Leg, Programme
+from torsight.discovery.design.programme_menu import Habits, menu
+from torsight.discovery.design.separation import Rival, least_gain, linear_gains, refitted_gains
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import Fitter
+from torsight.discovery.inference.likelihood import Likelihood
+from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.values import declared_from
 

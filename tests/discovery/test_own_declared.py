@@ -21,8 +21,8 @@ from tests.discovery.own_models import (
 )
 from torsight.core.errors import InputError
 from torsight.discovery import candidate, find_missing, law, model_problem, parameter
-from torsight.discovery.own.check import check_problem
-from torsight.discovery.own.layout import still
+from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.layout import still
 
 
 def problem(**changes: Any) -> Any:

@@ -23,7 +23,7 @@ from tests.discovery.own_models import (
 )
 from torsight.core.errors import InputError
 from torsight.discovery import Findings, candidate, find_missing, model_problem, parameter
-from torsight.discovery.own.evaluate import Evaluator, Model
+from torsight.discovery.own.model.evaluate import Evaluator, Model
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.own.records import Record
 

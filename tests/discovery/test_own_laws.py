@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from torsight.core.errors import InputError
 from torsight.discovery import Candidate, Findings, candidate, find_missing, law, model_problem, parameter
-from torsight.discovery.own.check import check_problem
-from torsight.discovery.own.saved import Declared, SavedModel
+from torsight.discovery.own.answer.saved import Declared, SavedModel
+from torsight.discovery.own.model.check import check_problem
 
 NOISE = 0.05
 Table = dict[str, np.ndarray]

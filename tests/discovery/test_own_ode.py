@@ -10,8 +10,8 @@ from numba import njit
 
 from torsight.core.errors import InputError
 from torsight.discovery import Event, ode
+from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.records import Record
-from torsight.discovery.own.values import Values
 
 TIME = np.linspace(0.0, 10.0, 201)
 VALUES = Values({"stiffness": 4.0, "damping": 0.4, "x0": 1.0})

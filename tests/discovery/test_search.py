@@ -10,10 +10,10 @@ import pytest
 from linear_cases import machine, noise, signals
 
 from torsight.core.progress import silent
+from torsight.discovery.inference.search import Search
+from torsight.discovery.inference.verdict import decide
 from torsight.discovery.linear_problem import LinearProblem
-from torsight.discovery.search import Search
 from torsight.discovery.settings import Settings
-from torsight.discovery.verdict import decide
 
 
 def hidden_pair() -> LinearProblem:

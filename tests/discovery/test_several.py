@@ -19,12 +19,12 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, actuator_from
 from torsight.cli.main import main
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.storage import read_table, write_json
+from torsight.core.files.tables import write_merged
 from torsight.core.records import SyncedTable
-from torsight.core.storage import read_table, write_json
-from torsight.core.tables import write_merged
+from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.discover import discover
-from torsight.discovery.fitting import Fitter
-from torsight.discovery.several import SeveralRecords
+from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.together import discover_together
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.values import declared_from

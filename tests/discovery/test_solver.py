@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from torsight.discovery.solver import Space, jacobian, solve
+from torsight.discovery.inference.solver import Space, jacobian, solve
 
 
 def _space(m: int, *, lower: float = -np.inf, upper: float = np.inf, sigma: float = np.inf) -> Space:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torsight.actuator.conditioning import _decays, _fit, _grow, condition
+from torsight.actuator.record.conditioning import _decays, _fit, _grow, condition
 
 K, REACH = 60, 40
 

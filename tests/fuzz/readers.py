@@ -18,18 +18,18 @@ from calibration.axis.marker_circles import _read as read_circles
 from calibration.boards.board import read_board
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS
+from torsight.actuator.characterising.spring_tests import read_tests
 from torsight.actuator.doubt import Alternative, Doubt
 from torsight.actuator.fitted import End, FittedModel, read_model, write_model
-from torsight.actuator.logs import read_log
 from torsight.actuator.model import ActuatorModel
+from torsight.actuator.record.logs import read_log
 from torsight.actuator.spec import actuator_from, read_actuator
-from torsight.actuator.spring_tests import read_tests
 from torsight.cli.experiment import read_experiment
 from torsight.cli.run import again
-from torsight.core.camera import read_camera
-from torsight.core.results import read_results
-from torsight.core.storage import read_json
-from torsight.core.tables import read_angles, read_merged
+from torsight.core.files.results import read_results
+from torsight.core.files.storage import read_json
+from torsight.core.files.tables import read_angles, read_merged
+from torsight.core.optics.camera import read_camera
 from torsight.synthetic.scene import read_scene
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import _read_times as read_times

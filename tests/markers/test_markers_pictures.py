@@ -12,8 +12,8 @@ import pytest
 
 from tests.command_line import leave
 from tests.tracker.films import Cover, Rig, write_film
-from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR
 from torsight.core.errors import NoResultError
+from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR
 from torsight.markers.track_picture import chosen_frames
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers

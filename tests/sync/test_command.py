@@ -11,7 +11,7 @@ from tests.command_line import leave
 from tests.sync.made_up_pairs import Rig, make_pair, programme
 from torsight.cli.sync import sync_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
-from torsight.core.tables import read_merged
+from torsight.core.files.tables import read_merged
 
 OFFSET_S = 7.3
 

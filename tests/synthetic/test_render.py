@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from torsight.core.camera import read_camera
 from torsight.core.errors import OutputError
-from torsight.core.tables import require_increasing
+from torsight.core.files.tables import require_increasing
+from torsight.core.optics.camera import read_camera
 from torsight.core.units import DEG
 from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from

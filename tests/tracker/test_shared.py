@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from torsight.core.camera import read_camera
+from torsight.core.optics.camera import read_camera
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import open_source

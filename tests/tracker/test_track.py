@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from films import Cover, Rig, write_film
 
-from torsight.core.camera import read_camera
+from torsight.core.optics.camera import read_camera
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import open_source

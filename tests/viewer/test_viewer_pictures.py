@@ -12,7 +12,7 @@ from made_up_run import discovery, made_up_law, write_made_up_run
 
 from torsight.cli.main import main
 from torsight.core.errors import InputError, OutputError
-from torsight.core.storage import write_table
+from torsight.core.files.storage import write_table
 from torsight.viewer import layout, save_pictures, write_recording
 from torsight.viewer.pictures import file_name
 
@@ -52,7 +52,7 @@ def test_a_law_is_in_the_recording_value_by_value_apart_where_the_record_was_not
 
 
 def test_the_summary_of_the_recording_says_first_that_the_record_is_not_explained(run: Path) -> None:
-    from torsight.core.results import read_results
+    from torsight.core.files.results import read_results
     from torsight.viewer.words import summary_document
 
     text = summary_document(read_results(run))

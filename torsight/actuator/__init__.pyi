@@ -1,8 +1,7 @@
 # The names of torsight.actuator for editors and type checkers; they are imported on first use.
 
-from torsight.actuator.characterisation import characterise as characterise
-from torsight.actuator.closed_form import half_cycle as half_cycle
-from torsight.actuator.closed_form import stable_cycle as stable_cycle
+from torsight.actuator.characterising.characterisation import characterise as characterise
+from torsight.actuator.characterising.spring_tests import read_tests as read_tests
 from torsight.actuator.drive import Drive as Drive
 from torsight.actuator.effects import Effect as Effect
 from torsight.actuator.effects import load_effects as load_effects
@@ -12,12 +11,13 @@ from torsight.actuator.fitted import FittedModel as FittedModel
 from torsight.actuator.fitted import fitted_model as fitted_model
 from torsight.actuator.fitted import read_model as read_model
 from torsight.actuator.fitted import write_model as write_model
-from torsight.actuator.logs import read_log as read_log
 from torsight.actuator.model import ActuatorModel as ActuatorModel
 from torsight.actuator.model import Simulation as Simulation
 from torsight.actuator.predicted import Prediction as Prediction
+from torsight.actuator.record.logs import read_log as read_log
 from torsight.actuator.spec import ActuatorSpec as ActuatorSpec
 from torsight.actuator.spec import read_actuator as read_actuator
 from torsight.actuator.spec import reference_spec as reference_spec
-from torsight.actuator.spring_tests import read_tests as read_tests
 from torsight.actuator.springs import Rig as Rig
+from torsight.actuator.stepping.closed_form import half_cycle as half_cycle
+from torsight.actuator.stepping.closed_form import stable_cycle as stable_cycle

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.laws import law_to_json, laws_from
-from torsight.core.config import get_names, get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_names, get_number, get_table
 from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
 

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.conditioning import condition
-from torsight.actuator.segments import HalfCycles, begun_with_a_jump, half_cycles
+from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, half_cycles
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 

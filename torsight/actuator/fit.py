@@ -1,10 +1,10 @@
 """Least-squares fit of the actuator to a record, with characterised values as priors.
 
 Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, which counts how long errors last
-(:mod:`torsight.actuator.weights`), divided by κ, the variance times correlation time of what is left beyond that, and
-every value's distance from its prior. σ and κ follow from the fit before, in a few rounds. Intervals come from the
-curvature at the minimum and so are inflated for correlation and misfit alike. Several starts guard against local
-minima.
+(:mod:`torsight.actuator.record.weights`), divided by κ, the variance times correlation time of what is left beyond
+that, and every value's distance from its prior. σ and κ follow from the fit before, in a few rounds. Intervals come
+from the curvature at the minimum and so are inflated for correlation and misfit alike. Several starts guard against
+local minima.
 
 Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
 exact C fixes the scale; where all are uncertain the priors do.
@@ -19,20 +19,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.cycle import Cycle, fitted_cycle
 from torsight.actuator.drive import Drive
-from torsight.actuator.estimates import covariance_of, estimates_of, quiet
-from torsight.actuator.fit_problem import Problem
+from torsight.actuator.fitting.estimates import covariance_of, estimates_of, quiet
+from torsight.actuator.fitting.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
-from torsight.actuator.weights import correlation_rows, noisy_drives, spikes
+from torsight.actuator.record.weights import correlation_rows, noisy_drives, spikes
+from torsight.actuator.stepping.cycle import Cycle, fitted_cycle
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
-from torsight.core.shown import Shown, draw_series
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
-from torsight.core.wording import estimate as estimate_words
+from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.wording import estimate as estimate_words
 
 Array = NDArray[np.float64]
 

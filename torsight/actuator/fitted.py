@@ -14,23 +14,23 @@ from numpy.typing import NDArray
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import chosen_effects
-from torsight.actuator.full_cycle import full_cycle
 from torsight.actuator.laws import law_to_json, laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.predicted import Prediction
+from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.spec import actuator_from
 from torsight.actuator.springs import Rig
-from torsight.core.config import get_names, get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError, TorsightError
+from torsight.core.files.config import get_names, get_number, get_table, get_text
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
-from torsight.core.paths import AnyPath
 from torsight.core.records import TemperatureLog
-from torsight.core.shown import Shown
-from torsight.core.storage import check_keys, read_json, write_json
 from torsight.core.units import DEG
-from torsight.core.wording import number
+from torsight.core.words.shown import Shown
+from torsight.core.words.wording import number
 
 Array = NDArray[np.float64]
 

@@ -10,22 +10,22 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator import kernel
-from torsight.actuator import kernel_laws as places
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import STAGES, Effect, chosen_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
+from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig, values_of_b
-from torsight.actuator.turns import REVERSAL_C, turning_points
+from torsight.actuator.stepping import kernel
+from torsight.actuator.stepping import kernel_laws as places
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.plausible import require_units
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.shown import Shown, draw_series, span
 from torsight.core.units import DEG, MNM
+from torsight.core.words.plausible import require_units
+from torsight.core.words.shown import Shown, draw_series, span
 
 Array = NDArray[np.float64]
 PhaseLaw = Literal["liang_rogers", "tanaka"]

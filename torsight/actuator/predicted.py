@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import Simulation
-from torsight.core.shown import Shown, draw_series, share, span
 from torsight.core.units import DEG
+from torsight.core.words.shown import Shown, draw_series, share, span
 
 Array = NDArray[np.float64]
 

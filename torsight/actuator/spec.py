@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.actuator.springs import SPRING_B, values_of_b
-from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_table
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Parameter
-from torsight.core.paths import AnyPath
-from torsight.core.storage import check_keys, read_toml
 
 
 @dataclass(frozen=True, slots=True)

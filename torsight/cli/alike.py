@@ -21,7 +21,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
     InputError
         When the runs' actuator files differ.
     """
-    from torsight.core.provenance import file_hash
+    from torsight.core.files.provenance import file_hash
 
     seen: dict[str, Path] = {}
     for path in records:
@@ -49,7 +49,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
 
 def _actuator_of(record: Path) -> tuple[str, str] | None:
     """Return name and hash of the actuator file that a record's run has used; None where nothing says it."""
-    from torsight.core.storage import read_json
+    from torsight.core.files.storage import read_json
 
     path = record.parent / "provenance.json"
     if not path.is_file():

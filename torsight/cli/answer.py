@@ -77,7 +77,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 
 
 def _put(name: str, *, exit_code: int, **content: Any) -> None:
-    from torsight.core.storage import SCHEMA, json_text
+    from torsight.core.files.storage import SCHEMA, json_text
 
     sys.stdout.write(json_text({"schema": SCHEMA, "command": f"torsight {name}", "exit_code": exit_code, **content}))
     sys.stdout.flush()

@@ -33,8 +33,8 @@ def batch(
     """
     from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_json
-    from torsight.core.wording import verdict_sentence
+    from torsight.core.files.storage import read_json
+    from torsight.core.words.wording import verdict_sentence
     from torsight.report.gallery import write_gallery
 
     if timeout is not None and not 0.0 < timeout < math.inf:

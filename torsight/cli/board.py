@@ -95,7 +95,7 @@ def _tags(
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:
     """Write a page, its picture, and what describes it; return the files."""
     from calibration.boards.printing import write_board
-    from torsight.core.storage import write_text
+    from torsight.core.files.storage import write_text
 
     write_board(out, drawing, dpi=dpi)
     made = [out]

@@ -16,7 +16,7 @@ from torsight.core.progress import Progress, silent
 if TYPE_CHECKING:
     from calibration.boards.board import Board
     from calibration.stage import Calibration
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
 
 _LISTS = ("--right", "--pose")
 
@@ -94,7 +94,7 @@ def calibrate(
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_toml
+    from torsight.core.files.storage import read_toml
 
     if tracks is not None:
         for line in add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out):
@@ -140,9 +140,9 @@ def calibrate_to_file(
     from calibration.quality.camera_report import account, summary
     from calibration.quality.coverage import draw_coverage
     from calibration.stage import camera_of
-    from torsight.core.camera import camera_content, read_camera
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_text
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_text
+    from torsight.core.optics.camera import camera_content, read_camera
 
     _check_usage(images, right or [], pose or [], camera)
     if board is None:
@@ -175,9 +175,9 @@ def add_circles(
     import tomli_w
 
     from calibration.axis.marker_circles import pose_from_tracks
-    from torsight.core.camera import camera_content, read_camera
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_text
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_text
+    from torsight.core.optics.camera import camera_content, read_camera
 
     if camera is None:
         raise ConfigError("needs a known --camera with --tracks", where="torsight calibrate")

@@ -134,8 +134,8 @@ def run_task(task: Task) -> dict[str, Any]:
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
     """Return whether the folder holds a whole run of exactly these inputs and settings."""
     from torsight.cli.run import UNFINISHED
-    from torsight.core.provenance import provenance
-    from torsight.core.storage import json_text, read_json
+    from torsight.core.files.provenance import provenance
+    from torsight.core.files.storage import json_text, read_json
 
     path = task.folder / "provenance.json"
     if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
@@ -153,8 +153,8 @@ def result_row(folder: Path) -> dict[str, Any]:
     """Return one row of the table of results from the files of a finished run."""
     import numpy as np
 
-    from torsight.core.storage import read_json
-    from torsight.core.tables import read_angles
+    from torsight.core.files.storage import read_json
+    from torsight.core.files.tables import read_angles
     from torsight.core.units import DEG
 
     angles = read_angles(folder / "angle.csv")
@@ -193,7 +193,7 @@ def explain_campaign(
     from torsight.cli.discover import explain_together
     from torsight.cli.experiment import read_experiment
     from torsight.cli.run import TOGETHER
-    from torsight.core.provenance import file_hash
+    from torsight.core.files.provenance import file_hash
 
     rigs: dict[str, list[tuple[Task, Path]]] = {}
     for task, row in zip(todo, rows, strict=True):
@@ -314,7 +314,7 @@ def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
     """
     import numpy as np
 
-    from torsight.core.storage import write_table
+    from torsight.core.files.storage import write_table
 
     text = ("name", "status", "message", "verdict", "effects", "folder")
     columns = {name: [row.get(name, "" if name in text else np.nan) for row in rows] for name in RESULT_COLUMNS}

@@ -25,12 +25,12 @@ def characterise(
     """
     import tomli_w
 
-    from torsight.actuator.characterisation import characterise as fit_tests
-    from torsight.actuator.figures import characterisation_figures
-    from torsight.actuator.spring_tests import read_tests
+    from torsight.actuator.characterising.characterisation import characterise as fit_tests
+    from torsight.actuator.characterising.figures import characterisation_figures
+    from torsight.actuator.characterising.spring_tests import read_tests
     from torsight.cli.console import progress_bar, say
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json, write_text
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_json, write_text
 
     made = (out / "actuator.toml", out / "characterisation.json")
     require_apart(made, [tests])

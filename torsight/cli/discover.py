@@ -45,15 +45,15 @@ def discover(
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_json
-    from torsight.core.wording import verdict_sentence
+    from torsight.core.files.storage import read_json
+    from torsight.core.words.wording import verdict_sentence
     from torsight.report import write_report
 
     with progress_bar() as progress:
         report = discover_all_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
         write_report(out, progress=progress)
     if export_effect is not None:
-        from torsight.discovery.export_effect import export_effect as export
+        from torsight.discovery.actuator.export_effect import export_effect as export
 
         export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
@@ -83,8 +83,8 @@ def _clock_sigma_s(merged: Path) -> float | None:
     that was given is a claim like any other.
     """
     from torsight.core.errors import InputError
+    from torsight.core.files.storage import read_json
     from torsight.core.records import SHARED_EVENT
-    from torsight.core.storage import read_json
 
     path = merged.parent / "sync.json"
     if not path.is_file():
@@ -135,9 +135,9 @@ def discover_all_to_folder(
     """
     from torsight.actuator import read_actuator
     from torsight.cli.alike import require_one_rig
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_table
-    from torsight.core.tables import read_merged
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_table
+    from torsight.core.files.tables import read_merged
     from torsight.discovery.together import discover_together
 
     if len(merged) == 1:
@@ -183,8 +183,8 @@ def discover_to_folder(
     ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
     """
     from torsight.actuator import read_actuator
-    from torsight.core.paths import require_apart
-    from torsight.core.tables import read_merged
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.tables import read_merged
     from torsight.discovery.discover import discover as find
 
     require_apart([out / name for name in _MADE], [merged, actuator])
@@ -198,7 +198,7 @@ def discover_to_folder(
 def _write(report: DiscoveryReport, out: Path) -> None:
     """Write what was found; curves of further records that an earlier discovery has left go."""
     from torsight.actuator.fitted import write_model
-    from torsight.core.storage import write_json, write_table
+    from torsight.core.files.storage import write_json, write_table
     from torsight.report.figures.law_plots import write_laws
 
     for stale in out.glob("curves_[0-9]*.csv"):

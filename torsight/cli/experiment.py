@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.paths import missing_file
+from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
-from torsight.core.paths import missing_file
-from torsight.core.storage import check_keys, read_toml
 
 KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "video": ("path", "timestamps", "fps"),

@@ -57,9 +57,9 @@ def fit_to_folder(
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json
-    from torsight.core.tables import read_merged
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_json
+    from torsight.core.files.tables import read_merged
     from torsight.discovery.plain import fit_plain
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])

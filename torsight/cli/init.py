@@ -21,7 +21,7 @@ def init(
     Example: torsight init my-rig
     """
     from torsight.cli.console import say
-    from torsight.core.storage import write_text
+    from torsight.core.files.storage import write_text
 
     templates = Path(__file__).parent / "templates"
     targets = {template: folder / template.name for template in sorted(templates.glob("*.toml"))}

@@ -17,7 +17,7 @@ from torsight.core.errors import InputError
 
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
     from torsight.viewer.live.measure.model import ModelWatch
     from torsight.viewer.live.record.outcome import Outcome
     from torsight.viewer.live.screen.feed import Feed
@@ -71,7 +71,7 @@ def live(
     """
     from sync.log.column_names import chosen_columns
     from torsight.cli.console import say
-    from torsight.core.storage import read_json
+    from torsight.core.files.storage import read_json
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.record.live_report import write_experiment
     from torsight.viewer.live.screen.feed import Feed
@@ -114,7 +114,7 @@ def _read(
     markers: Path | None, camera: Path | None, actuator: Path | None
 ) -> tuple[MarkerHints | None, Camera | None, ActuatorSpec | None]:
     from torsight.actuator.spec import read_actuator
-    from torsight.core.camera import read_camera
+    from torsight.core.optics.camera import read_camera
     from tracker.detect.marker_file import read_markers
 
     return (
@@ -138,7 +138,7 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
     """Return the lines that end a live record."""
-    from torsight.core.wording import estimate
+    from torsight.core.words.wording import estimate
 
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""

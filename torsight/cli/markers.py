@@ -41,7 +41,7 @@ def markers(
 
     Example: torsight markers film.mp4 --out markers.toml
     """
-    from torsight.core.paths import require_apart
+    from torsight.core.files.paths import require_apart
     from tracker.frames.source import open_source
 
     if preview is not None and (preview.suffix.lower() != ".png" or preview == out):

@@ -11,7 +11,7 @@ from torsight.cli.answer import Answer
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from torsight.discovery.own.findings import Findings
+    from torsight.discovery.own.answer.findings import Findings
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """What the command writes."""
@@ -63,11 +63,11 @@ def missing_to_folder(
     model: Path, records: list[Path], *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> Findings:
     """Find what is missing and write everything but the report; return what was found."""
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json, write_table, write_text
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_json, write_table, write_text
+    from torsight.discovery.own.answer.saved import write_model
     from torsight.discovery.own.find import find_missing
-    from torsight.discovery.own.model_file import problem_of
-    from torsight.discovery.own.saved import write_model
+    from torsight.discovery.own.model.model_file import problem_of
 
     require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
     found = find_missing(problem_of(model, records), seed=seed, progress=progress)

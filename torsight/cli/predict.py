@@ -31,17 +31,17 @@ def predict(
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
     from torsight.core.errors import ConfigError
-    from torsight.discovery.own.saved import is_own_model
+    from torsight.discovery.own.answer.saved import is_own_model
 
     if is_own_model(model):
         return _predict_own(model, temperature, out=out)
     if start_angle is None:
         raise ConfigError("the actuator's model needs it", where="--start-angle", do="give the angle at the first row")
     from torsight.actuator.fitted import read_model
-    from torsight.actuator.logs import read_log
+    from torsight.actuator.record.logs import read_log
     from torsight.cli.console import progress_bar, say
     from torsight.cli.simulate import write_angles_of
-    from torsight.core.paths import require_apart
+    from torsight.core.files.paths import require_apart
     from torsight.core.units import DEG
     from torsight.discovery.prediction import predict_with_sigma
 
@@ -64,10 +64,10 @@ def predict(
 
 def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
     """Predict another record with a model of one's own."""
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_table
-    from torsight.discovery.own.quiet import heard
-    from torsight.discovery.own.saved import read_model
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_table
+    from torsight.discovery.own.answer.saved import read_model
+    from torsight.discovery.own.model.quiet import heard
 
     require_apart([out], [model, record])
     with heard():

@@ -24,8 +24,8 @@ def render(
     Example: torsight render fixtures/scenes/paper.toml --out paper
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import read_toml
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import read_toml
     from torsight.synthetic.render import record_scene, render_scene
     from torsight.synthetic.scene import scene_from
 

@@ -58,7 +58,7 @@ def run(
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
     from torsight.cli.campaign import result_row
-    from torsight.core.storage import read_json
+    from torsight.core.files.storage import read_json
 
     track = folder / "track.json"
     few = track.is_file() and is_no_result(read_json(track))
@@ -75,8 +75,8 @@ def again(path: Path) -> Experiment:
         When the file is no provenance, or an input is missing or has other bytes.
     """
     from torsight.cli.experiment import experiment_from
-    from torsight.core.provenance import file_hash
-    from torsight.core.storage import read_json
+    from torsight.core.files.provenance import file_hash
+    from torsight.core.files.storage import read_json
 
     content = read_json(path)
     recorded, configuration = content.get("inputs"), content.get("configuration")
@@ -96,8 +96,8 @@ def again(path: Path) -> Experiment:
 
 def other_versions(path: Path) -> list[str]:
     """Return what to say where a ``provenance.json`` names other versions than are installed: numbers may differ."""
-    from torsight.core.provenance import versions
-    from torsight.core.storage import read_json
+    from torsight.core.files.provenance import versions
+    from torsight.core.files.storage import read_json
 
     recorded = read_json(path).get("versions")
     recorded = recorded if isinstance(recorded, dict) else {}
@@ -117,10 +117,10 @@ def run_experiment(
     With ``resume`` the stages that an interrupted run of the same inputs had finished are not done again, and an
     unfinished track goes on from its last checkpoint.
     """
-    from torsight.core.lock import only_writer
-    from torsight.core.paths import require_apart
-    from torsight.core.provenance import provenance
-    from torsight.core.storage import write_json
+    from torsight.core.files.lock import only_writer
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.provenance import provenance
+    from torsight.core.files.storage import write_json
 
     folder = out or experiment.output
     made = [*(_TRACKED if experiment.angle is None else ()), *_MADE]
@@ -147,7 +147,7 @@ def run_experiment(
 
 def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
     """Refuse results of files that were written to while they were read: their hashes would say what is not so."""
-    from torsight.core.provenance import file_hash
+    from torsight.core.files.provenance import file_hash
 
     for name, before in inputs.items():
         if file_hash(Path(name)) != before:
@@ -165,8 +165,8 @@ def _check(experiment: Experiment) -> None:
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
     from torsight.cli.sync import check_settings
-    from torsight.core.camera import read_camera
-    from torsight.core.tables import read_angles
+    from torsight.core.files.tables import read_angles
+    from torsight.core.optics.camera import read_camera
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
@@ -293,6 +293,6 @@ class _State:
         self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-        from torsight.core.storage import json_text, write_text
+        from torsight.core.files.storage import json_text, write_text
 
         write_text(self._path, json_text({"key": self._key, "finished": self.finished}))

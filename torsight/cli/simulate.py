@@ -33,11 +33,11 @@ def simulate(
     """
     import numpy as np
 
-    from torsight.actuator.logs import read_log
     from torsight.actuator.model import ActuatorModel
+    from torsight.actuator.record.logs import read_log
     from torsight.actuator.spec import read_actuator
     from torsight.cli.console import say
-    from torsight.core.paths import require_apart
+    from torsight.core.files.paths import require_apart
     from torsight.core.units import DEG
 
     require_apart([out], [actuator, temperature])
@@ -59,7 +59,7 @@ def write_angles_of(
     """Write the angles for a log's instants, what is NaN left empty; return rows, ranges and file."""
     import numpy as np
 
-    from torsight.core.storage import write_table
+    from torsight.core.files.storage import write_table
     from torsight.core.units import DEG, MNM
 
     write_table(

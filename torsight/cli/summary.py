@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from torsight.core.storage import read_json
-from torsight.core.tables import read_angles
+from torsight.core.files.storage import read_json
+from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.wording import estimate, named, not_explained
+from torsight.core.words.wording import estimate, named, not_explained
 
 
 def summary(folder: Path) -> list[str]:

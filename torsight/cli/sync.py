@@ -56,7 +56,7 @@ def sync(
     Example: torsight sync --angle angle.csv --temperature temps.csv --out out
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_json
+    from torsight.core.files.storage import read_json
 
     given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events, "led": led}
     settings = {key: value for key, value in given.items() if value is not None}
@@ -130,9 +130,9 @@ def sync_to_folder(
     from sync.merge.slow_motion import slow_motion_text
     from sync.merge.sync_report import sync_content
     from torsight.cli.console import say
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json
-    from torsight.core.tables import read_angles, write_merged
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_json
+    from torsight.core.files.tables import read_angles, write_merged
     from tracker.frames.timing import timing
 
     steps = 4.0
@@ -178,7 +178,7 @@ def _light(
 ) -> LightEvents | None:
     """Return when the light changed: from a table, or from the film, which leaves such a table."""
     from sync import film_light_events, read_light_events
-    from torsight.core.storage import write_table
+    from torsight.core.files.storage import write_table
 
     place = _lamp_place(settings)
     if place is None:
@@ -238,8 +238,8 @@ def told(content: Mapping[str, Any]) -> list[str]:
 
 
 def _numbers(settings: Mapping[str, Any]) -> dict[str, float | None]:
-    from torsight.core.config import get_number
-    from torsight.core.storage import check_keys
+    from torsight.core.files.config import get_number
+    from torsight.core.files.storage import check_keys
 
     where = "[sync]"
     check_keys(settings, KEYS, where=where)

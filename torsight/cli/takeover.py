@@ -21,8 +21,8 @@ def take_over(angle: Path, *, out: Path) -> None:
     InputError
         When the table cannot be read.
     """
-    from torsight.core.storage import atomic_path
-    from torsight.core.tables import read_angles, write_angles
+    from torsight.core.files.storage import atomic_path
+    from torsight.core.files.tables import read_angles, write_angles
 
     if angle.resolve() != (out / "angle.csv").resolve():
         write_angles(out / "angle.csv", read_angles(angle))

@@ -14,7 +14,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
     from torsight.core.tracks import StickAngles
     from tracker.detect.marker_file import MarkerHints
     from tracker.frames.film import FilmSource
@@ -52,7 +52,7 @@ def track(
     Example: torsight track film.mp4 --out out
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.core.storage import read_json
+    from torsight.core.files.storage import read_json
 
     with progress_bar() as progress:
         angles = track_to_folder(
@@ -111,11 +111,11 @@ def track_to_folder(
         What stands in ``angle.csv``.
     """
     from torsight.cli.console import say
-    from torsight.core.camera import read_camera
-    from torsight.core.lock import only_writer
-    from torsight.core.paths import require_apart
-    from torsight.core.storage import write_json, write_table
-    from torsight.core.tables import marker_columns, write_angles
+    from torsight.core.files.lock import only_writer
+    from torsight.core.files.paths import require_apart
+    from torsight.core.files.storage import write_json, write_table
+    from torsight.core.files.tables import marker_columns, write_angles
+    from torsight.core.optics.camera import read_camera
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
     from torsight.markers.track_picture import write_track_picture
     from tracker.angle.orient import orient
@@ -198,7 +198,7 @@ def _tracked(
 def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
     """Return what is to be said of how a camera file goes with one film or two."""
     from torsight.cli.console import say
-    from torsight.core.camera import require_second
+    from torsight.core.optics.camera import require_second
 
     if two:
         require_second(lens, where=where)
@@ -217,7 +217,7 @@ def _sources(
     video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
 ) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
     """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
-    from torsight.core.camera import require_size
+    from torsight.core.optics.camera import require_size
     from tracker.frames.source import open_source
 
     source = open_source(video, fps=fps, timestamps=timestamps)

@@ -100,7 +100,7 @@ def recording_of(folder: Path) -> Path:
 
 def _film_of(folder: Path) -> Path | None:
     """Return the film of a live record, where it still is where it was."""
-    from torsight.core.storage import read_toml
+    from torsight.core.files.storage import read_toml
 
     if not (folder / "experiment.toml").is_file():
         return None

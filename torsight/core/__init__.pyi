@@ -1,24 +1,24 @@
 # The names of torsight.core for editors and type checkers; they are imported on first use.
 
-from torsight.core.camera import Camera as Camera
-from torsight.core.camera import read_camera as read_camera
 from torsight.core.errors import ConfigError as ConfigError
 from torsight.core.errors import InputError as InputError
 from torsight.core.errors import NoResultError as NoResultError
 from torsight.core.errors import OutputError as OutputError
 from torsight.core.errors import TorsightError as TorsightError
+from torsight.core.files.results import RunResults as RunResults
+from torsight.core.files.results import read_results as read_results
+from torsight.core.files.tables import read_angles as read_angles
+from torsight.core.files.tables import read_merged as read_merged
+from torsight.core.files.tables import write_angles as write_angles
+from torsight.core.files.tables import write_merged as write_merged
+from torsight.core.optics.camera import Camera as Camera
+from torsight.core.optics.camera import read_camera as read_camera
 from torsight.core.parameter import Estimate as Estimate
 from torsight.core.parameter import Parameter as Parameter
 from torsight.core.progress import Progress as Progress
 from torsight.core.records import ClockMap as ClockMap
 from torsight.core.records import SyncedTable as SyncedTable
 from torsight.core.records import TemperatureLog as TemperatureLog
-from torsight.core.results import RunResults as RunResults
-from torsight.core.results import read_results as read_results
-from torsight.core.tables import read_angles as read_angles
-from torsight.core.tables import read_merged as read_merged
-from torsight.core.tables import write_angles as write_angles
-from torsight.core.tables import write_merged as write_merged
 from torsight.core.tracks import MARKERS as MARKERS
 from torsight.core.tracks import MarkerTracks as MarkerTracks
 from torsight.core.tracks import StickAngles as StickAngles

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.frozen import Frozen
-from torsight.core.shown import Shown, draw_series, share, span
 from torsight.core.units import DEG, PPM
+from torsight.core.words.shown import Shown, draw_series, share, span
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.shown import Shown, draw_series, share, span
 from torsight.core.units import DEG
-from torsight.core.wording import number
+from torsight.core.words.shown import Shown, draw_series, share, span
+from torsight.core.words.wording import number
 
 MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
@@ -70,7 +70,7 @@ class MarkerTracks(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``markers.csv``."""
-        from torsight.core.tables import marker_columns
+        from torsight.core.files.tables import marker_columns
 
         return marker_columns(self)
 
@@ -124,7 +124,7 @@ class StickAngles(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``angle.csv``."""
-        from torsight.core.tables import angle_columns
+        from torsight.core.files.tables import angle_columns
 
         return angle_columns(self)
 

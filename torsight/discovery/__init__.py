@@ -4,11 +4,11 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import discover
 from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
-from torsight.discovery.own.declare import candidate, law, parameter
+from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.find import find_missing
-from torsight.discovery.own.findings import Findings
-from torsight.discovery.own.ode import Event, ode
-from torsight.discovery.own.problem import ModelProblem, model_problem
+from torsight.discovery.own.model.declare import candidate, law, parameter
+from torsight.discovery.own.model.ode import Event, ode
+from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.prediction import PredictedAngle, predict_angle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport
 from torsight.discovery.settings import Settings

@@ -21,14 +21,14 @@ from torsight.actuator.fit import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, Simulation, run_ports
 from torsight.actuator.ports import History
+from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
-from torsight.actuator.turns import REVERSAL_C, turning_points
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
+from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, with_errors
 from torsight.discovery.interface import Candidate
-from torsight.discovery.temperature_errors import TemperatureErrors, draw_errors, with_errors
 
 Array = NDArray[np.float64]
 
@@ -167,7 +167,7 @@ class ActuatorProblem:
     @cached_property
     def drivers(self) -> Mapping[str, Array]:
         """Variables that an effect without a name may depend on."""
-        from torsight.discovery.drivers import actuator_drivers
+        from torsight.discovery.actuator.drivers import actuator_drivers
 
         return actuator_drivers(self.drive, self.rows, self.observed, self.rest)
 

@@ -21,21 +21,21 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
+from torsight.discovery.actuator.curves import curve_columns
+from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.curves import curve_columns
-from torsight.discovery.engine import Findings, find_missing, law_shares
-from torsight.discovery.explanation import Explanation
-from torsight.discovery.fitting import less
+from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
+from torsight.discovery.inference.engine import Findings, find_missing, law_shares
+from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.fitting import less
+from torsight.discovery.inference.intervals import covariance, joint_covariance
+from torsight.discovery.inference.noise import Stretches, reading_noise
+from torsight.discovery.inference.validate import HeldOut
+from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Candidate, Problem
-from torsight.discovery.intervals import covariance, joint_covariance
-from torsight.discovery.law_tables import measured_laws
 from torsight.discovery.measured_law import MeasuredLaw
-from torsight.discovery.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.noise import Stretches, reading_noise
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
-from torsight.discovery.validate import HeldOut
-from torsight.discovery.verdict import Decision
 
 Array = NDArray[np.float64]
 

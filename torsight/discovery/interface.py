@@ -5,8 +5,8 @@ known beforehand with an error (their priors), and *candidates*: effects that th
 of its own and a null value at which it vanishes. The record falls into *blocks* (half-cycles, cycles, runs) that can be
 held out whole, and into stretches of motion and of rest.
 
-Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.engine.find_missing`: the torsion
-actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is linear in its parameters
+Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.inference.engine.find_missing`: the
+torsion actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is linear in its parameters
 (:mod:`torsight.discovery.linear_problem`).
 """
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.storage import read_table
+from torsight.core.files.storage import read_table
 
 _KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
 

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.actuator.cycle import fitted_cycle
 from torsight.actuator.fit import FitResult, notes_of_fit, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
+from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import errors_of, fixed_values
-from torsight.discovery.explanation import Explanation
-from torsight.discovery.intervals import covariance
+from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.intervals import covariance
+from torsight.discovery.inference.search import Search
 from torsight.discovery.report import estimates_of
-from torsight.discovery.search import Search
 from torsight.discovery.settings import Settings
 
 _SILENT = 0.9

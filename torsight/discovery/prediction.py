@@ -14,9 +14,9 @@ from torsight.actuator.fitted import FittedModel
 from torsight.actuator.model import Simulation
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
-from torsight.core.shown import Shown, draw_series, share, span
 from torsight.core.units import DEG
-from torsight.discovery.temperature_errors import draw_errors, with_errors
+from torsight.core.words.shown import Shown, draw_series, share, span
+from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
 
 Array = NDArray[np.float64]
 

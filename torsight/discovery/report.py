@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from torsight.actuator.fitted import FittedModel
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
-from torsight.core.shown import Shown, draw_series
-from torsight.core.wording import effect_name, estimate, number, verdict_sentence
+from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.wording import effect_name, estimate, number, verdict_sentence
+from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
-from torsight.discovery.next_experiment import NextExperiment
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,11 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
+from torsight.discovery.actuator.curves import curve_columns
+from torsight.discovery.actuator.law_tables import measured_laws
+from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.curves import curve_columns
+from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.discover import (
     characterised,
     doubt_of,
@@ -33,17 +36,14 @@ from torsight.discovery.discover import (
     notes_of,
     pulls_of,
 )
-from torsight.discovery.engine import Findings, find_missing, law_shares
-from torsight.discovery.explanation import Explanation, Field
-from torsight.discovery.fitting import Fit, Fitter
-from torsight.discovery.intervals import covariance, joint_covariance
-from torsight.discovery.law_tables import measured_laws
-from torsight.discovery.likelihood import Likelihood
-from torsight.discovery.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.noise import Stretches
+from torsight.discovery.inference.engine import Findings, find_missing, law_shares
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import Fit, Fitter
+from torsight.discovery.inference.intervals import covariance, joint_covariance
+from torsight.discovery.inference.likelihood import Likelihood
+from torsight.discovery.inference.noise import Stretches
+from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
 from torsight.discovery.report import DiscoveryReport, Errors, estimates_of
-from torsight.discovery.several import SeveralRecords
-from torsight.discovery.validate import HeldOut, held_out_by_refit
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import DEG
-from torsight.core.wording import counted, listed
+from torsight.core.words.wording import counted, listed
 from tracker.detect.marker_file import MarkerHints, read_markers
 
 if TYPE_CHECKING:

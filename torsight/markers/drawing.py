@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
-from torsight.core.storage import atomic_path
+from torsight.core.files.storage import atomic_path
 from torsight.core.tracks import MARKERS
+from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

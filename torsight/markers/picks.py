@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, NoResultError
-from torsight.core.storage import read_toml, write_text
+from torsight.core.files.storage import read_toml, write_text
 from torsight.core.tracks import MARKERS
 from tracker.detect.marker_file import APART_PX, KINDS, MarkerHints, read_markers
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.tracks import MARKERS
+from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 from torsight.markers.beginning import Followed, follow_beginning, name_sticks, seconds_of
 from torsight.markers.picks import (
     STICKS,

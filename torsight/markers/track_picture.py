@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-from torsight.core.wording import counted
+from torsight.core.words.wording import counted
 from torsight.markers.drawing import BASE, MOVING, PLAIN, new_figure, panel, save, show_frame, show_stick
 from tracker.rows import STATES
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from torsight.core.errors import TorsightError
-from torsight.core.results import RunResults, read_results
-from torsight.core.storage import write_text
-from torsight.core.wording import estimate, verdict_sentence
+from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.storage import write_text
+from torsight.core.words.wording import estimate, verdict_sentence
 
 
 def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from torsight.core.storage import write_text
-from torsight.core.wording import estimate, number
+from torsight.core.files.storage import write_text
+from torsight.core.words.wording import estimate, number
 
 if TYPE_CHECKING:
-    from torsight.discovery.own.findings import Findings
+    from torsight.discovery.own.answer.findings import Findings
 
 _DPI: Final = 110
 
@@ -43,7 +43,7 @@ def write_own_report(found: Findings, folder: Path, *, model: Path, records: Seq
 
 def contents(found: Findings) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.discovery.own import pictures, words
+    from torsight.discovery.own.answer import pictures, words
 
     return {
         "verdict": found.verdict,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.storage import write_text
 from torsight.core.progress import Progress, silent
-from torsight.core.results import RunResults, read_results
-from torsight.core.storage import write_text
-from torsight.core.wording import verdict_sentence
+from torsight.core.words.wording import verdict_sentence
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
-from torsight.core.shown import Shown
 from torsight.core.units import DEG, PPM
+from torsight.core.words.shown import Shown
 from torsight.synthetic.effects.hidden import ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.rig.moving_rig import RigRecord, between_samples, reading_angle, simulate_rig

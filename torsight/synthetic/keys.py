@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError
-from torsight.core.storage import check_keys
+from torsight.core.files.config import get_number, get_text
+from torsight.core.files.storage import check_keys
 
 T = TypeVar("T")
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import camera_content
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import write_table, write_text
+from torsight.core.files.tables import write_merged
+from torsight.core.optics.camera import camera_content
 from torsight.core.progress import Progress, silent
-from torsight.core.storage import write_table, write_text
-from torsight.core.tables import write_merged
 from torsight.core.units import DEG
 from torsight.synthetic.experiment import Played, clock, log_columns, make_record, play_scene
 from torsight.synthetic.filming.camera_work import Occluders, frame_ticks, light_gain, shake_path

@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_table
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
-from torsight.core.paths import AnyPath
-from torsight.core.storage import check_keys, read_toml
 from torsight.synthetic.effects.hidden import read_hidden
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import key, read_section

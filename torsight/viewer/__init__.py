@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.colours import BASE_COLOUR, MOVING_COLOUR, Colour
+from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
 ARC_COLOUR: Final[Colour] = (240, 228, 66)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from torsight.core.errors import InputError, OutputError
-from torsight.core.paths import AnyPath
-from torsight.core.storage import atomic_path
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import atomic_path
 from torsight.viewer.layout import TIME
 from torsight.viewer.program import LOOPBACK, Viewer, free_port
 

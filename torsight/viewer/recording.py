@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.paths import AnyPath
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.storage import atomic_path
 from torsight.core.progress import Progress, silent
-from torsight.core.results import RunResults, read_results
-from torsight.core.storage import atomic_path
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
-from torsight.core.wording import effect_name, variable_name
+from torsight.core.words.wording import effect_name, variable_name
 from torsight.viewer import layout
 from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.preview import MOST_FRAMES, Preview, trouble_of, write_preview

@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.core.results import RunResults
-from torsight.core.symbols import plain_symbol
-from torsight.core.wording import effect_name, estimate, fixed, number, verdict_sentence
+from torsight.core.files.results import RunResults
+from torsight.core.words.symbols import plain_symbol
+from torsight.core.words.wording import effect_name, estimate, fixed, number, verdict_sentence
 
 WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "timestamps", "jump", "bump", "light")
 """Kinds of events that a person should look at."""

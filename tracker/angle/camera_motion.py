@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Intrinsics
-from torsight.core.geometry import pixel_from_ray, ray_from_pixel
-from torsight.core.hanging import USUAL_PX
+from torsight.core.optics.camera import Intrinsics
+from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
+from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.noise import witness
 from tracker.angle.reference_direction import steady_direction

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.axis import Axis, axis_in_picture, pose_from_axis
-from torsight.core.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.geometry import on_plane, ray_from_pixel, rotation_matrix
+from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
+from torsight.core.optics.geometry import on_plane, ray_from_pixel, rotation_matrix
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import Unmoved, unmoved

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.frozen import Frozen
-from torsight.core.shown import Shown
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
+from torsight.core.words.shown import Shown
 from tracker.angle.noise import LengthWitness, in_motion, witness
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.single_marker import lone_direction

@@ -2,8 +2,8 @@
 
 Depth from two pictures is several times worse than the place within one. So it is used where all frames can give it
 together: where the rotation axis is, on which circles about it the moving stick's markers go, and where the base's
-markers are (:mod:`torsight.core.circles`). A frame then has its angle alone to be found, from whatever markers either
-film shows in it.
+markers are (:mod:`torsight.core.optics.circles`). A frame then has its angle alone to be found, from whatever markers
+either film shows in it.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.axis import Axis, axis_from_pair
-from torsight.core.camera import Camera
-from torsight.core.circles import Circles, Turns, axis_basis
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import SpacePoints
-from torsight.core.scale import check_scale
+from torsight.core.optics.axis import Axis, axis_from_pair
+from torsight.core.optics.camera import Camera
+from torsight.core.optics.circles import Circles, Turns, axis_basis
+from torsight.core.optics.geometry import SpacePoints
+from torsight.core.optics.scale import check_scale
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import in_planes

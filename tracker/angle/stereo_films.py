@@ -8,11 +8,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
-from torsight.core.circles import axis_basis
 from torsight.core.errors import NoResultError
-from torsight.core.geometry import SpacePoints, epipolar_distance_px, rotation_matrix, rotation_vector, triangulate
-from torsight.core.sights import Sight
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
+from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.geometry import (
+    SpacePoints,
+    epipolar_distance_px,
+    rotation_matrix,
+    rotation_vector,
+    triangulate,
+)
+from torsight.core.optics.sights import Sight
 from torsight.core.tracks import MARKERS, MarkerTracks
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.noise import in_motion

@@ -7,8 +7,8 @@ circles' centre, radii, and the angle between both markers.
 
 How much a camera is tilted nobody knows beforehand, so several priors of the tilt compete, from none that matters to
 30 degrees, and count by how well they explain the paths (the evidence in Laplace's form). The paths' errors hang
-together over many frames (see :mod:`torsight.core.hanging`): over a short arc they look like an ellipse, and what is
-not known is in the covariance.
+together over many frames (see :mod:`torsight.core.optics.hanging`): over a short arc they look like an ellipse, and
+what is not known is in the covariance.
 
 Nothing is taken out but what the motion tells: a tilt that is no larger than what is not known of it stays in, and in
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
@@ -23,9 +23,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.circles import near
-from torsight.core.hanging import USUAL_PX, hanging_errors, spread_rows
 from torsight.core.minimise import least_squares
+from torsight.core.optics.circles import near
+from torsight.core.optics.hanging import USUAL_PX, hanging_errors, spread_rows
 from tracker.follow.axis import circle_equations
 
 Floats = NDArray[np.float64]

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_text
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
-from torsight.core.paths import AnyPath
-from torsight.core.storage import check_keys, read_toml
 from torsight.core.tracks import MARKERS
 from tracker.detect.tags import check_id, family_of
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-from torsight.core.wording import listed
+from torsight.core.words.wording import listed
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.paths import PICTURE_SUFFIXES, require_content
+from torsight.core.files.paths import PICTURE_SUFFIXES, require_content
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)

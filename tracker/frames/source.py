@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
 from tracker.frames.film import FilmSource
 from tracker.frames.pictures import PictureSource
 
@@ -65,8 +65,8 @@ def open_source(
 
 def _read_times(path: Path) -> NDArray[np.float64]:
     """Read ``frame, time_s``; index by frame number, NaN where the table has no row."""
-    from torsight.core.storage import read_table
-    from torsight.core.tables import frame_numbers, require_increasing
+    from torsight.core.files.storage import read_table
+    from torsight.core.files.tables import frame_numbers, require_increasing
 
     table = read_table(path, required=("frame", "time_s"))
     time_s = table["time_s"].to_numpy(np.float64)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
-from torsight.core.wording import counted, listed
+from torsight.core.words.wording import counted, listed
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.detect.tags import FoundTag, count_of, find_tags, in_words

@@ -11,7 +11,7 @@ import numpy as np
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
-from torsight.core.wording import counted
+from torsight.core.words.wording import counted
 from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
 from tracker.track import TrackResult
 

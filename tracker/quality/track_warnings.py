@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.circles import common_centre
+from torsight.core.optics.circles import common_centre
 from torsight.core.tracks import MarkerTracks
-from torsight.core.wording import counted
+from torsight.core.words.wording import counted
 from tracker.rows import CODE
 from tracker.track import TrackResult
 

@@ -8,7 +8,7 @@ from made_up_views import CHESSBOARD, LENS, exact_view
 from calibration.axis.board_on_disk import pose_on_disk
 from calibration.boards.board import Board
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.geometry import rotation_matrix
+from torsight.core.optics.geometry import rotation_matrix
 
 DIRECTION = np.array([0.17, -0.11, -1.0]) / np.linalg.norm([0.17, -0.11, -1.0])
 CENTRE_MM = np.array([4.0, -3.0, 160.0])

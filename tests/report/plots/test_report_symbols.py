@@ -8,7 +8,7 @@ import pytest
 
 from torsight.actuator.effects import load_effects
 from torsight.actuator.spec import reference_spec
-from torsight.core.symbols import SYMBOLS, plain_symbol
+from torsight.core.words.symbols import SYMBOLS, plain_symbol
 from torsight.report.plots.symbols import equation, equation_picture, symbol, with_symbols
 
 

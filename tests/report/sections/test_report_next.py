@@ -17,7 +17,7 @@ from torsight.actuator.doubt import Doubt
 from torsight.actuator.fitted import FittedModel, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
-from torsight.core.results import read_results
+from torsight.core.files.results import read_results
 from torsight.report.sections.next_steps import Step, next_steps
 
 AFTER = {"rmse_train_deg": 0.05, "rmse_held_out_deg": 0.08, "r2_held_out": 0.99999}

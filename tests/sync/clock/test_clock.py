@@ -11,8 +11,8 @@ from sync.log.repairs import Restart
 from tests.sync.made_up_pairs import Rig, make_pair, programme, records
 from tests.sync.two_instruments import read_pair
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.files.tables import read_angles
 from torsight.core.records import TemperatureLog
-from torsight.core.tables import read_angles
 
 FAST = Rig(cooling_s=8.0, temp_noise_c=0.05, angle_noise_deg=0.1)
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.core.camera import camera_content, read_camera
-from torsight.core.storage import write_text
+from torsight.core.files.storage import write_text
+from torsight.core.optics.camera import camera_content, read_camera
 from torsight.core.units import DEG
 from torsight.synthetic.filming.optics import View, camera_of, rotation_about, rotation_vector, undistort, views
 from torsight.synthetic.scene import scene_from

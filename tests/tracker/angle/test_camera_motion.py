@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
 
-from torsight.core.geometry import pixel_from_ray, ray_from_pixel
+from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.orient import orient

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from films import Rig
 
-from torsight.core.camera import read_camera
+from torsight.core.optics.camera import read_camera
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.noise import in_motion
 from tracker.angle.orient import orient

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from films import Rig
 
-from torsight.core.camera import Camera, read_camera
 from torsight.core.errors import ConfigError
+from torsight.core.optics.camera import Camera, read_camera
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import orient
 

@@ -13,10 +13,10 @@ import pytest
 from films import Rig, write_pictures
 from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
 
-from torsight.core.camera import Camera, read_camera
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.geometry import pixel_from_ray, ray_from_pixel
-from torsight.core.storage import read_json
+from torsight.core.files.storage import read_json
+from torsight.core.optics.camera import Camera, read_camera
+from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation

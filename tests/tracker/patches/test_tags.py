@@ -12,7 +12,7 @@ import pytest
 from flat_films import FlatFilm, Hand, Sprite, tag
 
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.wording import listed
+from torsight.core.words.wording import listed
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
 from tracker.detect.tags import families

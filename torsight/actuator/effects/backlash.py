@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.compiled import compiled
 from torsight.actuator.effects import Array, Effect, Values
 from torsight.actuator.ports import Ports
+from torsight.actuator.stepping.compiled import compiled
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 

@@ -5,9 +5,9 @@ r"""The sensor follows the wire late.
 T_m measured, T wire temperature (°C), τ lag of the sensor (s), by which it is late on a ramp; s share of it that comes
 as a pure delay: 0 for one time constant; two equal ones act like s = 1 − 1/√2, three like s = 1 − 1/√3 (same mean and
 spread of the answer to a pulse). The wire's temperature comes out of the same local fits
-that take the noise out (:mod:`torsight.actuator.conditioning`): the noise is not differentiated. Predicted residual: of
-opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source: first-order
-contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
+that take the noise out (:mod:`torsight.actuator.record.conditioning`): the noise is not differentiated. Predicted
+residual: of opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source:
+first-order contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
 """
 
 from __future__ import annotations

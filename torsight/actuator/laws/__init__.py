@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.families import FAMILIES, Family
 from torsight.actuator.ports import Ports
-from torsight.core.config import get_number, get_text
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_text
 from torsight.core.law import Law, LawForm
 
 Array = NDArray[np.float64]

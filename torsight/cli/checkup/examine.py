@@ -16,12 +16,12 @@ from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment import experiment_file, read_experiment
-from torsight.core.camera import read_camera, require_second
 from torsight.core.errors import ConfigError, TorsightError
-from torsight.core.paths import missing_file
+from torsight.core.files.paths import missing_file
+from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
+from torsight.core.files.tables import read_angles
+from torsight.core.optics.camera import read_camera, require_second
 from torsight.core.progress import Progress, silent
-from torsight.core.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
-from torsight.core.tables import read_angles
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 from tracker.detect.marker_file import read_markers

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.stretch import CLIP, track_stretches
-from torsight.core.camera import Camera, require_size
 from torsight.core.errors import TorsightError
+from torsight.core.optics.camera import Camera, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.wording import counted
+from torsight.core.words.wording import counted
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import sticks_in
 from tracker.frames.sample import Clip, Stamps, read_stamps

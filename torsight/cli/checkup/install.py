@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from torsight.cli.checkup.finding import Finding
-from torsight.core.wording import listed
+from torsight.core.words.wording import listed
 
 OWN: Final = "torsight"
 """Name of this distribution."""

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from sync import LogReading, read_temperature_log
-from torsight.actuator.conditioning import measure_noise, resolution
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
+from torsight.actuator.record.conditioning import measure_noise, resolution
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
@@ -21,7 +21,7 @@ from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
-from torsight.core.wording import counted, effect_name, listed
+from torsight.core.words.wording import counted, effect_name, listed
 
 _HARMLESS: Final = ("decimal_comma", "separator", "comment", "header", "units", "encoding")
 _SLOW_S: Final = 1.0

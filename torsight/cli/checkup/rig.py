@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.closed_form import stable_cycle
 from torsight.actuator.drive import Drive
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
-from torsight.discovery.separation import Rival, linear_gains
+from torsight.discovery.design.separation import Rival, linear_gains
 from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]

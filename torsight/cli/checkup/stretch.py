@@ -9,11 +9,11 @@ import numpy as np
 
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.coverage import LEAST, USUAL, WHY, gap_words
-from torsight.core.camera import Camera
 from torsight.core.errors import NoResultError
+from torsight.core.optics.camera import Camera
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
-from torsight.core.wording import counted
+from torsight.core.words.wording import counted
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
 from tracker.angle.tilt import KNOWN

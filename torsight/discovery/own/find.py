@@ -7,14 +7,14 @@ from typing import Final
 
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
-from torsight.discovery import engine
-from torsight.discovery.fitting import Fit
+from torsight.discovery.inference import engine
+from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
-from torsight.discovery.own.check import check_problem
-from torsight.discovery.own.findings import Findings
+from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
-from torsight.discovery.own.problem import ModelProblem
-from torsight.discovery.own.quiet import aloud, heard
 from torsight.discovery.settings import Settings
 
 _MOST_TRACES: Final = 20

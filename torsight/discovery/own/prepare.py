@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
-from torsight.discovery.fitting import Fit, Fitter, space_of
+from torsight.discovery.inference.fitting import Fit, Fitter, space_of
+from torsight.discovery.inference.noise import Stretches, first_scales, information
+from torsight.discovery.inference.solver import linear_change
+from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
-from torsight.discovery.noise import Stretches, first_scales, information
-from torsight.discovery.own.laws import usual_forms, with_nodes
-from torsight.discovery.own.problem import ModelProblem
-from torsight.discovery.solver import linear_change
-from torsight.discovery.validate import block_labels
+from torsight.discovery.own.answer.laws import usual_forms, with_nodes
+from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
 

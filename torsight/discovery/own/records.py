@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.storage import read_table
+from torsight.core.files.storage import read_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.core.symbols import plain_symbol
-from torsight.core.wording import effect_name, number
+from torsight.core.words.symbols import plain_symbol
+from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
 from torsight.report.figures.residuals import pairs_of_bars
 from torsight.report.plots.panels import Axis, Panel

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from torsight.core.storage import write_table, write_text
+from torsight.core.files.storage import write_table, write_text
 from torsight.report.figures.motion import Figure
 from torsight.report.figures.residuals import LABELS
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from torsight.core.files.storage import atomic_path, write_table
 from torsight.core.series import runs
-from torsight.core.storage import atomic_path, write_table
-from torsight.core.wording import effect_name, variable_name
+from torsight.core.words.wording import effect_name, variable_name
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.panels import Axis, Panel

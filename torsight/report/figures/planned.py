@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.core.wording import effect_name, number
+from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure, column
 from torsight.report.plots.panels import Axis, Panel
 

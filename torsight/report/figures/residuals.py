@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.wording import number
+from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, column, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from markupsafe import Markup, escape
 
-from torsight.core.symbols import SYMBOLS, plain_symbol
+from torsight.core.words.symbols import SYMBOLS, plain_symbol
 from torsight.report.plots.still import bare, picture_data
 
 

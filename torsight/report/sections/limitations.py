@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from torsight.core.results import RunResults
-from torsight.core.wording import effect_name, explanations
+from torsight.core.files.results import RunResults
+from torsight.core.words.wording import effect_name, explanations
 from torsight.report.plots.symbols import with_symbols
 from torsight.report.sections.priors import Prior, priors
 from torsight.report.sections.tables import in_words

@@ -9,9 +9,9 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from torsight.core.errors import TorsightError
-from torsight.core.results import RunResults
+from torsight.core.files.results import RunResults
 from torsight.core.units import DEG
-from torsight.core.wording import EXPLAINED, error_left, not_explained, number
+from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number
 from torsight.report.figures.motion import column
 from torsight.report.plots.symbols import symbol, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures

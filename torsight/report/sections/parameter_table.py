@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from torsight.core.results import RunResults
-from torsight.core.wording import estimate, fixed, number
+from torsight.core.files.results import RunResults
+from torsight.core.words.wording import estimate, fixed, number
 from torsight.report.plots.symbols import symbol
 from torsight.report.sections.priors import Prior, priors
 from torsight.report.sections.tables import score

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import TorsightError
-from torsight.core.results import RunResults
-from torsight.core.storage import read_toml
-from torsight.core.wording import decimals_for, fixed
+from torsight.core.files.results import RunResults
+from torsight.core.files.storage import read_toml
+from torsight.core.words.wording import decimals_for, fixed
 
 REACH: Final = 4.0
 """Least half-width of the small picture, in standard deviations of the prior."""

@@ -12,8 +12,8 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from torsight.core.errors import InputError
-from torsight.core.results import RunResults
-from torsight.core.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
+from torsight.core.files.results import RunResults
+from torsight.core.words.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
 from torsight.report.figures.planned import segments, worth
 from torsight.report.plots.symbols import equation_pictures, symbol
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from torsight.core.config import get_table
-from torsight.core.storage import check_keys
+from torsight.core.files.config import get_table
+from torsight.core.files.storage import check_keys
 from torsight.core.units import DEG, MNM
 from torsight.synthetic.effects.mechanisms import (
     Backlash,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError
-from torsight.core.storage import atomic_path
+from torsight.core.files.storage import atomic_path
 from torsight.synthetic.scene import FilmSettings
 
 Luma = NDArray[np.uint8]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Camera, Intrinsics, Pose, RightCamera
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera
 from torsight.core.units import DEG
 from torsight.synthetic.scene import CameraSettings, Scene
 

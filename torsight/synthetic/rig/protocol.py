@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.config import get_number, get_table, get_text
 from torsight.core.errors import ConfigError
-from torsight.core.storage import check_keys
+from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.storage import check_keys
 from torsight.synthetic.keys import key, read_section
 
 

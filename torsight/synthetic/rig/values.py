@@ -14,10 +14,10 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.actuator.spec import KEYS, REFERENCE_UNCERTAINTY, REFERENCE_VALUES
-from torsight.core.config import get_number, get_table
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_table
+from torsight.core.files.storage import check_keys
 from torsight.core.frozen import Frozen
-from torsight.core.storage import check_keys
 from torsight.core.units import DEG, GPA, MM, MNM, MPA
 
 _WIRE_LENGTH_MM: Final = math.pi * REFERENCE_VALUES["mean_diameter_mm"] * REFERENCE_VALUES["active_coils"]

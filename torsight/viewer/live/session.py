@@ -14,10 +14,10 @@ import numpy as np
 
 from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns
 from torsight.core.errors import NoResultError
-from torsight.core.storage import write_json
+from torsight.core.files.storage import write_json
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
-from torsight.core.wording import estimate
+from torsight.core.words.wording import estimate
 from torsight.viewer import layout
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
 from torsight.viewer.live.measure.growing_log import LogFollower
@@ -33,7 +33,7 @@ from torsight.viewer.overlay import overlay
 from tracker.detect.dots import HUGE_PX
 
 if TYPE_CHECKING:
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
     from torsight.viewer.live.measure.model import ModelNews, ModelWatch
     from torsight.viewer.live.screen.feed import Feed
     from tracker.detect.marker_file import MarkerHints
@@ -214,7 +214,7 @@ class Session:
             return
         size_px = (frame.luma.shape[1], frame.luma.shape[0])
         if size_px != self._size_px and self._camera is not None:
-            from torsight.core.camera import require_size
+            from torsight.core.optics.camera import require_size
 
             require_size(self._camera.intrinsics, size_px, where="the film")
         self._size_px = size_px

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.camera import Camera
-from torsight.core.geometry import on_plane
+from torsight.core.optics.camera import Camera
+from torsight.core.optics.geometry import on_plane
 
 _BASE_WEIGHT = 0.05
 """Share of a new frame in the base stick's running direction."""

@@ -22,7 +22,7 @@ from sync.log.column_names import (
 from sync.log.header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
 from sync.log.wall_clock import RunningStamps
 from torsight.core.errors import InputError
-from torsight.core.storage import is_parquet, read_table
+from torsight.core.files.storage import is_parquet, read_table
 
 OPTIONAL: Final = ("heat_a", "heat_b")
 _BLOCK: Final = 1 << 20

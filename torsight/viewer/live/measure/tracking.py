@@ -19,7 +19,7 @@ from tracker.frames.frame import Damage, Frame
 from tracker.rows import CODE, STATES
 
 if TYPE_CHECKING:
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
     from torsight.viewer.live.frames.intake import LiveFrame
     from tracker.detect.marker_file import MarkerHints
     from tracker.follow.follower import Follower

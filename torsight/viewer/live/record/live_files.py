@@ -17,7 +17,7 @@ from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import DEG
 
 if TYPE_CHECKING:
-    from torsight.core.camera import Camera
+    from torsight.core.optics.camera import Camera
     from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25
@@ -188,8 +188,8 @@ def finish(
     Orientation or None
         None where no frame came, or no markers were ever seen.
     """
-    from torsight.core.storage import read_table, write_table
-    from torsight.core.tables import marker_columns, write_angles
+    from torsight.core.files.storage import read_table, write_table
+    from torsight.core.files.tables import marker_columns, write_angles
     from tracker.angle.orient import orient
 
     path = folder / "markers.csv"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from torsight.core.storage import write_json, write_text
+from torsight.core.files.storage import write_json, write_text
 
 if TYPE_CHECKING:
     from torsight.viewer.live.record.outcome import Outcome

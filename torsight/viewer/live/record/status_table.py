@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from torsight.core.wording import estimate, number
+from torsight.core.words.wording import estimate, number
 
 if TYPE_CHECKING:
     from torsight.viewer.live.record.outcome import Outcome

@@ -1,0 +1,62 @@
+# mypy: disable-error-code="no-any-return"
+# Elements of numpy arrays carry no type that mypy could check against float.
+"""The blocked spring, compiled: the force whose stress shifts the transformation that makes it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.stepping.compiled import compiled, inlined
+
+Array = NDArray[np.float64]
+
+
+@inlined
+def _law_less(xi: float, above_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> float:
+    """Return the fraction that the law gives at the stress of ξ, less ξ; it falls as ξ grows."""
+    place = (above_c - shift * (e_a + xi * (e_m - e_a)) * (1.0 - xi)) / width_c
+    if place <= 0.0:
+        return 1.0 - xi
+    return -xi if place >= 1.0 else 0.5 * (np.cos(np.pi * place) + 1.0) - xi
+
+
+@compiled
+def blocked_modulus(temp_c: Array, low_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> Array:
+    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself.
+
+    From full martensite (13) and from full austenite (14) are one cosine over their windows. More martensite means less
+    force, less stress, and so (by the law) less martensite: one root in [0, 1], bracketed (Anderson–Björck).
+
+    Parameters
+    ----------
+    temp_c : (n,) float64
+        Temperatures.
+    low_c, width_c : float
+        The window without stress: A_s and A_f − A_s while heating, M_f and M_s − M_f while cooling.
+    e_a, e_m : float
+        Moduli, GPa.
+    shift : float
+        By how much the window moves, °C per GPa of E(ξ) (1 − ξ).
+    """
+    out = np.empty_like(temp_c)
+    for k in range(temp_c.size):
+        above_c = temp_c[k] - low_c
+        a, fa = 0.0, _law_less(0.0, above_c, width_c, e_a, e_m, shift)
+        b, fb = 1.0, _law_less(1.0, above_c, width_c, e_a, e_m, shift)
+        if fa <= 0.0:
+            b = 0.0
+        elif fb < 0.0:
+            for _ in range(80):
+                x = b - fb * (b - a) / (fb - fa)
+                fx = _law_less(x, above_c, width_c, e_a, e_m, shift)
+                if (fx > 0.0) == (fb > 0.0):
+                    factor = 1.0 - fx / fb
+                    fa *= factor if factor > 0.0 else 0.5
+                else:
+                    a, fa = b, fb
+                b, fb = x, fx
+                if abs(fb) < 1e-13 or abs(b - a) < 1e-14 or fa == fb:
+                    break
+        out[k] = (e_a + b * (e_m - e_a)) * (1.0 - b)
+    return out

@@ -1,0 +1,31 @@
+"""A temperature log that takes an actuator once through all that it can do: A heated and cooled completely, then B."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import stable_cycle
+from torsight.core.records import TemperatureLog
+
+_MARGIN_C: Final = 5.0
+"""How far beyond the ends of the transformations the springs are taken: a little, so that they are complete."""
+_RAMP_S: Final = 200.0
+"""Length of one heating or cooling: the plain model does not depend on it, and any sensor's lag is short beside it."""
+
+
+def full_cycle(rig: Rig) -> tuple[TemperatureLog, float]:
+    """Return the log, one row per second, and the angle at which the stable cycle begins, rad.
+
+    Cold is where martensite is complete without stress, hot where austenite is under the stress at the stroke's end.
+    """
+    cycle = stable_cycle(rig)
+    torque_nm = rig.loading_torque(rig.theta_p_rad - cycle.theta_2_rad) + rig.tau_c_nm
+    hot_c = rig.a_finish_c + torque_nm * rig.stress_per_torque / rig.c_austenite + _MARGIN_C
+    cold_c = rig.m_finish_c - _MARGIN_C
+    edges_s, edges_c = _RAMP_S * np.arange(5), [cold_c, hot_c, cold_c]
+    time_s = np.arange(0.0, edges_s[-1] + 1.0)
+    a_c, b_c = np.interp(time_s, edges_s[:3], edges_c), np.interp(time_s, edges_s[2:], edges_c)
+    return TemperatureLog(time_s, a_c, b_c), cycle.theta_1_rad - 0.5 * rig.theta_p_rad

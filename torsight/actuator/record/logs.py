@@ -1,0 +1,101 @@
+"""A temperature log for simulation and prediction: every one of its rows is answered, in its order and clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync.log.column_names import chosen_columns
+from sync.log.log_table import NEEDED_NAMES, read_log_table
+from torsight.core.errors import InputError
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import number_column
+from torsight.core.files.tables import require_increasing
+from torsight.core.records import TemperatureLog
+from torsight.core.words.plausible import require_units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SWITCHES: Final = ("heat_a", "heat_b")
+_HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
+"""What may have been done to the text of a log: every row still says what it said."""
+
+
+def read_log(
+    path: AnyPath,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    tell: Callable[[str], None] = lambda _words: None,
+) -> TemperatureLog:
+    """Read ``TEMPS.csv``: ``time_s, temp_a_c, temp_b_c``, optionally ``heat_a, heat_b``; others are kept.
+
+    Parameters
+    ----------
+    path : str or Path
+        The log, as an instrument writes it: its header may stand on any line.
+    columns, units : mapping of str to str, optional
+        Names of its columns, and units that its header does not say; see :func:`sync.read_temperature_log`.
+    tell : callable
+        Takes a sentence on what a person should know: columns that were guessed or converted.
+
+    Raises
+    ------
+    ConfigError
+        For a key of ``columns`` or ``units`` that is not known.
+    InputError
+        When a column is missing, a field is no number, times do not increase, or a temperature is none.
+    """
+    path = Path(path)
+    table = read_log_table(path, chosen_columns(columns, units))
+    for repair in table.repairs:
+        if repair.kind not in _HARMLESS:
+            raise InputError(
+                "has rows that cannot be answered",
+                where=str(path),
+                value=repair.text,
+                do="mend them: every row of the log is answered",
+            )
+    written = table.frame.notna().any(axis=1).to_numpy()
+    frame, lines = table.frame[written], (np.flatnonzero(written) + table.first_line).tolist()
+    time_s = frame["time_s"].to_numpy(np.float64)
+    require_increasing(time_s, path=path, lines=lines)
+    if len(time_s) < 2:
+        raise InputError("has one row only", where=str(path), limit="2 rows or more", do="record it again")
+    temps = {name: number_column(frame, name, where=str(path), lines=lines) for name in NEEDED_NAMES[1:]}
+    numbers = {name: _require_range(series, path=path, lines=lines) for name, series in temps.items()}
+    require_units(time_s, numbers, where=str(path))
+    heat = {
+        name: number_column(frame, name, where=str(path), lines=lines).to_numpy(np.float64) > 0.5
+        for name in _SWITCHES
+        if name in frame.columns
+    }
+    for note in table.notes:
+        tell(note)
+    return TemperatureLog(
+        time_s=time_s,
+        temp_a_c=numbers["temp_a_c"],
+        temp_b_c=numbers["temp_b_c"],
+        heat_a=heat.get("heat_a"),
+        heat_b=heat.get("heat_b"),
+        extra={str(name): frame[name].to_numpy() for name in frame.columns if name not in (*NEEDED_NAMES, *_SWITCHES)},
+    )
+
+
+def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> NDArray[np.float64]:
+    values = series.to_numpy(np.float64)
+    wrong = np.flatnonzero(np.abs(values + 25.0) > 250.0)
+    if len(wrong):
+        raise InputError(
+            "is no temperature of a spring in °C",
+            where=f"{path}, row {lines[wrong[0]]}, column {series.name}",
+            value=f"{values[wrong[0]]:g}",
+            limit="-275 to 225",
+            do="give temperatures in °C; 'torsight sync' takes single spikes out",
+        )
+    return np.asarray(values)

@@ -1,0 +1,421 @@
+# mypy: disable-error-code="no-any-return"
+# Elements of numpy arrays carry no type that mypy could check against float.
+# ruff: noqa: FBT001
+# Compiled functions call each other by position, flags too.
+"""The compiled stepping rule: both springs and the friction, sample by sample, for any temperature history.
+
+At every sample one scalar equation is solved. While the actuator slides, the unknown is the active spring's own
+angle x: the passive spring, friction and stray torques give the torque that it must carry, ``load(x)``; that torque
+and the temperature give ξ through the phase law; and (12) from the reference state gives the torque that it makes.
+Load less made torque is monotone in x, so a bracketed root is the answer and no fixed-point iteration is needed. While
+it sticks, x is kept and the unknown is ξ at that angle. The order within a sample: new half-cycle, turn of the
+temperature, passive spring, then try to slide the way the transformation drives, else stick, else be driven back.
+
+Everything is in the coordinates of the active spring: x falls while it recovers. The mirror image for spring B is the
+sign s (φ = s (x − θ_P/2)).
+
+Arrays that go from function to function:
+``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
+cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
+reference state; ``w`` (5, m) per section: ξ, ξ0, the furthest place in the law's window, and a trial's ξ and place;
+``g`` what goes on from sample to sample.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.stepping.compiled import compiled, inlined
+from torsight.actuator.stepping.kernel_laws import (
+    DWELL,
+    DWELL_STEP,
+    FIRST_SHARE,
+    FIXED_THETA_L,
+    HAS_STRAY,
+    HOME_HOLD,
+    K_M,
+    K_S,
+    LOADING_ROW,
+    PASSIVE_SHARE,
+    ROOM_C,
+    SPEED_STEP,
+    STEADY,
+    STRAY,
+    TANAKA,
+    THETA_CR,
+    THETA_P,
+    UNWOUND_A,
+    UNWOUND_B,
+    VISCOUS,
+    cold_torque,
+    friction_torque,
+    from_table,
+    held_table,
+    left_by_winding,
+    loading_torque,
+    side_torque,
+    window_place,
+)
+from torsight.actuator.stepping.kernel_roots import (
+    AHEAD,
+    BEFORE,
+    CHANGED,
+    CROSS,
+    FACTOR,
+    FLOOR,
+    HEATING,
+    MOVE,
+    MOVE_2,
+    OTHER,
+    OWN,
+    PER_S,
+    REST_S,
+    SCALE,
+    SIGN,
+    SLIDING,
+    SLIP_TOLERANCE,
+    TAU_NOW,
+    TAU_REF,
+    TEMP,
+    TEMP_PASSIVE,
+    THETA_L,
+    TORQUE_TOLERANCE,
+    TURN_NOW,
+    TURN_P,
+    WHO,
+    WOUND,
+    X0,
+    X_NOW,
+    X_REF,
+    XI_0_P,
+    XI_NOW,
+    XI_P,
+    XI_REF,
+    advance,
+    beside,
+    crosstalk,
+    excess,
+    glide,
+    load_torque,
+    made_torque,
+    passive_torque,
+    slide,
+    stick,
+    sticking_end,
+    wire_fraction,
+)
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.int8]
+Counts = NDArray[np.int64]
+
+
+_LONG_S: Final = 1e6
+"""Time at rest before a record: nobody knows how long it was, but long."""
+
+
+@compiled
+def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
+    """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
+    if loading_torque(x, p, tables) <= limit:
+        return x
+    # Past the loading curve's first slope, unwinding from further off leaves less torque: linearly for two slopes.
+    start = max(x, p[THETA_CR])
+    over = max(0.0, cold_torque(x, start, p, tables) - limit)
+    wound = start + over / (p[K_M] - p[K_S])
+    if p[LOADING_ROW] > 0.0:
+        # The curve is less steep than K_M everywhere, so that these steps close in on the answer.
+        for _ in range(40):
+            off = cold_torque(x, wound, p, tables) - limit
+            wound = min(max(start, wound + off / (p[K_M] - p[K_S])), 2.0 * p[THETA_P])
+            if abs(off) < TORQUE_TOLERANCE:
+                break
+    return wound
+
+
+@compiled
+def _home(theta_start: float, first: int, scale: float, springs: Array, tables: Array) -> Array:
+    """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
+
+    The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
+    unwound, that holds.
+    """
+    wound, p = np.empty(2), springs[0]
+    if p[UNWOUND_A] >= 0.0:
+        wound[0], wound[1] = theta_start + p[UNWOUND_A], p[THETA_P] - theta_start + p[UNWOUND_B]
+        return wound
+    for i in range(2):
+        own = theta_start if i == 0 else p[THETA_P] - theta_start
+        hold = scale * friction_torque(theta_start, i == 1, p, tables)
+        if p[HAS_STRAY] > 0.0:
+            hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
+        other = loading_torque(p[THETA_P] - own, springs[1 - i], tables)
+        other += side_torque(p[THETA_P] - own, springs[1 - i], tables)
+        limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
+        wound[i] = _wound_for(own, limit - side_torque(own, springs[i], tables), springs[i], tables)
+    return wound
+
+
+@compiled
+def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array, tables: Array) -> Array:
+    """Return by how much both springs are unwound, as the next half-cycle will find them."""
+    who = int(g[WHO])
+    left = wound - np.array([theta_a, p[THETA_P] - theta_a])
+    left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW]
+    return np.maximum(left, 0.0)
+
+
+@inlined
+def _recoverable(wound: float, left: Array, p: Array, tables: Array) -> float:
+    """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
+    whole = p[FIXED_THETA_L]
+    if not whole > 0.0:
+        whole = left_by_winding(wound, p, tables)
+    return max(0.0, whole * left[0] - left[1])
+
+
+@compiled
+def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: float, g: Array, q: Array, w: Array,
+                      wound: Array, springs: Array, tables: Array) -> None:  # fmt: skip
+    """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
+
+    ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
+    the first carries as much as the other and a share of the friction hold, from all of it one way to all the other.
+    """
+    before, p, o = int(g[WHO]), springs[who], springs[1 - who]
+    if before >= 0:
+        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, springs[before], tables)
+    x = theta_a if who == 0 else p[THETA_P] - theta_a
+    g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
+    g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
+    if before < 0:
+        other = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables) + side_torque(p[THETA_P] - x, o, tables)
+        if p[HAS_STRAY] > 0.0:
+            other += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
+        most = other + scale * friction_torque(theta_a, who == 1, p, tables)
+        most = min(g[TAU_NOW], most / p[FIRST_SHARE] - side_torque(x, p, tables))
+        least = other - scale * friction_torque(theta_a, who == 0, p, tables)
+        least = min(most, least / p[FIRST_SHARE] - side_torque(x, p, tables))
+        g[TAU_NOW] = least + 0.5 * (1.0 + p[HOME_HOLD]) * (most - least)
+    g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
+    q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
+    q[THETA_L] = _recoverable(wound[who], left, p, tables)
+    w[0], w[1], w[2] = 1.0, 1.0, 0.0
+
+
+@compiled
+def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
+          wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+    """Take a new reference state when heating turns into cooling or back.
+
+    A turn after which nothing changes until the next is no turn: the transformation before it goes on.
+    """
+    if g[CHANGED] > 0.0:
+        saved_q[:], saved_w[:] = q, w
+        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
+        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables)
+        w[1], w[2] = w[0], 0.0
+        if heating:
+            # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
+            # martensite and not yet wound that far, what it recovered before is what it recovers again.
+            most = _recoverable(q[FLOOR], left, p, tables)
+            if g[XI_NOW] > 1.0 - 1e-9:
+                wound[int(g[WHO])] = q[FLOOR]
+                q[THETA_L] = most
+            else:
+                q[THETA_L] = min(q[THETA_L], most / max(g[XI_NOW], 1e-9))
+    else:
+        for i in range(q.size):
+            q[i], saved_q[i] = saved_q[i], q[i]
+        for j in range(w.shape[1]):
+            for i in (1, 2):
+                w[i, j], saved_w[i, j] = saved_w[i, j], w[i, j]
+    g[CHANGED] = 0.0
+
+
+@compiled
+def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array) -> bool:
+    """Bring the active spring to rest in this sample; return whether it slid.
+
+    First the way in which the transformation drives, then (after sticking) the other way.
+    """
+    x, scale = g[X_NOW], c[SCALE]
+    hold = scale
+    if p[DWELL_STEP] > 0.0:
+        hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p[DWELL_STEP], tables)[0])
+    for attempt in range(2):
+        sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
+        limit = load_torque(x, sense, hold, c, p, o, tables)
+        reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
+        if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
+            begins = q[SLIDING] != sense
+            if begins:
+                # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
+                end = g[XI_NOW]
+                held = made_torque(x, end, c, q, p, tables)
+                if attempt == 0 and sense * (limit - held) < 0.0:
+                    end, held = sticking_end(x, limit - beside(x, c, p, tables), end, reached, q, p), limit
+                held -= beside(x, c, p, tables)
+                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
+            if begins or hold > scale:
+                first = excess(x, sense, c, q, w, p, o, tables, sections)
+            else:
+                first = sense * (limit - made_torque(x, reached, c, q, p, tables))
+            if first > 0.0:
+                # As far as in the sample before, and the change between the two before.
+                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, c, q, w, p, o, tables, sections)
+            g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
+            g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
+            g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
+            if begins and hold > scale:
+                # It was let go and has stopped: from there it begins to slide anew.
+                q[SLIDING] = 0.0
+            return True
+        if attempt == 0:
+            g[XI_NOW] = stick(x, g[XI_NOW], c, q, w, p, tables, sections)
+            g[TAU_NOW] = made_torque(x, g[XI_NOW], c, q, p, tables)
+            advance(g[TAU_NOW], c, p, sections, w)
+    return False
+
+
+@inlined
+def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
+    """Return whether the angle stands and no section's transformation advances at the torque as it is.
+
+    What depends on the speed or on the time at rest has to have come to rest before.
+    """
+    if p[STEADY] == 0.0 or (g[REST_S] == 0.0 and p[VISCOUS] + p[SPEED_STEP] + p[DWELL_STEP] > 0.0):
+        return False
+    heating = c[HEATING] > 0.0
+    for j in range(w.shape[1]):
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        complete = w[2, j] >= 1.0 and p[TANAKA] < 0.5
+        if not complete and window_place(heating, own, g[TAU_NOW], p) > w[2, j]:
+            return False
+    return True
+
+
+@inlined
+def _pass_over(per_s: float, c: Array, g: Array) -> None:
+    """Let a sample's time go by at rest."""
+    c[X0], c[PER_S] = g[X_NOW], per_s
+    if g[REST_S] > 0.0:
+        g[REST_S] += 1.0 / per_s
+
+
+@inlined
+def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
+    """Keep the mean speed over the sample before, and this sample's share of the time of both."""
+    known = not starts and c[PER_S] > 0.0
+    c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
+    c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
+
+
+@compiled
+def run(
+    per_s: Array,
+    temps: Array,
+    active: Flags,
+    half: Counts,
+    directions: NDArray[np.int8],
+    recoverable: Array,
+    friction_scale: Array,
+    load_change: Array,
+    springs: Array,
+    tables: Array,
+    sections: Array,
+    theta_start: float,
+) -> tuple[Array, Array]:
+    """Step through all samples.
+
+    Parameters
+    ----------
+    per_s : (n,) float64
+        One over the time since the sample before, 1/s (0 for the first).
+    temps : (2, n) float64
+        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
+    active : (n,) int8
+        0 while A is driven, 1 while B is.
+    half : (n,) int64
+        Number of the half-cycle, from 0.
+    directions : (2, n) int8
+        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
+    recoverable : (halves, 2) float64
+        In each half-cycle: factor on the recoverable angle, and what is lost of it whatever the winding (rad).
+    friction_scale : (n,) float64
+        Factor on the friction at each sample.
+    load_change : (3, n) float64
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
+        column where nothing of it is.
+    springs : (2, N_SCALARS) float64
+        Scalars in SI units, with the values of spring A and with those of spring B.
+    tables : (9, m) float64
+        See :mod:`torsight.actuator.stepping.kernel_laws`.
+    sections : (3, m) float64
+        Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
+    theta_start : float
+        θ^A at the start, rad.
+
+    Returns
+    -------
+    (5, n) float64
+        θ^A (rad), ξ of A and B, torque of A and B (N·m).
+    (2,) float64
+        By how much A and B are unwound in the end (rad).
+    """
+    n = active.size
+    out = np.empty((5, n))
+    c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
+    w, saved_w = np.ones((5, sections.shape[1])), np.ones((5, sections.shape[1]))
+    g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
+    theta_a, theta_p, p, o = theta_start, springs[0, THETA_P], springs[0], springs[1]
+    wound = _home(theta_start, active[0], friction_scale[0], springs, tables)
+    c[FACTOR] = 1.0
+    for k in range(n):
+        starts = k == 0 or half[k] != half[k - 1]
+        turns = not starts and directions[0, k] != directions[0, k - 1]
+        if starts or turns:
+            own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
+            if starts:
+                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, g, q, w, wound, springs, tables)
+                p, o = springs[active[k]], springs[1 - active[k]]
+            else:
+                _turn(directions[0, k] > 0, left, own, g, q, w, saved_q, saved_w, wound, p, tables)
+        fresh = starts or turns
+        who = int(g[WHO])
+        c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
+        if not fresh and _nothing_to_do(c, g, w, p, sections):
+            for i in range(5):
+                out[i, k] = out[i, k - 1]
+            _pass_over(per_s[k], c, g)
+            continue
+        _keep_speed(per_s[k], starts, c, g)
+        c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
+        c[SIGN] = 1.0 if who == 0 else -1.0
+        c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
+        c[TURN_NOW] = directions[1, k]
+        if p[PASSIVE_SHARE] > 0.0:
+            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
+        if load_change.shape[1] > 0:
+            c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
+        total = g[XI_NOW]
+        # Only after a sample that slid.
+        easy = not fresh and p[TANAKA] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
+        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(g, c, q, w, p, o, tables, sections)
+        if starts and slid and g[XI_NOW] == 1.0:
+            # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
+            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
+        g[REST_S] = 0.0 if slid else g[REST_S] + (_LONG_S if k == 0 else 1.0 / per_s[k])
+        if g[XI_NOW] != total or g[X_NOW] != c[X0]:
+            g[CHANGED] = 1.0
+        wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
+        theta_a = g[X_NOW] if who == 0 else theta_p - g[X_NOW]
+        out[0, k] = theta_a
+        out[1 + who, k] = g[XI_NOW]
+        out[2 - who, k] = g[XI_P]
+        out[3 + who, k] = g[TAU_NOW]
+        out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
+    return out, _unwound(theta_a, beside(g[X_NOW], c, p, tables), g, wound, p, tables)

@@ -1,0 +1,83 @@
+"""Where a result comes from: versions, inputs by hash, configuration as used, seed."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+from torsight.core.errors import InputError
+from torsight.core.files.paths import missing_file, require_ordinary
+
+_PACKAGES: Final = (
+    "torsight",
+    "opencv-contrib-python-headless",
+    "numpy",
+    "scipy",
+    "pandas",
+    "numba",
+    "av",
+    "rerun-sdk",
+)
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, read in blocks.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or cannot be read.
+    """
+    require_ordinary(path)
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError as error:
+        raise missing_file(path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, Torsight and the libraries that its numbers rest on."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def provenance(*, command: str, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Return the content of ``provenance.json``.
+
+    Parameters
+    ----------
+    command : str
+        The command that made the results.
+    inputs : iterable of Path
+        Every file that was read; folders are hashed file by file in the order of their names.
+    configuration : mapping
+        The configuration as used, with defaults filled in and paths resolved.
+    seed : int
+        Seed of every random choice.
+    """
+    return {
+        "command": command,
+        "versions": versions(),
+        "inputs": {str(path): file_hash(path) for path in _files(inputs)},
+        "configuration": dict(configuration),
+        "seed": seed,
+    }
+
+
+def _files(paths: Iterable[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in paths:
+        files += sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
+    return files

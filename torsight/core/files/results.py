@@ -1,0 +1,123 @@
+"""What a run left in its folder, read back: tables and JSON, each only where it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from torsight.core.errors import InputError
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import read_json, read_table
+from torsight.core.frozen import Frozen
+from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.wording import estimate, verdict_sentence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TABLES: Final = {
+    "angle": ("time_s", "angle_deg", "angle_sigma_deg", "valid"),
+    "markers": ("time_s",),
+    "merged": ("time_s", "angle_deg", "temp_a_c", "temp_b_c"),
+    "curves": ("time_s", "angle_deg", "plain_deg", "temp_a_c", "temp_b_c"),
+    "next_experiment": ("time_s", "temp_a_c", "temp_b_c"),
+}
+"""Tables of a run's folder and the columns that must hold numbers."""
+
+DOCUMENTS: Final = ("track", "sync", "fit", "discovery", "model", "provenance")
+"""JSON files of a run's folder."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RunResults(Frozen, Shown):
+    """The files of one run's folder; None where a file is missing.
+
+    Attributes
+    ----------
+    folder : Path
+        Where they lie.
+    angle, markers, merged, curves, next_experiment : pandas.DataFrame or None
+        ``angle.csv``, ``markers.csv``, ``merged.csv``, ``curves.csv``, ``next_experiment.csv``; degrees and
+        °C, as in the files.
+    track, sync, fit, discovery, model, provenance : dict or None
+        The JSON files of these names.
+    """
+
+    folder: Path
+    angle: pd.DataFrame | None = None
+    markers: pd.DataFrame | None = None
+    merged: pd.DataFrame | None = None
+    curves: pd.DataFrame | None = None
+    next_experiment: pd.DataFrame | None = None
+    track: Mapping[str, Any] | None = None
+    sync: Mapping[str, Any] | None = None
+    fit: Mapping[str, Any] | None = None
+    discovery: Mapping[str, Any] | None = None
+    model: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] | None = None
+
+    def facts(self) -> dict[str, str]:
+        """Return the folder, what lies in it, the fitted friction and what the discovery says."""
+        names = [name for name in (*TABLES, *DOCUMENTS) if getattr(self, name) is not None]
+        facts = {"folder": str(self.folder), "holds": ", ".join(names)}
+        if self.fit is not None and "tau_c_mnm" in self.fit["parameters"]:
+            facts["friction torque"] = estimate(self.fit["parameters"]["tau_c_mnm"])
+        if self.discovery is not None:
+            facts["discovery"] = verdict_sentence(self.discovery)
+        return facts
+
+    def _columns(self) -> dict[str, Any]:
+        """Return the widest table that the run left: ``curves.csv``, ``merged.csv`` or ``angle.csv``."""
+        for table in (self.curves, self.merged, self.angle):
+            if table is not None:
+                return {str(name): table[name].to_numpy() for name in table.columns}
+        return {"time_s": []}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the measured angle and, where there is one, what the models say."""
+        columns = self._columns()
+        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
+        lines = {words: columns[name] for name, words in names.items() if name in columns}
+        draw_series(axes, columns["time_s"], lines, label="angle, °")
+
+
+def read_results(folder: AnyPath) -> RunResults:
+    """Read whatever a run left in ``folder``.
+
+    Raises
+    ------
+    InputError
+        When the folder is missing, holds none of the files, or one of them is damaged.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such folder", where=str(folder), do="name the folder that 'torsight run --out' filled")
+    tables = {
+        name: read_table(folder / f"{name}.csv", required=columns)
+        for name, columns in TABLES.items()
+        if (folder / f"{name}.csv").exists()
+    }
+    documents = {name: read_json(folder / f"{name}.json") for name in DOCUMENTS if (folder / f"{name}.json").exists()}
+    if not tables and not documents:
+        raise InputError(
+            "holds no results",
+            where=str(folder),
+            limit=", ".join([f"{name}.csv" for name in TABLES] + [f"{name}.json" for name in DOCUMENTS]),
+            do="name the folder that 'torsight run --out' filled",
+        )
+    return RunResults(
+        folder=folder,
+        angle=tables.get("angle"),
+        markers=tables.get("markers"),
+        merged=tables.get("merged"),
+        curves=tables.get("curves"),
+        next_experiment=tables.get("next_experiment"),
+        track=documents.get("track"),
+        sync=documents.get("sync"),
+        fit=documents.get("fit"),
+        discovery=documents.get("discovery"),
+        model=documents.get("model"),
+        provenance=documents.get("provenance"),
+    )

@@ -1,0 +1,366 @@
+"""Files that are whole or not there: atomic writes, tables, JSON and TOML.
+
+Everything that Torsight writes goes through :func:`atomic_path`: the bytes are written beside the target, flushed to
+the disk and renamed, so that a killed run leaves the old file or the new one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import json
+import math
+import os
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TextIO
+
+import numpy as np
+
+from torsight.core.errors import ConfigError, InputError, OutputError
+from torsight.core.files.paths import missing_file, require_ordinary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA: Final = 1
+"""Version of the JSON outputs."""
+
+CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
+PARQUET_SUFFIXES: Final = (".parquet", ".pq")
+_CSV_BLOCK: Final = 4096
+_PLAIN_CSV: Final = "save it as plain CSV: a header row, commas between columns, '.' as decimal sign, UTF-8"
+_WHOLE_PARQUET: Final = "write it again: it may have been cut off, or be another kind of file"
+
+
+@contextlib.contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Give a path to write to that becomes ``path`` when the block ends without an error.
+
+    Raises
+    ------
+    OutputError
+        When the folder cannot be made or written, or the disk is full; an older ``path`` stays as it was.
+    """
+    beginning = f".{path.stem[:40]}."
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(path.parent, beginning, path.suffix)
+        handle, name = tempfile.mkstemp(prefix=f"{beginning}{os.getpid()}-", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise not_written(path, error) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, (InputError, OutputError)):
+            raise
+        raise not_written(path, error) from error
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _sweep(folder: Path, beginning: str, suffix: str) -> None:
+    """Remove what killed processes left of the same file."""
+    for item in folder.iterdir():
+        if item.name.startswith(beginning) and item.suffix == suffix:
+            process = item.name[len(beginning) :].partition("-")[0]
+            if process.isdigit() and not is_running(int(process)):
+                item.unlink(missing_ok=True)
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process of this computer is there, by its id; True where that cannot be asked."""
+    if os.name != "posix":
+        return True  # elsewhere this very question would end the process
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def not_written(path: Path, error: OSError) -> OutputError:
+    """Return the error for a path that the system refuses to write."""
+    return OutputError(
+        f"cannot be written ({error.strerror or error})",
+        where=str(path),
+        do="choose another --out folder, or free space and rights there; earlier files are untouched",
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically, UTF-8."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON object with ``"schema"`` in front; numbers that are not finite become null."""
+    write_text(path, json_text({"schema": SCHEMA, **content}))
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return the text of a JSON object: plain types, non-finite numbers as null, a newline at the end."""
+    return json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object that Torsight wrote.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is no JSON object, or has another schema.
+    """
+    text = read_text(path)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not JSON ({error})", where=str(path), do="make the file again") from error
+    if not isinstance(content, dict):
+        raise InputError("is not a JSON object", where=str(path), value=type(content).__name__, limit="an object")
+    if content.get("schema") != SCHEMA:
+        raise InputError(
+            "has another schema",
+            where=f"{path}, key schema",
+            value=repr(content.get("schema")),
+            limit=str(SCHEMA),
+            do="make the file again with this version of torsight",
+        )
+    return content
+
+
+def read_text(path: Path) -> str:
+    """Read a UTF-8 text file (with or without a byte order mark).
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is a folder, cannot be read or is not UTF-8.
+    """
+    require_ordinary(path)
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise missing_file(path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or unreadable.
+    ConfigError
+        When it is not TOML; the message carries line and column.
+    """
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
+        raise ConfigError(f"is not TOML ({error})", where=str(path), do="mend that line") from error
+
+
+def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
+    """Refuse a key that is not known, naming the nearest one that is.
+
+    Raises
+    ------
+    ConfigError
+        For the first key outside ``allowed``.
+    """
+    for key in table:
+        if key not in allowed:
+            spelled = {name.lower(): name for name in allowed}
+            begun = [name for lower, name in spelled.items() if lower.startswith(key.lower())]
+            alike = difflib.get_close_matches(key.lower(), spelled, n=1, cutoff=0.5)
+            near = begun or [spelled[name] for name in alike]
+            raise ConfigError(
+                f"unknown key '{key}'",
+                where=where,
+                limit=", ".join(allowed),
+                do=f"did you mean '{near[0]}'?" if near else "remove it",
+            )
+
+
+def is_parquet(path: Path) -> bool:
+    """Return whether a table at this path is Parquet (by suffix)."""
+    return path.suffix.lower() in PARQUET_SUFFIXES
+
+
+def write_table(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns of equal length as CSV or, by suffix, as Parquet.
+
+    CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1.
+    """
+    data = {name: _column(values) for name, values in columns.items()}
+    if not is_parquet(path) and _plain_numbers(data):
+        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+            _write_numbers(file, data)
+        return
+    import pandas as pd
+
+    table = pd.DataFrame(data)
+    with atomic_path(path) as temporary:
+        if is_parquet(path):
+            table.to_parquet(temporary, index=False)
+        else:
+            table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
+
+
+def _plain_numbers(data: Mapping[str, Any]) -> bool:
+    """Return whether columns can be written without a table library, whose start-up costs as much as a short film."""
+    names_are_plain = all(not set(name) & set(',"\r\n') for name in data)
+    arrays = [np.asarray(values) for values in data.values()]
+    same = len({array.shape for array in arrays}) == 1
+    return names_are_plain and same and all(array.ndim == 1 and array.dtype.kind in "iuf" for array in arrays)
+
+
+def _write_numbers(file: TextIO, data: Mapping[str, Any]) -> None:
+    """Write numeric columns as CSV, some rows at a time."""
+    file.write(",".join(data) + "\n")
+    arrays = [np.asarray(values) for values in data.values()]
+    row = ",".join("%.10g" if array.dtype.kind == "f" else "%d" for array in arrays) + "\n"
+    for first in range(0, len(arrays[0]), _CSV_BLOCK):
+        block = zip(*(array[first : first + _CSV_BLOCK].tolist() for array in arrays), strict=True)
+        file.write("".join([row % values for values in block]).replace("nan", ""))
+
+
+def _column(values: Any) -> Any:
+    array = np.asarray(values)
+    return array.astype(np.int8) if array.dtype == np.bool_ else array
+
+
+def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a CSV or Parquet table that Torsight or another lab's script wrote.
+
+    Parameters
+    ----------
+    path : Path
+        The file; the suffix decides the format.
+    required : sequence of str
+        Columns that must be there and hold numbers (an empty field is NaN).
+
+    Returns
+    -------
+    pandas.DataFrame
+        All columns, the required ones as float64.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, empty, malformed, without a required column, or has a field that is no number; the
+        message names the row and the column.
+    """
+    import pandas as pd
+
+    if not path.exists():
+        raise missing_file(path)
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    require_ordinary(path)
+    try:
+        table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
+    except pd.errors.EmptyDataError as error:
+        raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
+    except _damages_of(path) as error:
+        first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise InputError(
+            f"is not a readable table ({first_line})",
+            where=str(path),
+            do=_WHOLE_PARQUET if is_parquet(path) else _PLAIN_CSV,
+        ) from error
+    table.columns = [str(name).strip() for name in table.columns]
+    for name in required:
+        if name not in table.columns:
+            near = difflib.get_close_matches(name, list(table.columns), n=1)
+            raise InputError(
+                f"has no column '{name}'",
+                where=str(path),
+                value=", ".join(table.columns[:12]),
+                do=f"rename '{near[0]}'" if near else "add the column",
+            )
+        table[name] = number_column(table, name, where=str(path))
+    if len(table) == 0:
+        raise InputError("has a header but no rows", where=str(path), do="record it again")
+    return table
+
+
+def _damages_of(path: Path) -> tuple[type[Exception], ...]:
+    """Return what a damaged table of this kind raises (the parser's own errors are ValueErrors)."""
+    usual = (OSError, ValueError, OverflowError)
+    if not is_parquet(path):
+        return usual
+    import pyarrow as pa
+
+    return (*usual, pa.ArrowException, KeyError, TypeError, AttributeError, NotImplementedError)
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    table = pd.read_csv(path, encoding="utf-8-sig")
+    # Equal names come back as "name" and "name.1"; which of the two is meant nobody can tell, so they keep one name.
+    header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
+    if len(header) == len(table.columns) and header.notna().all():
+        table.columns = pd.Index(header)
+    return table
+
+
+def number_column(
+    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
+) -> pd.Series[float]:
+    """Return a column of a table as float64, an empty field as NaN.
+
+    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
+
+    Raises
+    ------
+    InputError
+        At the first field that is no number, naming its row.
+    """
+    import pandas as pd
+
+    if list(table.columns).count(name) > 1:
+        raise InputError("has this column twice", where=f"{where}, column {name}", do="remove one of the two")
+    numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
+    wrong = numbers.isna() & table[name].notna()
+    if wrong.any():
+        row = int(np.flatnonzero(wrong.to_numpy())[0])
+        raise InputError(
+            "is not a number",
+            where=f"{where}, row {row + 2 if lines is None else lines[row]}, column {name}",
+            value=repr(table[name].iloc[row]),
+            limit="a number or an empty field",
+            do="mend that row",
+        )
+    return numbers

@@ -1,0 +1,185 @@
+"""The tables of the contract: angle, markers, merged; each to and from its record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import number_column, read_table, write_table
+from torsight.core.records import SyncedTable
+from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
+from torsight.core.units import DEG
+from torsight.core.words.plausible import require_degrees, require_stamps, require_units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_FRAMES: Final = 20_000_000
+"""A larger frame number is a damaged one: no film is that long."""
+_ANGLE = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid")
+_MERGED = ("time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c")
+
+
+def write_angles(path: AnyPath, angles: StickAngles) -> None:
+    """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
+    path = Path(path)
+    write_table(path, angle_columns(angles))
+
+
+def angle_columns(angles: StickAngles) -> dict[str, Any]:
+    """Return the columns of ``angle.csv``."""
+    return {
+        "frame": angles.frame,
+        "time_s": angles.time_s,
+        "angle_deg": angles.angle_rad / DEG,
+        "angle_sigma_deg": angles.sigma_rad / DEG,
+        "valid": angles.valid,
+        "branch_certain": angles.branch_certain,
+    }
+
+
+def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
+    """Return the column ``frame`` of a table, one row after the other of the film.
+
+    Raises
+    ------
+    InputError
+        For a number that is not whole, does not come after the one before, or is larger than any film's.
+    """
+    frame = table["frame"].to_numpy(np.float64)
+    bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
+    bad[1:] |= ~(frame[1:] > frame[:-1])
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise InputError(
+            "is no frame number in increasing order",
+            where=f"{path}, row {row + 2}, column frame",
+            value=f"{frame[row]:g}",
+            limit=f"0, 1, 2 … {MOST_FRAMES} at most",
+            do="mend the table, or track the film again",
+        )
+    return np.asarray(frame, dtype=np.int64)
+
+
+def read_angles(path: AnyPath) -> StickAngles:
+    """Read ``angle.csv``.
+
+    Raises
+    ------
+    InputError
+        When a column is missing, or frames or times do not increase.
+    """
+    path = Path(path)
+    table = read_table(path, required=_ANGLE)
+    valid = table["valid"].to_numpy() > 0.5
+    certain = (
+        table["branch_certain"].to_numpy() > 0.5 if "branch_certain" in table.columns else np.ones(len(valid), bool)
+    )
+    time_s = table["time_s"].to_numpy(np.float64)
+    require_increasing(time_s, path=path)
+    require_degrees(table["angle_deg"].to_numpy(np.float64), where=str(path))
+    return StickAngles(
+        frame=frame_numbers(table, path=path),
+        time_s=time_s,
+        angle_rad=np.where(valid, table["angle_deg"].to_numpy(np.float64) * DEG, np.nan),
+        sigma_rad=np.where(valid, table["angle_sigma_deg"].to_numpy(np.float64) * DEG, np.nan),
+        valid=valid & np.isfinite(table["angle_deg"].to_numpy(np.float64)),
+        branch_certain=certain,
+    )
+
+
+def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequence[int] | None = None) -> None:
+    """Refuse times that are not finite, do not increase or are no seconds, naming the row.
+
+    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
+
+    Raises
+    ------
+    InputError
+        At the first such row.
+    """
+    bad = ~np.isfinite(time_s)
+    bad[1:] |= ~(time_s[1:] > time_s[:-1])
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        before = f" after {time_s[row - 1]:g}" if row else ""
+        raise InputError(
+            "time does not increase",
+            where=f"{path}, row {row + 2 if lines is None else lines[row]}, column time_s",
+            value=f"{time_s[row]:g}{before}",
+            limit="a larger time than in the row before",
+            do="sort or mend the table",
+        )
+    require_stamps(time_s, where=f"{path}, column time_s")
+
+
+def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None = None) -> dict[str, Any]:
+    """Return the columns of ``markers.csv``.
+
+    ``m_sigma_px`` is the root of the mean of the covariance's diagonal; ``position_mm`` (n, 4, 3) adds the
+    positions in space of a calibrated camera.
+    """
+    columns: dict[str, Any] = {"frame": tracks.frame, "time_s": tracks.time_s}
+    for index, name in enumerate(MARKERS):
+        variance_px2 = np.trace(tracks.covariance_px2[:, index], axis1=1, axis2=2) / 2.0
+        columns[f"{name}_x_px"] = tracks.position_px[:, index, 0]
+        columns[f"{name}_y_px"] = tracks.position_px[:, index, 1]
+        columns[f"{name}_sigma_px"] = np.sqrt(variance_px2)
+        columns[f"{name}_valid"] = tracks.valid[:, index]
+        if position_mm is not None:
+            for axis, letter in enumerate("xyz"):
+                columns[f"{name}_{letter}_mm"] = position_mm[:, index, axis]
+    return columns
+
+
+def write_merged(path: AnyPath, table: SyncedTable) -> None:
+    """Write ``merged.csv``: angle and temperatures on the film's clock."""
+    path = Path(path)
+    columns: dict[str, Any] = {
+        "time_s": table.time_s,
+        "angle_deg": table.angle_rad / DEG,
+        "angle_sigma_deg": table.angle_sigma_rad / DEG,
+        "temp_a_c": table.temp_a_c,
+        "temp_b_c": table.temp_b_c,
+    }
+    if table.heat_a is not None and table.heat_b is not None:
+        columns |= {"heat_a": table.heat_a, "heat_b": table.heat_b}
+    write_table(path, columns | dict(table.extra))
+
+
+def read_merged(path: AnyPath) -> SyncedTable:
+    """Read ``merged.csv``; unknown columns are kept in ``extra``.
+
+    Raises
+    ------
+    InputError
+        When a column is missing, or the times do not increase.
+    """
+    path = Path(path)
+    frame = read_table(path, required=_MERGED)
+    time_s = frame["time_s"].to_numpy(np.float64)
+    require_increasing(time_s, path=path)
+    require_degrees(frame["angle_deg"].to_numpy(np.float64), where=str(path))
+    require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
+    heat = {
+        name: number_column(frame, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in frame.columns else None
+        for name in ("heat_a", "heat_b")
+    }
+    return SyncedTable(
+        time_s=time_s,
+        angle_rad=frame["angle_deg"].to_numpy(np.float64) * DEG,
+        angle_sigma_rad=frame["angle_sigma_deg"].to_numpy(np.float64) * DEG,
+        temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
+        temp_b_c=frame["temp_b_c"].to_numpy(np.float64),
+        heat_a=heat["heat_a"],
+        heat_b=heat["heat_b"],
+        extra={
+            str(name): frame[name].to_numpy() for name in frame.columns if name not in (*_MERGED, "heat_a", "heat_b")
+        },
+    )

@@ -1,0 +1,277 @@
+"""The rotation axis from the paths of the moving stick's markers, and the angle of a stick about it.
+
+A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in
+space. In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the
+angle between them say how the axis is tilted: seen along a tilted axis the circles become ellipses, and perspective
+tells the near side from the far side. Both are the same fit, :class:`torsight.core.optics.circles.Circles`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import NoResultError
+from torsight.core.minimise import jacobian_of
+from torsight.core.optics.camera import Intrinsics, Pose
+from torsight.core.optics.circles import Circles, axis_basis, common_centre, on_unit_plane, tilted
+from torsight.core.optics.geometry import meeting_point, rotation_vector
+from torsight.core.optics.hanging import USUAL_PX, spread_rows
+from torsight.core.optics.sights import Sight
+
+Floats = NDArray[np.float64]
+
+_FEWEST_FRAMES: Final = 8
+_SMALLEST_ARC_RAD: Final = np.pi / 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """A rotation axis in the (left) camera's coordinates.
+
+    Attributes
+    ----------
+    point_mm : (3,) float64
+        A point on the axis, in the plane of the first marker. From one camera lengths are in units of the distance of
+        the moving stick's two markers, until that is known in mm.
+    direction : (3,) float64
+        Unit vector along the axis, towards the camera.
+    direction_sigma_rad : float
+        Standard deviation of its tilt, in the direction that is known worst; errors that hang together are allowed for.
+    radius_mm, height_mm : (k,) float64
+        Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
+    misfit : float
+        Root of χ² per degree of freedom: 1 where the residuals are as large as the positions' sigmas say.
+    arc_rad : float
+        How much of a turn the paths cover.
+    mirror_gap : float
+        Gain in χ² over the mirror-image tilt, which one camera can tell from the true one by perspective alone;
+        infinite from two cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
+    direction_covariance : (3, 3) float64
+        Of ``direction``: errors that follow the stick's direction are allowed for.
+    """
+
+    point_mm: Floats
+    direction: Floats
+    direction_sigma_rad: float
+    radius_mm: Floats
+    height_mm: Floats
+    misfit: float
+    arc_rad: float
+    mirror_gap: float = np.inf
+    direction_covariance: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the axis and the camera's line of sight to it."""
+        toward = -self.point_mm / np.linalg.norm(self.point_mm)
+        return float(np.arccos(np.clip(toward @ self.direction, -1.0, 1.0)))
+
+
+def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis, Circles]:
+    """Fit one axis to the circles of the moving stick's markers as two cameras see them.
+
+    Parameters
+    ----------
+    left, right : Sight
+        The inner and the outer marker; the left camera is the one whose coordinates count.
+    noise_px : float
+        Usual standard deviation of a marker's position, in pixels.
+
+    Returns
+    -------
+    Axis
+        In mm, if that is the unit of the cameras' distance.
+    Circles
+        The fit, for the angles of all frames.
+
+    Raises
+    ------
+    NoResultError
+        When too few positions are known, or the markers turned too little.
+    """
+    seen = np.concatenate((left.seen, right.seen), axis=1)
+    whole = np.asarray(seen.all(axis=1))
+    _require_frames(int(whole.sum()))
+    stick = np.where(
+        np.asarray(left.seen.all(axis=1))[:, None], left.ray[:, 1] - left.ray[:, 0], right.ray[:, 1] - right.ray[:, 0]
+    )
+    rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), whole)
+    sights = [left.rows(rows), right.rows(rows)]
+    points = meeting_point(sights[0].ray, sights[1].ray, rotation=right.rotation, shift=right.shift)
+    found = [Circles.begun(sights, start, points).fitted() for start in _directions_in_space(points)]
+    first = min(found, key=lambda item: item.chi_squared).without_far()
+    arc_rad = _arc(first)
+    best = first.weighed(usual=USUAL_PX / noise_px).fitted()
+    return _axis_of(best, first, arc_rad=arc_rad), best
+
+
+def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Intrinsics) -> Axis:
+    """Fit the axis to the paths of the moving stick's two markers in one camera's picture.
+
+    The unit of length is the distance of the two markers; they are taken to lie in one plane across the axis.
+
+    Parameters
+    ----------
+    position_px : (n, 2, 2) float64
+        Positions of the inner and the outer marker; NaN where not known.
+    covariance_px2 : (n, 2, 2, 2) float64
+        Their covariance.
+    intrinsics : Intrinsics
+        The camera.
+
+    Raises
+    ------
+    NoResultError
+        When too few positions are known, or the markers turned too little.
+    """
+    stick = position_px[:, 1] - position_px[:, 0]
+    known = np.asarray(np.isfinite(position_px).all(axis=(1, 2)), dtype=np.bool_)
+    rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), known)
+    _require_frames(len(rows))
+    sight = Sight.of(position_px[rows], covariance_px2[rows], intrinsics)
+    _, lines = sight.lines()
+    found = [
+        Circles.begun([sight], start, on_unit_plane(lines, start, lines.mean(axis=(0, 1)))).fitted()
+        for start in _start_directions(lines)
+    ]
+    found.sort(key=lambda item: item.chi_squared)
+    first = found[0]
+    distinct = [item for item in found[1:] if item.direction @ first.direction < np.cos(1e-3)]
+    arc_rad = _arc(first)
+    white_px = float(np.sqrt(0.5 * np.median(np.trace(covariance_px2[rows], axis1=-2, axis2=-1))))
+    best = first.weighed(usual=USUAL_PX / white_px).fitted()
+    r1, r2 = best.radii
+    length = float(np.sqrt(r1**2 + r2**2 - 2.0 * r1 * r2 * np.cos(best.between_rad)))
+    gap = float(distinct[0].chi_squared - first.chi_squared) if distinct else np.inf
+    return _axis_of(best, first, arc_rad=arc_rad, unit=length, mirror_gap=gap)
+
+
+def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf) -> Axis:
+    """Return what a fit says of the axis; ``first`` is the one that took all errors as independent."""
+    turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
+    tilt = best.covariance[:2, :2]
+    return Axis(
+        point_mm=best.point / unit,
+        direction=best.direction,
+        direction_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(tilt)[-1])),
+        direction_covariance=turned @ tilt @ turned.T,
+        radius_mm=best.radii / unit,
+        height_mm=np.array([0.0, best.rise / unit]),
+        misfit=float(np.sqrt(first.chi_squared / max(first.residuals - int(first.free.sum()), 1))),
+        arc_rad=arc_rad,
+        mirror_gap=mirror_gap,
+    )
+
+
+def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0) -> Pose:
+    """Return the pose of the world whose z axis is the rotation axis, its origin in the moving markers' plane.
+
+    Parameters
+    ----------
+    axis : Axis
+        From :func:`axis_in_picture` (then ``length_mm`` is the distance of the moving stick's markers in mm) or from
+        :func:`axis_from_pair` (already in mm).
+    length_mm : float
+        Millimetres per unit of the axis.
+    base_z_mm : float
+        Height of the base stick's markers above the moving stick's; matters for positions in mm, not for the angle.
+    """
+    u, v = axis_basis(axis.direction)
+    return Pose(
+        rvec=rotation_vector(np.stack((u, v, axis.direction), axis=1)),
+        tvec_mm=axis.point_mm * length_mm,
+        base_z_mm=base_z_mm,
+        moving_z_mm=0.0,
+    )
+
+
+def stick_angle(
+    inner_mm: Floats, outer_mm: Floats, *, direction: Floats, covariance_mm2: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Return the angle of a stick about the axis, and its standard deviation.
+
+    Parameters
+    ----------
+    inner_mm, outer_mm : (..., 3) float64
+        Its two markers.
+    direction : (3,) float64
+        Of the axis, towards the camera.
+    covariance_mm2 : (..., 2, 3, 3) float64, optional
+        Covariance of the inner and the outer marker's position.
+
+    Returns
+    -------
+    angle_rad : (...) float64
+        In (-π, π], counter-clockwise as displayed, from the picture's right.
+    sigma_rad : (...) float64
+        NaN without a covariance.
+    """
+    u, v = axis_basis(direction)
+    stick = outer_mm - inner_mm
+    x, y = stick @ u, stick @ v
+    angle = np.arctan2(y, x)
+    if covariance_mm2 is None:
+        return angle, np.full(angle.shape, np.nan)
+    with np.errstate(all="ignore"):
+        slope = (x[..., None] * v - y[..., None] * u) / (x * x + y * y)[..., None]
+    variance = np.einsum("...i,...ij,...j->...", slope, covariance_mm2.sum(axis=-3), slope)
+    return angle, np.sqrt(variance)
+
+
+def _directions_in_space(points: Floats) -> list[Floats]:
+    """Return directions towards the camera across which markers in space (n, 2, 3) go around, or the stick lies."""
+    middle = points.mean(axis=(0, 1))
+    stick = points[:, 1] - points[:, 0]
+    away = (points - points.mean(axis=0)).reshape(-1, 3)
+    found = [np.linalg.eigh(vectors.T @ vectors)[1][:, 0] for vectors in (away, stick)]
+    return [direction if direction @ middle < 0 else -direction for direction in found]
+
+
+def _start_directions(lines: Floats) -> list[Floats]:
+    """Return the two tilts, mirror images of each other, from which the paths look most like circles."""
+    toward = -lines.mean(axis=(0, 1))
+    toward /= np.linalg.norm(toward)
+    u, v = axis_basis(toward)
+    best: list[tuple[float, Floats]] = []
+    for tilt in np.arange(0.0, 1.2, 0.05):
+        turns = np.arange(0.0, 2.0 * np.pi, np.pi / 12) if tilt else np.zeros(1)
+        for turn in turns:
+            direction = np.cos(tilt) * toward + np.sin(tilt) * (np.cos(turn) * u + np.sin(turn) * v)
+            best.append((_roundness(lines, direction), direction))
+    best.sort(key=lambda item: item[0])
+    first = best[0][1]
+    mirrored = 2.0 * (first @ toward) * toward - first
+    return [first, mirrored / np.linalg.norm(mirrored)]
+
+
+def _roundness(lines: Floats, direction: Floats) -> float:
+    place = on_unit_plane(lines, direction, lines.mean(axis=(0, 1)))
+    radius = np.linalg.norm(place - common_centre(place, direction), axis=-1)
+    return float(np.sum((radius - radius.mean(axis=0)) ** 2) / np.sum(radius**2))
+
+
+def _arc(circles: Circles) -> float:
+    """Return how far the stick turns, and refuse too little."""
+    arc_rad = float(np.ptp(np.unwrap(circles.turns().angle_rad)))
+    if arc_rad < _SMALLEST_ARC_RAD:
+        raise NoResultError(
+            "the markers turn too little to find the rotation axis",
+            value=f"{np.degrees(arc_rad):.0f}°",
+            limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
+            do="film a larger motion, or measure the axis with a board on the disk",
+        )
+    return arc_rad
+
+
+def _require_frames(count: int) -> None:
+    if count < _FEWEST_FRAMES:
+        raise NoResultError(
+            "too few frames show both moving markers to find the rotation axis",
+            value=f"{count} frames",
+            limit=f"at least {_FEWEST_FRAMES}",
+            do="film a longer motion, or measure the axis with a board on the disk",
+        )

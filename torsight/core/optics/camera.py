@@ -1,0 +1,238 @@
+"""Cameras as files: intrinsics, the pose of the rotation axis, the planes of the sticks, a second camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, get_table
+from torsight.core.files.paths import AnyPath
+from torsight.core.files.storage import check_keys, read_toml
+from torsight.core.frozen import Frozen
+
+_INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Intrinsics:
+    """Pinhole camera with OpenCV's five distortion coefficients.
+
+    Attributes
+    ----------
+    size_px : (int, int)
+        Width and height of the pictures that it holds for.
+    matrix : (3, 3) float64
+        fx, fy, cx, cy in pixels.
+    distortion : (5,) float64
+        k1, k2, p1, p2, k3.
+    """
+
+    size_px: tuple[int, int]
+    matrix: NDArray[np.float64]
+    distortion: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Where the rotation axis is: OpenCV's convention, camera from world.
+
+    The world's z axis is the rotation axis and points towards the camera.
+
+    Attributes
+    ----------
+    rvec : (3,) float64
+        Rotation vector, rad.
+    tvec_mm : (3,) float64
+        Position of the world's origin in the camera, mm.
+    base_z_mm, moving_z_mm : float
+        Heights of the planes in which the two sticks' markers lie.
+    """
+
+    rvec: NDArray[np.float64]
+    tvec_mm: NDArray[np.float64]
+    base_z_mm: float
+    moving_z_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RightCamera:
+    """The second camera of a stereo pair.
+
+    Attributes
+    ----------
+    intrinsics : Intrinsics
+        Its own lens.
+    rvec : (3,) float64
+        Rotation vector right-from-left, rad.
+    tvec_mm : (3,) float64
+        Translation right-from-left, mm.
+    """
+
+    intrinsics: Intrinsics
+    rvec: NDArray[np.float64]
+    tvec_mm: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera(Frozen):
+    """One calibrated camera, with the pose of the axis (mono) or a second camera (stereo).
+
+    ``extra`` keeps the calibration's own account (board, pictures, errors) as it stands in the file.
+    """
+
+    intrinsics: Intrinsics
+    pose: Pose | None = None
+    right: RightCamera | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_camera(path: AnyPath) -> Camera:
+    """Read ``CAMERA.toml``.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown or missing key, or a value of the wrong kind or out of range.
+    InputError
+        When the file cannot be read.
+    """
+    path = Path(path)
+    content = read_toml(path)
+    check_keys(content, ("intrinsics", "pose", "planes", "right", "calibration"), where=str(path))
+    if "intrinsics" not in content:
+        raise ConfigError("has no table [intrinsics]", where=str(path), do="make it with 'torsight calibrate'")
+    intrinsics = _intrinsics(get_table(content, "intrinsics", where=str(path)), where=f"{path}, [intrinsics]")
+    pose = None
+    if "pose" in content:
+        table = get_table(content, "pose", where=str(path))
+        check_keys(table, ("rvec", "tvec_mm"), where=f"{path}, [pose]")
+        planes = get_table(content, "planes", where=str(path))
+        check_keys(planes, ("base_z_mm", "moving_z_mm"), where=f"{path}, [planes]")
+        pose = Pose(
+            rvec=_numbers(table, "rvec", 3, where=f"{path}, [pose]"),
+            tvec_mm=_numbers(table, "tvec_mm", 3, where=f"{path}, [pose]"),
+            base_z_mm=get_number(planes, "base_z_mm", where=f"{path}, [planes]", default=0.0),
+            moving_z_mm=get_number(planes, "moving_z_mm", where=f"{path}, [planes]", default=0.0),
+        )
+    right = None
+    if "right" in content:
+        table = get_table(content, "right", where=str(path))
+        check_keys(table, ("intrinsics", "from_left"), where=f"{path}, [right]")
+        motion = get_table(table, "from_left", where=f"{path}, [right]", required=True)
+        check_keys(motion, ("rvec", "tvec_mm"), where=f"{path}, [right.from_left]")
+        right = RightCamera(
+            intrinsics=_intrinsics(
+                get_table(table, "intrinsics", where=f"{path}, [right]", required=True),
+                where=f"{path}, [right.intrinsics]",
+            ),
+            rvec=_numbers(motion, "rvec", 3, where=f"{path}, [right.from_left]"),
+            tvec_mm=_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]"),
+        )
+    return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
+
+
+def require_second(camera: Camera | None, *, where: str) -> RightCamera:
+    """Return the second camera of a stereo pair.
+
+    Raises
+    ------
+    ConfigError
+        When there is no camera file, or none of a pair.
+    """
+    if camera is None or camera.right is None:
+        raise ConfigError(
+            "two films need a camera file with a second camera",
+            where=where,
+            limit="[right.intrinsics] and [right.from_left]",
+            do="calibrate the pair with 'torsight calibrate LEFT… --right RIGHT…'",
+        )
+    return camera.right
+
+
+def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
+    """Refuse a camera file for another picture size.
+
+    Parameters
+    ----------
+    intrinsics : Intrinsics
+        The camera.
+    size_px : (int, int)
+        Width and height of the pictures.
+    where : str
+        Film or picture that the camera is to serve, for the message.
+    table : str
+        Table of the camera file that holds the lens.
+
+    Raises
+    ------
+    ConfigError
+        When width or height differ; a swap of both, and a plain scaling, are named as such.
+    """
+    if size_px == intrinsics.size_px:
+        return
+    width, height = intrinsics.size_px
+    do = "calibrate with pictures of this size, taken with the same camera, focus and zoom"
+    if size_px == (height, width):
+        do = "the picture is turned by a quarter: film as in the calibration, or calibrate as you film"
+    elif size_px[0] * height == size_px[1] * width:
+        do = "the picture was scaled or filmed in another mode: film as in the calibration, or " + do
+    raise ConfigError(
+        "the camera file is for another picture size",
+        where=f"[{table}] width, height",
+        value=f"{width} × {height}",
+        limit=f"{size_px[0]} × {size_px[1]}, the size of {where}",
+        do=do,
+    )
+
+
+def camera_content(camera: Camera) -> dict[str, Any]:
+    """Return the camera as tables of ``CAMERA.toml``."""
+    content: dict[str, Any] = {"intrinsics": _intrinsics_content(camera.intrinsics)}
+    if camera.pose is not None:
+        content["pose"] = {"rvec": camera.pose.rvec.tolist(), "tvec_mm": camera.pose.tvec_mm.tolist()}
+        content["planes"] = {"base_z_mm": camera.pose.base_z_mm, "moving_z_mm": camera.pose.moving_z_mm}
+    if camera.right is not None:
+        content["right"] = {
+            "intrinsics": _intrinsics_content(camera.right.intrinsics),
+            "from_left": {"rvec": camera.right.rvec.tolist(), "tvec_mm": camera.right.tvec_mm.tolist()},
+        }
+    if camera.extra:
+        content["calibration"] = dict(camera.extra)
+    return content
+
+
+def _intrinsics_content(intrinsics: Intrinsics) -> dict[str, Any]:
+    return {
+        "width": intrinsics.size_px[0],
+        "height": intrinsics.size_px[1],
+        "fx_px": float(intrinsics.matrix[0, 0]),
+        "fy_px": float(intrinsics.matrix[1, 1]),
+        "cx_px": float(intrinsics.matrix[0, 2]),
+        "cy_px": float(intrinsics.matrix[1, 2]),
+        "distortion": intrinsics.distortion.tolist(),
+    }
+
+
+def _intrinsics(table: Mapping[str, Any], *, where: str) -> Intrinsics:
+    check_keys(table, _INTRINSICS, where=where)
+    matrix = np.eye(3)
+    matrix[0, 0] = get_number(table, "fx_px", where=where, lower=1e-9)
+    matrix[1, 1] = get_number(table, "fy_px", where=where, lower=1e-9)
+    matrix[0, 2] = get_number(table, "cx_px", where=where)
+    matrix[1, 2] = get_number(table, "cy_px", where=where)
+    distortion = _numbers(table, "distortion", 5, where=where) if "distortion" in table else np.zeros(5)
+    width, height = (int(get_number(table, key, where=where, lower=1)) for key in ("width", "height"))
+    return Intrinsics(size_px=(width, height), matrix=matrix, distortion=distortion)
+
+
+def _numbers(table: Mapping[str, Any], key: str, count: int, *, where: str) -> NDArray[np.float64]:
+    value = table.get(key)
+    if not isinstance(value, Sequence) or len(value) != count:
+        raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))
+    return np.array([get_number({key: item}, key, where=where) for item in value])

@@ -1,0 +1,316 @@
+"""Two markers on one stick that turns about a fixed axis, as one camera or several see them.
+
+Marker k of the stick goes around a circle: in the first camera's coordinates::
+
+    X_k(θ) = p + h_k d + r_k (cos(θ + b_k) u + sin(θ + b_k) v),    h_1 = b_1 = 0
+
+with d the axis' direction, p where it meets the first marker's plane, and u, v across it (:func:`axis_basis`). All
+frames share d, p, r, h and b; a frame has θ alone. The residuals are those of bundle adjustment (Triggs and others,
+2000), the markers' distances in the pictures from the projections of X_k, each frame's θ at its best for the shared
+values (Golub and Pereyra, 1973). They are taken along rays, with covariances carried through the lens: to first order
+that is the same as in pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.minimise import least_squares
+from torsight.core.optics.geometry import cross_matrix
+from torsight.core.optics.hanging import hanging_errors
+from torsight.core.optics.sights import Sight
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_ENOUGH: Final = 1e-6
+_ANGLE_STEPS: Final = 2
+"""Gauss-Newton steps for θ: its first guess is off by the pictures' noise over a radius, and each step leaves about the
+square of it."""
+_FAR: Final = 6.0
+"""Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
+# Places of the shared values.
+_TILT, _POINT, _RADII = slice(0, 2), slice(2, 5), slice(5, 7)
+_BETWEEN, _RISE, _VALUES = 7, 8, 9
+
+
+def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
+    """Return unit vectors u, v across the axis, u nearest to the picture's right and v to its top.
+
+    An angle that grows from u to v is counter-clockwise as displayed, for a direction towards the camera.
+    """
+    u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
+    if np.linalg.norm(u) < 1e-6:
+        u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
+    u /= np.linalg.norm(u)
+    return u, cross_matrix(direction) @ u
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turns:
+    """The stick in every frame.
+
+    Attributes
+    ----------
+    angle_rad : (n,) float64
+        θ of the first marker about the axis, from u to v, within a turn; NaN where no marker is seen.
+    variance_rad2 : (n,) float64
+        By the pictures' errors alone.
+    chi_squared, freedom : (n,) float64
+        Misfit, and how many coordinates are left to misfit.
+    """
+
+    angle_rad: Floats
+    variance_rad2: Floats
+    chi_squared: Floats
+    freedom: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circles:
+    """A fit of both markers' circles to what cameras see of them.
+
+    Attributes
+    ----------
+    sights : sequence of Sight
+        One of each camera, with the same frames.
+    frame : (3, 3) float64
+        u, v and direction from which the tilt counts.
+    values : (9,) float64
+        Tilt (2), point on the axis in the first marker's plane (3), radii (2), angle and height of the second marker
+        over the first.
+    free : (9,) bool
+        Which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
+    whiten : (n, n) float64 or None
+        Takes the rows of residuals to independent ones.
+    covariance : (9, 9) float64
+        Of the values.
+    chi_squared : float
+    """
+
+    sights: Sequence[Sight]
+    frame: Floats
+    values: Floats
+    free: Flags
+    whiten: Floats | None = None
+    covariance: Floats = field(default_factory=lambda: np.zeros((_VALUES, _VALUES)))
+    chi_squared: float = np.inf
+
+    @classmethod
+    def begun(cls, sights: Sequence[Sight], direction: Floats, points: Floats) -> Circles:
+        """Begin with a direction of the axis and rough positions (n, 2, 3) of some frames in space.
+
+        For a single camera these are where its lines of sight meet any plane across the axis.
+        """
+        single = len(sights) == 1
+        point = common_centre(points, direction)
+        u, v = axis_basis(direction)
+        away = points - point
+        x, y, height = away @ u, away @ v, (away @ direction).mean(axis=0)
+        turn = np.arctan2(y, x)
+        between = float(np.angle(np.exp(1j * (turn[:, 1] - turn[:, 0])).mean()))
+        point = point + height[0] * direction
+        radii = np.hypot(x, y).mean(axis=0)
+        scale = float(point[2]) if single else 1.0
+        rise = 0.0 if single else float(height[1] - height[0])
+        values = np.array([0.0, 0.0, *(point / scale), *(radii / scale), between, rise])
+        free = np.ones(_VALUES, np.bool_)
+        free[[_POINT.stop - 1, _RISE]] = not single
+        return cls(sights, np.stack((u, v, direction)), values, free)
+
+    @property
+    def direction(self) -> Floats:
+        """Direction of the axis."""
+        return tilted(self.frame, self.values[_TILT])
+
+    @property
+    def point(self) -> Floats:
+        """Point on the axis in the first marker's plane."""
+        return np.asarray(self.values[_POINT])
+
+    @property
+    def radii(self) -> Floats:
+        """Both markers' distances from the axis (2,)."""
+        return np.asarray(self.values[_RADII])
+
+    @property
+    def between_rad(self) -> float:
+        """Angle from the first marker to the second, about the axis."""
+        return float(self.values[_BETWEEN])
+
+    @property
+    def rise(self) -> float:
+        """Height of the second marker above the first, along the axis."""
+        return float(self.values[_RISE])
+
+    @property
+    def residuals(self) -> int:
+        """How many residuals are independent."""
+        seen = sum(sight.seen.sum(axis=1) for sight in self.sights)
+        return int(np.maximum(2 * seen - 1, 0).sum())
+
+    def misfit(self, values: Floats) -> Floats:
+        """Return by how much the markers are seen beside their circles (n, 4 × cameras − 1), in units of white noise.
+
+        First across each marker's path, then along it, less what the frame's own θ takes up.
+        """
+        across, along, slopes = [], [], []
+        points, ways = _on_circles(self.frame, values, self._refined(values, self._first_angle(values))[0])
+        for sight in self.sights:
+            error, slope = sight.error(points, ways)
+            size = np.linalg.norm(slope, axis=-1, keepdims=True)
+            ahead = np.where(size > 0.0, slope / np.where(size > 0.0, size, 1.0), np.array([1.0, 0.0]))
+            aside = np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)
+            turn = np.zeros((len(error), 4, 4))
+            for marker, part in enumerate((slice(0, 2), slice(2, 4))):
+                turn[:, marker, part], turn[:, 2 + marker, part] = aside[:, marker], ahead[:, marker]
+            both = np.stack((error.reshape(-1, 4), slope.reshape(-1, 4)), axis=-1)
+            factor = np.linalg.cholesky(turn @ sight.covariance @ np.swapaxes(turn, -1, -2))
+            white = np.linalg.solve(factor, turn @ both)
+            across.append(white[:, :2, 0])
+            along.append(white[:, 2:, 0])
+            slopes.append(white[:, 2:, 1])
+        left = _without_direction(np.concatenate(along, axis=1), np.concatenate(slopes, axis=1))
+        return np.concatenate((*across, left), axis=1)
+
+    def turns(self, *, values: Floats | None = None, near_rad: Floats | None = None) -> Turns:
+        """Return the stick's angle in every frame, at the fitted values or others.
+
+        ``near_rad`` (n,) are angles to begin with, where they are known already.
+        """
+        values = self.values if values is None else values
+        angle, information, chi_squared = self._refined(
+            values, self._first_angle(values) if near_rad is None else near_rad
+        )
+        known = information > 0.0
+        with np.errstate(divide="ignore"):
+            variance = np.where(known, 1.0 / information, np.nan)
+        seen = sum(sight.seen.sum(axis=1) for sight in self.sights)
+        return Turns(np.where(known, angle, np.nan), variance, chi_squared, np.maximum(2.0 * seen - 1.0, 0.0))
+
+    def weighed(self, *, usual: float) -> Circles:
+        """Return the fit with residuals taken as they hang together; see :mod:`torsight.core.optics.hanging`."""
+        errors = hanging_errors(
+            self.turns().angle_rad,
+            lambda part: self.misfit(self._with(part)),
+            self.values[self.free],
+            usual=usual,
+        )
+        return replace(self, whiten=errors.whiten)
+
+    def fitted(self) -> Circles:
+        """Return the best fit."""
+
+        def residuals(part: Floats) -> Floats:
+            error = self.misfit(self._with(part))
+            return np.asarray(error if self.whiten is None else self.whiten @ error).ravel()
+
+        part, spread, chi_squared = least_squares(residuals, self.values[self.free], enough=_ENOUGH)
+        covariance = np.zeros((_VALUES, _VALUES))
+        covariance[np.ix_(self.free, self.free)] = spread
+        return replace(self, values=self._with(part), covariance=covariance, chi_squared=chi_squared)
+
+    def without_far(self) -> Circles:
+        """Return the fit without the frames that are far off it."""
+        rows = near(self.misfit(self.values))
+        return replace(self, sights=[sight.rows(rows) for sight in self.sights]).fitted() if not rows.all() else self
+
+    def _with(self, part: Floats) -> Floats:
+        values = self.values.copy()
+        values[self.free] = part
+        return values
+
+    def _first_angle(self, values: Floats) -> Floats:
+        """Return θ (n,) as lines of sight tell it where they meet the circles' planes."""
+        direction = tilted(self.frame, values[_TILT])
+        u, v = axis_basis(direction)
+        total = np.zeros(len(self.sights[0].ray), np.complex128)
+        for sight in self.sights:
+            eye, lines = sight.lines()
+            for marker in (0, 1):
+                middle = values[_POINT] + marker * values[_RISE] * direction
+                line = lines[:, marker]
+                with np.errstate(all="ignore"):
+                    away = eye + ((middle - eye) @ direction / (line @ direction))[:, None] * line - middle
+                    turn = np.exp(1j * (np.arctan2(away @ v, away @ u) - marker * values[_BETWEEN]))
+                    # A plane that is seen from the side tells little.
+                    facing = np.abs(line @ direction) / np.linalg.norm(line, axis=1)
+                total += np.where(sight.seen[:, marker], np.nan_to_num(turn) * np.nan_to_num(facing), 0.0)
+        return np.angle(total)
+
+    def _refined(self, values: Floats, angle: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return θ (n,) at its best, the information about it, and the misfit χ²."""
+        weights = [sight.precision for sight in self.sights]
+        for _ in range(_ANGLE_STEPS):
+            gradient, information, _ = self._sums(values, angle, weights)
+            angle = angle - gradient / np.where(information > 0.0, information, 1.0)
+        _, information, chi_squared = self._sums(values, angle, weights)
+        return angle, information, chi_squared
+
+    def _sums(self, values: Floats, angle: Floats, weights: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
+        """Return of every frame's χ² half the derivative by θ, its Gauss-Newton curvature, and χ² itself."""
+        points, ways = _on_circles(self.frame, values, angle)
+        gradient, information, chi_squared = np.zeros((3, len(angle)))
+        for sight, weight in zip(self.sights, weights, strict=True):
+            error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
+            pull = np.einsum("nij,nj->ni", weight, slope)
+            gradient += np.sum(pull * error, axis=1)
+            information += np.sum(pull * slope, axis=1)
+            chi_squared += np.einsum("ni,nij,nj->n", error, weight, error)
+        return gradient, information, chi_squared
+
+
+def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
+    """Return where both markers are (n, 2, 3), and the derivative by θ."""
+    direction = tilted(frame, values[_TILT])
+    u, v = axis_basis(direction)
+    turn = angle[:, None] + np.array([0.0, values[_BETWEEN]])
+    cos, sin = (values[_RADII] * part for part in (np.cos(turn), np.sin(turn)))
+    middle = values[_POINT] + np.outer([0.0, values[_RISE]], direction)
+    return (
+        middle + cos[..., None] * u + sin[..., None] * v,
+        cos[..., None] * v - sin[..., None] * u,
+    )
+
+
+def _without_direction(error: Floats, direction: Floats) -> Floats:
+    """Return errors (n, k) less their part along a direction (n, k), as k − 1 coordinates (by Householder)."""
+    mirror = direction.copy()
+    mirror[:, 0] += np.linalg.norm(direction, axis=1)
+    square = np.sum(mirror**2, axis=1, keepdims=True)
+    part = np.sum(mirror * error, axis=1, keepdims=True) / np.where(square > 0.0, square, 1.0)
+    return np.asarray((error - 2.0 * part * mirror)[:, 1:])
+
+
+def near(misfit: Floats) -> Flags:
+    """Return the frames (n,) whose misfits (n, k) are not far larger than usual."""
+    off = np.abs(misfit).max(axis=1)
+    return np.asarray(off < _FAR * 1.4826 * max(float(np.median(off)), 1e-9))
+
+
+def on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:
+    """Return where lines of sight meet the plane across a direction through a point."""
+    return np.asarray(lines * ((through @ direction) / (lines @ direction))[..., None])
+
+
+def common_centre(position: Floats, direction: Floats) -> Floats:
+    """Return the centre of circles of several markers about one axis, by linear least squares."""
+    u, v = axis_basis(direction)
+    middle = position.mean(axis=(0, 1))
+    x, y = (position - middle) @ u, (position - middle) @ v
+    markers = x.shape[1]
+    own = np.broadcast_to(np.eye(markers), (*x.shape, markers))
+    design = np.concatenate((2.0 * x[..., None], 2.0 * y[..., None], own), axis=-1).reshape(-1, 2 + markers)
+    answer = np.linalg.lstsq(design, (x**2 + y**2).ravel(), rcond=None)[0]
+    return np.asarray(middle + answer[0] * u + answer[1] * v)
+
+
+def tilted(frame: Floats, tilt: Floats) -> Floats:
+    """Return a direction that is tilted against the third vector of a frame."""
+    vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
+    return np.asarray(vector / np.linalg.norm(vector))

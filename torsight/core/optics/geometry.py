@@ -1,0 +1,352 @@
+"""Pixels to rays, planes and points in space: what tracking and calibration both need of a calibrated camera.
+
+Camera coordinates are OpenCV's: x to the right, y down, z forward, mm. A *ray* here is the pair (X/Z, Y/Z) of an ideal
+camera; the lens maps it to a pixel by (Brown's model, r² = x² + y²)::
+
+    x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²),   u = fx x' + cx
+    y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y,   v = fy y' + cy
+
+Every function takes arrays with any leading shape; NaN goes in and comes out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
+
+Floats = NDArray[np.float64]
+
+_NEWTON_STEPS: Final = 30
+_RAY_TOLERANCE: Final = 1e-12
+_TRIANGULATION_STEPS: Final = 6
+
+
+def rotation_matrix(rvec: Floats) -> Floats:
+    """Return the rotation matrix (3, 3) of a rotation vector (Rodrigues' formula)."""
+    vector = np.asarray(rvec, np.float64).reshape(3)
+    angle_rad = float(np.linalg.norm(vector))
+    cross = cross_matrix(vector)
+    if angle_rad < 1e-9:
+        return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
+    return np.asarray(
+        np.eye(3)
+        + (np.sin(angle_rad) / angle_rad) * cross
+        + ((1.0 - np.cos(angle_rad)) / angle_rad**2) * (cross @ cross)
+    )
+
+
+def rotation_vector(matrix: Floats) -> Floats:
+    """Return the rotation vector (3,) of a rotation matrix; its length is at most π."""
+    turn = np.asarray(matrix, np.float64)
+    skew = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(turn)) - 1.0)
+    angle_rad = float(np.arctan2(sine, cosine))
+    if cosine > -0.99:
+        return skew if sine == 0.0 else skew * (angle_rad / sine)
+    # Near half a turn the skew part vanishes; the symmetric part is cos·1 + (1 − cos)·axis·axisᵀ.
+    symmetric = 0.5 * (turn + turn.T) - cosine * np.eye(3)
+    axis = symmetric[:, int(np.argmax(np.diag(symmetric)))]
+    axis = axis / np.linalg.norm(axis)
+    return np.asarray(axis * (angle_rad if axis @ skew >= 0.0 else -angle_rad))
+
+
+def cross_matrix(vector: Floats) -> Floats:
+    """Return the matrix (3, 3) that multiplies as the cross product with ``vector`` from the left."""
+    x, y, z = (float(value) for value in vector)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
+    """Return the ray as the lens bends it, and the derivative.
+
+    Parameters
+    ----------
+    ray : (..., 2) float64
+        X/Z, Y/Z.
+    distortion : (5,) float64
+        k1, k2, p1, p2, k3.
+
+    Returns
+    -------
+    (..., 2) and (..., 2, 2) float64
+    """
+    k1, k2, p1, p2, k3 = (float(value) for value in distortion)
+    x, y = ray[..., 0], ray[..., 1]
+    r2 = x * x + y * y
+    gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
+    bent = np.stack(
+        (
+            x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ),
+        axis=-1,
+    )
+    mixed = 2.0 * (x * y * slope + p1 * x + p2 * y)
+    derivative = np.stack(
+        (
+            np.stack((gain + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x, mixed), axis=-1),
+            np.stack((mixed, gain + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x), axis=-1),
+        ),
+        axis=-2,
+    )
+    return bent, derivative
+
+
+def pixel_from_ray(ray: Floats, intrinsics: Intrinsics) -> Floats:
+    """Return the pixel position (..., 2) at which the camera shows a ray (..., 2)."""
+    bent, _ = distort(ray, intrinsics.distortion)
+    return np.asarray(bent * _focal(intrinsics) + _centre(intrinsics))
+
+
+def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats, Floats]:
+    """Take the lens out of pixel positions, by Newton's method to the last digits.
+
+    Parameters
+    ----------
+    position_px : (..., 2) float64
+        Pixel positions, pixel centres at whole numbers.
+    intrinsics : Intrinsics
+        The camera.
+
+    Returns
+    -------
+    ray : (..., 2) float64
+        X/Z, Y/Z; NaN where the position is NaN or lies where the lens model folds over and no ray belongs to it.
+    derivative : (..., 2, 2) float64
+        Of the ray with respect to the pixel position, 1/px.
+    """
+    bent = (np.asarray(position_px, np.float64) - _centre(intrinsics)) / _focal(intrinsics)
+    ray = bent.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(_NEWTON_STEPS):
+            value, derivative = distort(ray, intrinsics.distortion)
+            step = _solve_2x2(derivative, value - bent)
+            ray = ray - step
+            if not np.any(np.abs(step) > _RAY_TOLERANCE):
+                break
+        value, derivative = distort(ray, intrinsics.distortion)
+        determinant = derivative[..., 0, 0] * derivative[..., 1, 1] - derivative[..., 0, 1] ** 2
+        good = (determinant > 0.0) & np.all(np.abs(value - bent) < 1e-9, axis=-1)
+        ray = np.where(good[..., None], ray, np.nan)
+        inverse = _inverse_2x2(derivative) / _focal(intrinsics)
+    return ray, np.where(good[..., None, None], inverse, np.nan)
+
+
+def project(
+    point_mm: Floats, intrinsics: Intrinsics, *, rvec: Floats | None = None, tvec_mm: Floats | None = None
+) -> Floats:
+    """Return the pixel positions (..., 2) of points in space (..., 3); NaN behind the camera.
+
+    ``rvec`` and ``tvec_mm`` (camera from the points' frame) are left out for points in camera coordinates.
+    """
+    point = np.asarray(point_mm, np.float64)
+    if rvec is not None:
+        point = point @ rotation_matrix(rvec).T
+    if tvec_mm is not None:
+        point = point + tvec_mm
+    with np.errstate(all="ignore"):
+        ray = np.where(point[..., 2:] > 0.0, point[..., :2] / point[..., 2:], np.nan)
+    return pixel_from_ray(ray, intrinsics)
+
+
+def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: float) -> tuple[Floats, Floats]:
+    """Return where the lines of sight meet a plane of the world.
+
+    Parameters
+    ----------
+    position_px : (..., 2) float64
+        Pixel positions.
+    intrinsics : Intrinsics
+        The camera.
+    pose : Pose
+        Camera from world; the world's z axis is the rotation axis.
+    z_mm : float
+        Height of the plane.
+
+    Returns
+    -------
+    point_mm : (..., 3) float64
+        In world coordinates; NaN where the line of sight is parallel to the plane or meets it behind the camera.
+    derivative : (..., 2, 2) float64
+        Of world x and y with respect to the pixel position, mm/px: a covariance in pixels becomes
+        ``derivative @ covariance_px2 @ derivative.T``.
+    """
+    ray, ray_derivative = ray_from_pixel(position_px, intrinsics)
+    rotation = rotation_matrix(pose.rvec)
+    line = np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1) @ rotation
+    eye = -rotation.T @ pose.tvec_mm
+    with np.errstate(all="ignore"):
+        depth = (z_mm - eye[2]) / line[..., 2]
+        depth = np.where(depth > 0.0, depth, np.nan)
+        point = eye + depth[..., None] * line
+        # d(eye + s·line)/d(ray), with s itself moving as line z does: s·(row_xy − line_xy·row_z / line_z)
+        rows = rotation[:2, :]
+        slide = rows[:, :2] - line[..., None, :2] * rows[:, 2:] / line[..., 2, None, None]
+        by_ray = np.swapaxes(depth[..., None, None] * slide, -1, -2)
+    point[..., 2] = np.where(np.isfinite(point[..., 0]), z_mm, np.nan)
+    return point, by_ray @ ray_derivative
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpacePoints:
+    """Points in space, from both pictures of a stereo pair.
+
+    Attributes
+    ----------
+    position_mm : (..., 3) float64
+        In the left camera's coordinates; NaN where one picture has no position.
+    covariance_mm2 : (..., 3, 3) float64
+        Covariance of each position.
+    chi_squared : (...) float64
+        Misfit of the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
+    """
+
+    position_mm: Floats
+    covariance_mm2: Floats
+    chi_squared: Floats
+
+
+def triangulate(
+    left_px: Floats,
+    right_px: Floats,
+    *,
+    left: Intrinsics,
+    right: RightCamera,
+    left_covariance_px2: Floats,
+    right_covariance_px2: Floats,
+) -> SpacePoints:
+    """Return the points in space that fit both pictures best (maximum likelihood), with covariance.
+
+    Parameters
+    ----------
+    left_px, right_px : (..., 2) float64
+        The same points in both pictures.
+    left, right : Intrinsics, RightCamera
+        The pair.
+    left_covariance_px2, right_covariance_px2 : (..., 2, 2) float64
+        Covariance of each pixel position.
+    """
+    rays, weights = [], []
+    for position, intrinsics, covariance in (
+        (left_px, left, left_covariance_px2),
+        (right_px, right.intrinsics, right_covariance_px2),
+    ):
+        ray, derivative = ray_from_pixel(position, intrinsics)
+        rays.append(ray)
+        spread = derivative @ covariance @ np.swapaxes(derivative, -1, -2)
+        with np.errstate(all="ignore"):
+            weights.append(_inverse_2x2(spread))
+    rotation, shift = rotation_matrix(right.rvec), right.tvec_mm
+    point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
+    for _ in range(_TRIANGULATION_STEPS):
+        normal, gradient, _ = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
+        point = point - _solve_3x3(normal, gradient)
+    normal, _, chi_squared = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
+    front = (point[..., 2] > 0.0) & ((point @ rotation.T + shift)[..., 2] > 0.0)
+    return SpacePoints(
+        position_mm=np.where(front[..., None], point, np.nan),
+        covariance_mm2=np.where(front[..., None, None], _inverse_3x3(normal), np.nan),
+        chi_squared=np.where(front, chi_squared, np.nan),
+    )
+
+
+def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Floats) -> Floats:
+    """Return the middle (..., 3) of the shortest way between two lines of sight, in left coordinates.
+
+    Parameters
+    ----------
+    left, right : (..., 2) float64
+        Rays of the same point in both cameras.
+    rotation, shift : (3, 3), (3,) float64
+        Right camera from left.
+    """
+    along = np.concatenate((left, np.ones_like(left[..., :1])), axis=-1)
+    other = np.concatenate((right, np.ones_like(right[..., :1])), axis=-1) @ rotation
+    eye = -rotation.T @ shift
+    aa, bb = np.sum(along * along, axis=-1), np.sum(other * other, axis=-1)
+    ab = np.sum(along * other, axis=-1)
+    ae, be = along @ eye, other @ eye
+    with np.errstate(all="ignore"):
+        scale = aa * bb - ab * ab
+        near = (bb * ae - ab * be) / scale
+        far = (ab * ae - aa * be) / scale
+    return np.asarray(0.5 * (near[..., None] * along + eye + far[..., None] * other))
+
+
+def _normal_equations(
+    point: Floats, rays: list[Floats], weights: list[Floats], *, rotation: Floats, shift: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return the Gauss-Newton matrix, the gradient and the misfit of points against both pictures."""
+    normal = np.zeros((*point.shape[:-1], 3, 3))
+    gradient = np.zeros(point.shape)
+    misfit = np.zeros(point.shape[:-1])
+    for ray, weight, (turn, move) in zip(rays, weights, ((np.eye(3), np.zeros(3)), (rotation, shift)), strict=True):
+        seen = point @ turn.T + move
+        with np.errstate(all="ignore"):
+            depth = seen[..., 2:]
+            error = seen[..., :2] / depth - ray
+            slope = (turn[:2] - (seen[..., :2] / depth)[..., None] * turn[2]) / depth[..., None]
+        pull = np.swapaxes(slope, -1, -2) @ weight
+        normal = normal + pull @ slope
+        gradient = gradient + (pull @ error[..., None])[..., 0]
+        misfit = misfit + np.einsum("...i,...ij,...j->...", error, weight, error)
+    return normal, gradient, misfit
+
+
+def epipolar_distance_px(left_px: Floats, right_px: Floats, *, left: Intrinsics, right: RightCamera) -> Floats:
+    """Return how far matching points are off each other's epipolar lines.
+
+    Returns
+    -------
+    (..., 2) float64
+        Distance in the left and in the right picture, px of an undistorted picture of the same focal length.
+    """
+    rays = [
+        np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
+        for ray in (ray_from_pixel(left_px, left)[0], ray_from_pixel(right_px, right.intrinsics)[0])
+    ]
+    essential = cross_matrix(right.tvec_mm) @ rotation_matrix(right.rvec)
+    line_right, line_left = rays[0] @ essential.T, rays[1] @ essential
+    product = np.sum(rays[1] * line_right, axis=-1)
+    with np.errstate(all="ignore"):
+        distances = [
+            np.abs(product) / np.hypot(line[..., 0], line[..., 1]) * float(np.mean(_focal(intrinsics)))
+            for line, intrinsics in ((line_left, left), (line_right, right.intrinsics))
+        ]
+    return np.stack(distances, axis=-1)
+
+
+def _focal(intrinsics: Intrinsics) -> Floats:
+    return np.array([intrinsics.matrix[0, 0], intrinsics.matrix[1, 1]])
+
+
+def _centre(intrinsics: Intrinsics) -> Floats:
+    return np.array([intrinsics.matrix[0, 2], intrinsics.matrix[1, 2]])
+
+
+def _inverse_2x2(matrix: Floats) -> Floats:
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    turned = np.stack((np.stack((d, -b), axis=-1), np.stack((-c, a), axis=-1)), axis=-2)
+    return np.asarray(turned / (a * d - b * c)[..., None, None])
+
+
+def _solve_2x2(matrix: Floats, vector: Floats) -> Floats:
+    return np.asarray((_inverse_2x2(matrix) @ vector[..., None])[..., 0])
+
+
+def _inverse_3x3(matrix: Floats) -> Floats:
+    """Invert by cofactors: a NaN or singular matrix becomes NaN instead of stopping the whole array."""
+    rows = [matrix[..., index, :] for index in range(3)]
+    columns = [np.cross(rows[1], rows[2]), np.cross(rows[2], rows[0]), np.cross(rows[0], rows[1])]
+    with np.errstate(all="ignore"):
+        return np.asarray(np.stack(columns, axis=-1) / np.sum(rows[0] * columns[0], axis=-1)[..., None, None])
+
+
+def _solve_3x3(matrix: Floats, vector: Floats) -> Floats:
+    return np.asarray((_inverse_3x3(matrix) @ vector[..., None])[..., 0])

@@ -1,0 +1,109 @@
+"""A stick's two markers as one camera sees them: lines of sight, their errors, and how far points in space are off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.optics.camera import Intrinsics
+from torsight.core.optics.geometry import ray_from_pixel
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """Both markers of a stick as one camera sees them.
+
+    Attributes
+    ----------
+    ray : (n, 2, 2) float64
+        X/Z, Y/Z of the inner and the outer marker; NaN where not seen.
+    covariance : (n, 4, 4) float64
+        Of both rays together.
+    rotation, shift : (3, 3), (3,) float64
+        This camera from the first one.
+    """
+
+    ray: Floats
+    covariance: Floats
+    rotation: Floats = field(default_factory=lambda: np.eye(3))
+    shift: Floats = field(default_factory=lambda: np.zeros(3))
+
+    @classmethod
+    def of(
+        cls,
+        position_px: Floats,
+        covariance_px2: Floats,
+        intrinsics: Intrinsics,
+        *,
+        shared_px2: Floats | None = None,
+        rotation: Floats | None = None,
+        shift: Floats | None = None,
+    ) -> Sight:
+        """Return what a camera sees at pixel positions (n, 2, 2).
+
+        ``covariance_px2`` (n, 2, 2, 2) is each marker's own; ``shared_px2`` (n,) the variance along each axis of an
+        error that both have in common, such as by a camera that moved.
+        """
+        ray, slope = ray_from_pixel(position_px, intrinsics)
+        seen = np.asarray(np.isfinite(ray).all(axis=-1))
+        ray = np.where(seen[..., None], ray, np.nan)
+        slope = np.where(seen[..., None, None], slope, 0.0)
+        own = slope @ np.where(seen[..., None, None], covariance_px2, 1.0) @ np.swapaxes(slope, -1, -2)
+        covariance = np.zeros((len(ray), 4, 4))
+        for marker, part in enumerate((slice(0, 2), slice(2, 4))):
+            # Any variance will do where nothing is seen: it is not used.
+            covariance[:, part, part] = np.where(seen[:, marker, None, None], own[:, marker], np.eye(2))
+        if shared_px2 is not None:
+            both = slope.reshape(-1, 4, 2)
+            covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
+        return cls(
+            ray,
+            covariance,
+            np.eye(3) if rotation is None else rotation,
+            np.zeros(3) if shift is None else shift,
+        )
+
+    @property
+    def seen(self) -> Flags:
+        """Where each marker (n, 2) is seen."""
+        return np.asarray(np.isfinite(self.ray[..., 0]))
+
+    def rows(self, rows: NDArray[np.intp] | Flags) -> Sight:
+        """Return some of the frames."""
+        return replace(self, ray=self.ray[rows], covariance=self.covariance[rows])
+
+    def without(self, marker: int) -> Sight:
+        """Return the sight as if one marker had not been seen."""
+        ray, covariance = self.ray.copy(), self.covariance.copy()
+        part = slice(2 * marker, 2 * marker + 2)
+        ray[:, marker] = np.nan
+        covariance[:, part], covariance[:, :, part] = 0.0, 0.0
+        covariance[:, part, part] = np.eye(2)
+        return replace(self, ray=ray, covariance=covariance)
+
+    @property
+    def precision(self) -> Floats:
+        """Inverse (n, 4, 4) of the covariance; nought for a marker that is not seen."""
+        known = np.repeat(self.seen, 2, axis=1)
+        return np.asarray(np.linalg.inv(self.covariance) * known[:, :, None] * known[:, None, :])
+
+    def lines(self) -> tuple[Floats, Floats]:
+        """Return the eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
+        ray = np.concatenate((self.ray, np.ones_like(self.ray[..., :1])), axis=-1)
+        return -self.rotation.T @ self.shift, ray @ self.rotation
+
+    def error(self, points: Floats, along: Floats) -> tuple[Floats, Floats]:
+        """Return by how much points (n, 2, 3) are seen beside the markers (n, 2, 2), and how that goes with ``along``.
+
+        Both are nought for a marker that is not seen.
+        """
+        place, way = points @ self.rotation.T + self.shift, along @ self.rotation.T
+        ray = place[..., :2] / place[..., 2:]
+        slope = (way[..., :2] - ray * way[..., 2:]) / place[..., 2:]
+        known = self.seen[..., None]
+        return np.where(known, ray - self.ray, 0.0), np.where(known, slope, 0.0)

@@ -1,0 +1,1 @@
+"""How results are said and shown: values in the units of the files in, words, tables and colours out."""

@@ -1,0 +1,120 @@
+"""How results show themselves: one line as text, a small table in a notebook, a table of their rows, a plot.
+
+A result says its facts; everything else follows from them. Columns and axes are in the units of files and reports:
+degrees, °C, mN·m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from torsight.core.errors import ConfigError
+from torsight.core.words.wording import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Shown:
+    """Base of results: ``repr``, ``summary``, ``_repr_html_``, ``to_frame`` and ``plot``."""
+
+    __slots__ = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return what a person should see first: name and value, in words, most important first."""
+        raise NotImplementedError
+
+    def _columns(self) -> Mapping[str, Any]:
+        """Return the rows of :meth:`to_frame`, column by column."""
+        raise NotImplementedError
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the result into matplotlib axes."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}: {value}' for name, value in self.facts().items())})"
+
+    def summary(self) -> str:
+        """Return the facts, one on each line."""
+        facts = self.facts()
+        width = max(map(len, facts), default=0)
+        return "\n".join([type(self).__name__, *(f"  {name:<{width}}  {value}" for name, value in facts.items())])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self.facts().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption><tbody>{rows}</tbody></table>"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a table: one row per instant, with ``time_s``, where the result is a series, else per value."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self._columns()))
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the result.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; a figure of its own otherwise.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes that were drawn into.
+
+        Raises
+        ------
+        ConfigError
+            When no axes are given and the backend that matplotlib is told to use is not there.
+        """
+        if axes is None:
+            axes = _own_axes()
+        self._draw(axes)
+        return axes
+
+
+def _own_axes() -> Any:
+    """Return the axes of a new figure, shown by whatever backend matplotlib is told to use."""
+    try:
+        from matplotlib import pyplot as plt
+
+        return plt.subplots(layout="constrained")[1]
+    except ImportError as error:
+        raise ConfigError(
+            f"matplotlib's backend cannot be loaded: {error}",
+            where="MPLBACKEND, or the notebook",
+            do="install it (in a notebook: matplotlib-inline), set MPLBACKEND=agg, or give plot() the axes of a figure",
+        ) from error
+
+
+def span(values: Any, unit: str) -> str:
+    """Return ``23.1 to 78.4 °C`` for what is known of some values."""
+    known = np.asarray(values, np.float64)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return "not known"
+    return f"{number(float(known.min()))} to {number(float(known.max()))}{' ' if unit and unit != '°' else ''}{unit}"
+
+
+def share(flags: Any) -> str:
+    """Return ``99.2 %`` for how many of some flags are set; empty series have none."""
+    values = np.asarray(flags, np.bool_)
+    return f"{100.0 * float(values.mean()) if values.size else 0.0:.1f} %"
+
+
+def draw_series(axes: Any, time_s: Any, lines: Mapping[str, Any], *, label: str) -> None:
+    """Draw series against time, with names where there is more than one."""
+    for name, values in lines.items():
+        axes.plot(time_s, values, label=name, linewidth=1.0)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel(label)
+    if len(lines) > 1:
+        axes.legend()

@@ -1,0 +1,134 @@
+"""A measured law written as an effect of the library: one Python file that the effects' folder takes as it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.effects import load_effects
+from torsight.actuator.fitted import FittedModel
+from torsight.actuator.laws import FAMILIES
+from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.files.storage import write_text
+from torsight.core.law import LawForm
+from torsight.discovery.measured_law import MeasuredLaw
+
+_ID: Final = re.compile(r"[a-z][a-z0-9_]*")
+_TEMPLATE: Final = '''r"""{title}, as it was measured.
+
+.. math:: g(x) = s \\, g_0(x)
+
+x {driver}, g_0 the measured law ({unit}), linear between its nodes and held beyond them, s its share: 1 as measured, 0
+without it. {sentence}. Predicted residual: what the record showed from which it was measured.
+Source: a record of this rig, by torsight discover.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.laws import FAMILIES
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+NODES: Final = (
+{nodes}
+)
+"""Values of the driver."""
+LAW: Final = (
+{values}
+)
+"""The law there."""
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Let the law act at its port."""
+    share = values["{name}_share"]
+    return FAMILIES["{law}"].apply(ports, lambda driver: share * np.interp(driver, NODES, LAW))
+
+
+EFFECT: Final = Effect(
+    id="{name}",
+    family="measured",
+    acts_on="{stage}",
+    title="{title}",
+    parameters=(Parameter(name="{name}_share", value=1.0, unit="", lower=0.0, upper=5.0, null=0.0),),
+    apply=apply,
+    laws=("{law}",),
+)
+'''
+
+
+def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...]) -> None:
+    """Write the strongest measured law of a model as an effect; the file's name is the effect's id.
+
+    Parameters
+    ----------
+    path : Path
+        ``<id>.py``.
+    model : FittedModel
+        Of ``discover``.
+    laws : tuple of MeasuredLaw
+        As they are told, strongest first.
+
+    Raises
+    ------
+    ConfigError
+        When the file's name is no id, or that of an effect which the library has.
+    NoResultError
+        When no law was measured.
+    """
+    name = path.stem
+    if path.suffix != ".py" or not _ID.fullmatch(name) or name in load_effects():
+        raise ConfigError(
+            "is no name for a new effect",
+            where="--export-effect",
+            value=str(path),
+            limit="a new id in small letters, digits and _, with .py",
+            do="name it by what it is, for example lead_wires.py",
+        )
+    if not model.model.laws:
+        raise NoResultError(
+            "no law was measured, so there is none to write",
+            where="--export-effect",
+            do="read the verdict in the report",
+        )
+    first = laws[0]
+    form = next(
+        form
+        for form in model.model.laws
+        if (FAMILIES[form.id].port, FAMILIES[form.id].driver) == (first.port, first.driver)
+    )
+    write_text(path, effect_source(name, form, model.values, sentence=first.sentence))
+
+
+def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sentence: str) -> str:
+    """Return the source of an effect that is a law with the given parameters."""
+    family = FAMILIES[form.id]
+    law = form.values([values[key] for key in form.names])
+    return _TEMPLATE.format(
+        name=name,
+        law=form.id,
+        title=family.title,
+        driver=family.driver,
+        unit=family.unit or "a share",
+        stage=family.stage,
+        sentence=f"{sentence[:1].upper()}{sentence[1:]}",
+        nodes=_rows(form.nodes),
+        values=_rows(law),
+    )
+
+
+def _rows(numbers: NDArray[np.float64]) -> str:
+    """Return numbers with six digits, six to a line."""
+    words = [f"{value:.6g}" for value in numbers.tolist()]
+    lines = (", ".join(words[i : i + 6]) for i in range(0, len(words), 6))
+    return "\n".join(f"    {line}," for line in lines)

@@ -1,0 +1,330 @@
+"""Several records of one rig as one problem.
+
+Values, effects and laws are those of the rig, one for all records. What belongs to a record is its own: how the springs
+were wound when it began (effects of the family ``start``), the zero of its sticks, the offset of its clocks, and what
+happened to its camera or markers. The names of record 2, 3, … end in ``_2``, ``_3``, …; those of the first are as ever.
+
+Records stand in the order in which they were made: the springs' cycles, on which effects and laws of fatigue depend,
+are counted on from each to the next. A law of time is left out: no two records share a time, and one that runs through
+all of them would say when they differ and not why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.effects import load_effects
+from torsight.actuator.ports import History
+from torsight.actuator.spec import ActuatorSpec
+from torsight.core.law import Law, LawForm
+from torsight.core.parameter import Parameter
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.inference.search import TIME
+from torsight.discovery.interface import Candidate, Propose
+
+Array = NDArray[np.float64]
+
+ZERO: Final = "zero_deg"
+_APART_S: Final = 3600.0
+"""Time that is put between records on the common axis: long against whatever correlates within one."""
+
+
+def own_name(name: str, record: int) -> str:
+    """Return the name of a record's own value or event; records count from 0."""
+    return name if record == 0 else f"{name}_{record + 1}"
+
+
+@dataclass(frozen=True, eq=False)
+class SeveralRecords:
+    """Records of one rig with the plain model and every effect as a candidate.
+
+    Attributes
+    ----------
+    parts : tuple of ActuatorProblem
+        One per record, of one actuator, in the order in which they were made; see :meth:`of`.
+    forms : tuple of LawForm
+        Measured laws that are candidates, too.
+    """
+
+    parts: tuple[ActuatorProblem, ...]
+    forms: tuple[LawForm, ...] = ()
+
+    @classmethod
+    def of(
+        cls, drives: Sequence[Drive], spec: ActuatorSpec, *, clock_sigmas_s: Sequence[float | None], seed: int = 0
+    ) -> SeveralRecords:
+        """Return the problem of prepared records.
+
+        Parameters
+        ----------
+        drives : sequence of Drive
+            In the order in which they were recorded.
+        spec : ActuatorSpec
+            Of the one actuator.
+        clock_sigmas_s : sequence of float or None
+            For each record how well its clocks are known by something else than motion and temperature.
+        seed : int
+            Of the temperature noise that is drawn.
+        """
+        parts, cycles = [], (0, 0)
+        for k, (drive, sigma_s) in enumerate(zip(drives, clock_sigmas_s, strict=True)):
+            history = History(cycles=cycles)
+            parts.append(ActuatorProblem(drive, spec, seed=seed + k, clock_sigma_s=sigma_s, history=history))
+            springs = drive.cycles.springs
+            cycles = cycles[0] + springs.count(0), cycles[1] + springs.count(1)
+        return cls(tuple(parts))
+
+    @property
+    def spec(self) -> ActuatorSpec:
+        """Characterised values of the rig."""
+        return self.parts[0].spec
+
+    @property
+    def resolution(self) -> float:
+        """In degrees."""
+        return self.parts[0].resolution
+
+    @cached_property
+    def _clocks(self) -> frozenset[str]:
+        """Ids of effects of which every record has its own values, all of them at once."""
+        return frozenset(effect.id for effect in load_effects().values() if effect.is_clock)
+
+    @cached_property
+    def own(self) -> frozenset[str]:
+        """Names, as the first record has them, of values that every record has for itself."""
+        base = {ZERO, *self.parts[0].once}
+        apart = (c for c in self.parts[0].candidates if c.id in self._clocks or c.propose is not None)
+        return frozenset(base | {p.name for candidate in apart for p in candidate.parameters})
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The plain model's free parameters; those of later records' own after all others."""
+        later = [
+            replace(p, name=own_name(p.name, k))
+            for k, part in enumerate(self.parts)
+            for p in part.parameters
+            if k > 0 and p.name in self.own
+        ]
+        return (*self.parts[0].parameters, *later)
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every effect, one for all records; events of each record; then the measured laws."""
+        found: list[Candidate] = []
+        for each in zip(*(part.candidates for part in self.parts), strict=True):
+            if each[0].propose is not None:
+                found += [self._event(candidate, k) for k, candidate in enumerate(each)]
+            elif each[0].id in self._clocks:
+                found.append(_of_each(each))
+            else:
+                starts = [dict(start) for candidate in each for start in candidate.starts]
+                distinct = tuple(start for i, start in enumerate(starts) if start not in starts[:i])
+                found.append(replace(each[0], starts=distinct))
+        return tuple(found)
+
+    def _event(self, candidate: Candidate, k: int) -> Candidate:
+        """Return an event of one record, with its time on that record's own clock."""
+        inner, rows = candidate.propose, self.rows_of(k)
+        own_time_s = self.parts[k].time_s
+
+        def propose(_time_s: Array, residual: Array) -> tuple[Mapping[str, float], ...]:
+            points = () if inner is None else inner(own_time_s, residual[rows])
+            return tuple({own_name(name, k): value for name, value in point.items()} for point in points)
+
+        found: Propose = propose
+        return replace(_renamed(candidate, k), id=own_name(candidate.id, k), propose=found)
+
+    @cached_property
+    def _joined(self) -> ActuatorProblem:
+        """The records put one after the other: for what depends on the range that they cover together."""
+        return replace(self.parts[0], drive=_joined([part.drive for part in self.parts]), forms=())
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """Places and variables at which a law may be missing, over what any of the records covers."""
+        return tuple(law for law in self._joined.laws if law.driver != TIME)
+
+    def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
+        """Return the problem with these forms of laws among its candidates."""
+        other = SeveralRecords(tuple(part.with_laws(forms) for part in self.parts), tuple(forms))
+        kept = ("_clocks", "_joined", "laws", "time_s", "observed", "sigma", "valid", "block", "rest", "drivers")
+        other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        return other
+
+    @cached_property
+    def once(self) -> tuple[str, ...]:
+        """Names of all values that are one record's own: another record tells nothing of them."""
+        return tuple(own_name(name, k) for k in range(len(self.parts)) for name in sorted(self.own))
+
+    @cached_property
+    def elsewhere(self) -> tuple[Mapping[str, float], ...]:
+        """Starts of every record's own values: of one record at a time, and of all records at once."""
+        each = [
+            [{own_name(name, k): value for name, value in place.items()} for place in part.elsewhere]
+            for k, part in enumerate(self.parts)
+        ]
+        together = [
+            {name: value for place in places for name, value in place.items()} for places in zip(*each, strict=True)
+        ]
+        return (*(place for places in each for place in places), *together)
+
+    @cached_property
+    def time_s(self) -> Array:
+        """Film times, later records moved so that they rise."""
+        starts = _starts_s([part.drive for part in self.parts])
+        return np.concatenate([part.time_s + start for part, start in zip(self.parts, starts, strict=True)])
+
+    @cached_property
+    def observed(self) -> Array:
+        """Measured angles in degrees."""
+        return np.concatenate([part.observed for part in self.parts])
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Standard deviations of the measured angles in degrees."""
+        return np.concatenate([part.sigma for part in self.parts])
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where angle and temperatures are known."""
+        return np.concatenate([part.valid for part in self.parts])
+
+    @cached_property
+    def block(self) -> NDArray[np.int64]:
+        """Half-cycle of each row, counted through all records."""
+        firsts = self.first_halves
+        return np.concatenate([part.block + first for part, first in zip(self.parts, firsts, strict=True)])
+
+    @cached_property
+    def first_halves(self) -> tuple[int, ...]:
+        """Number of each record's first half-cycle."""
+        counts = [len(part.drive.cycles.springs) for part in self.parts]
+        return tuple(int(first) for first in np.cumsum([0, *counts[:-1]]))
+
+    @cached_property
+    def record(self) -> NDArray[np.int64]:
+        """Record of each row, from 0."""
+        return np.repeat(np.arange(len(self.parts)), [len(part.time_s) for part in self.parts])
+
+    def rows_of(self, record: int) -> slice:
+        """Return the rows of a record."""
+        ends = np.cumsum([0, *(len(part.time_s) for part in self.parts)])
+        return slice(int(ends[record]), int(ends[record + 1]))
+
+    @cached_property
+    def rest(self) -> NDArray[np.bool_]:
+        """Where the measured angle stands still."""
+        return np.concatenate([part.rest for part in self.parts])
+
+    @cached_property
+    def drivers(self) -> Mapping[str, Array]:
+        """Variables that an effect without a name may depend on."""
+        each = [part.drivers for part in self.parts]
+        return {name: np.concatenate([drivers[name] for drivers in each]) for name in each[0]}
+
+    def effect_of(self, candidate: str) -> str:
+        """Return the effect that a candidate is, whichever record it belongs to."""
+        return self._places.get(candidate, (candidate, None))[0]
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[str, int]]:
+        """Events' ids to the effect and the record."""
+        events = [c.id for c in self.parts[0].candidates if c.propose is not None]
+        return {own_name(name, k): (name, k) for name in events for k in range(len(self.parts))}
+
+    def effects_of(self, record: int, effects: Sequence[str]) -> tuple[str, ...]:
+        """Return what of a set acts on a record, under the effects' own ids."""
+        found = []
+        for name in effects:
+            effect, place = self._places.get(name, (name, record))
+            if place == record:
+                found.append(effect)
+        return tuple(found)
+
+    def values_of(self, record: int, values: Mapping[str, float]) -> dict[str, float]:
+        """Return values as a record's own model knows them."""
+        own = {name: values[own_name(name, record)] for name in self.own if own_name(name, record) in values}
+        return {**values, **own}
+
+    def joint_name(self, record: int, name: str) -> str:
+        """Return how a parameter of a record's own model is called among those of all."""
+        return own_name(name, record) if name in self.own else name
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return the angles in degrees as the cameras would read them."""
+        return np.concatenate(
+            [part.predict(self.values_of(k, values), self.effects_of(k, effects)) for k, part in enumerate(self.parts)]
+        )
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return what noise left in the temperatures does to the angles."""
+        return np.concatenate(
+            [
+                part.input_noise(self.values_of(k, values), self.effects_of(k, effects))
+                for k, part in enumerate(self.parts)
+            ]
+        )
+
+
+def _renamed(candidate: Candidate, k: int) -> Candidate:
+    """Return a candidate with the names of a record."""
+    return replace(
+        candidate,
+        parameters=tuple(replace(p, name=own_name(p.name, k)) for p in candidate.parameters),
+        starts=tuple({own_name(name, k): value for name, value in start.items()} for start in candidate.starts),
+        scales={own_name(name, k): scale for name, scale in candidate.scales.items()},
+    )
+
+
+def _of_each(each: Sequence[Candidate]) -> Candidate:
+    """Return one effect with values of every record's own, all started alike."""
+    renamed = [_renamed(candidate, k) for k, candidate in enumerate(each)]
+    together = zip(*(candidate.starts for candidate in renamed), strict=True)
+    return replace(
+        each[0],
+        parameters=tuple(p for candidate in renamed for p in candidate.parameters),
+        starts=tuple({name: value for start in starts for name, value in start.items()} for starts in together),
+        scales={name: scale for candidate in renamed for name, scale in candidate.scales.items()},
+    )
+
+
+def _starts_s(drives: Sequence[Drive]) -> list[float]:
+    """Return by how much each record's times are moved."""
+    starts, end_s = [], 0.0
+    for k, drive in enumerate(drives):
+        starts.append(end_s - float(drive.time_s[0]) if k else 0.0)
+        end_s = starts[-1] + float(drive.time_s[-1]) + _APART_S
+    return starts
+
+
+def _joined(drives: Sequence[Drive]) -> Drive:
+    """Return records one after the other as one drive, for the ranges that they cover; it is never simulated."""
+    starts = _starts_s(drives)
+    halves = np.cumsum([0, *(len(drive.cycles.springs) for drive in drives)])
+    cycles = replace(
+        drives[0].cycles,
+        active=np.concatenate([drive.cycles.active for drive in drives]),
+        half=np.concatenate([drive.cycles.half + first for drive, first in zip(drives, halves[:-1], strict=True)]),
+        springs=tuple(spring for drive in drives for spring in drive.cycles.springs),
+    )
+
+    def all_of(of: Callable[[Drive], Array]) -> Array:
+        return np.concatenate([of(drive) for drive in drives])
+
+    return replace(
+        drives[0],
+        time_s=np.concatenate([drive.time_s + start for drive, start in zip(drives, starts, strict=True)]),
+        temp_a_c=all_of(lambda drive: drive.temp_a_c),
+        temp_b_c=all_of(lambda drive: drive.temp_b_c),
+        rate_a_c_s=all_of(lambda drive: drive.rate_a_c_s),
+        rate_b_c_s=all_of(lambda drive: drive.rate_b_c_s),
+        angle_rad=all_of(lambda drive: drive.angle_rad),
+        cycles=cycles,
+    )

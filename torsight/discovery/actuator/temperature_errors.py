@@ -1,0 +1,76 @@
+"""Errors of the conditioned temperatures, drawn so that they can be driven through the model.
+
+Most of the time the conditioning knows a temperature far better than one sample does. At the top of a half-cycle it
+does not: a ramp ends there between two samples. Where the transformation is incomplete, that error decides how far the
+spring has changed, and it stays in the angle until the next heating.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.record.conditioning import NEGLIGIBLE_C
+
+Array = NDArray[np.float64]
+
+_ALIKE_S: Final = 3.0
+_TOP_SHARE: Final = 0.5
+"""How well a top is known, in standard deviations of one sample."""
+_TOP_C: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TemperatureErrors:
+    """One draw for both springs.
+
+    Attributes
+    ----------
+    smooth_c : two (n,) float64
+        What the conditioning leaves, alike over a few seconds.
+    with_tops_c : two (n,) float64
+        The same and an error of every half-cycle's top.
+    """
+
+    smooth_c: tuple[Array, Array]
+    with_tops_c: tuple[Array, Array]
+
+
+def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureErrors]:
+    """Give so many draws of errors of the sizes that a drive's conditioning tells; none where they are negligible."""
+    if drive.noise_c > NEGLIGIBLE_C:
+        rng = np.random.default_rng(seed)
+        for _ in range(count):
+            yield _draw(drive, rng)
+
+
+def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
+    interval_s = float(np.median(np.diff(drive.time_s)))
+    smooth, with_tops = [], []
+    for spring, temp_c in enumerate((drive.temp_a_c, drive.temp_b_c)):
+        alike = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval_s, mode="nearest")
+        smooth.append(drive.temp_sigma_c * alike / max(float(np.std(alike)), 1e-12))
+        bump = np.zeros(len(drive))
+        for label in np.unique(drive.cycles.half[drive.cycles.active == spring]):
+            rows = drive.cycles.half == label
+            bump[rows] = rng.standard_normal() * np.exp(-(np.max(temp_c[rows]) - temp_c[rows]) / _TOP_C)
+        with_tops.append(smooth[spring] + _TOP_SHARE * drive.noise_c * bump)
+    return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
+
+
+def with_errors(drive: Drive, added_c: tuple[Array, Array]) -> Drive:
+    """Return the drive with errors on its temperatures and on their slopes."""
+    slopes = [np.gradient(error, drive.time_s) for error in added_c]
+    return replace(
+        drive,
+        temp_a_c=drive.temp_a_c + added_c[0],
+        temp_b_c=drive.temp_b_c + added_c[1],
+        rate_a_c_s=drive.rate_a_c_s + slopes[0],
+        rate_b_c_s=drive.rate_b_c_s + slopes[1],
+    )

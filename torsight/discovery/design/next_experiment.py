@@ -1,0 +1,309 @@
+"""The experiment that would tell rivals apart: a search over temperature programmes.
+
+Every programme is played on the record's own wires, each rival predicts the angle it would give, and the worst case of
+all pairs after a refit (:mod:`.separation`) is the programme's worth. The search takes every kind of half-cycle alone,
+then mixes the best with every other; the last few are weighed by true refits. Where even the best promises little more
+than is needed, the last few are tried twice over: a promise holds for the rig as it was fitted. Beyond what is surely
+enough more separation counts little, and so does being shorter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.drive import Drive
+from torsight.core.law import LawForm
+from torsight.core.parameter import Parameter
+from torsight.core.progress import Progress, silent
+from torsight.core.units import DEG
+from torsight.core.words.wording import effect_name, listed
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.design.programme import Heat, Played, Programme
+from torsight.discovery.design.programme_menu import Habits, in_words, menu
+from torsight.discovery.design.separation import Rival, least_gain, linear_gains, refitted_gains
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import in_parallel
+from torsight.discovery.inference.noise import Scales, Stretches, information
+from torsight.discovery.settings import Settings
+
+Array = NDArray[np.float64]
+
+_ENOUGH: Final = 25.0
+"""A programme this many times over the gain at which rivals cease to be rivals is surely enough ..."""
+_LITTLE: Final = 4.0
+"""... and one below this many times is too little to rely on."""
+_SURE: Final = 30.0
+"""Standard deviations beyond which the noise is not what could go wrong."""
+NEEDED_GAIN: Final = Settings().apart
+"""Gain at which rivals cease to be rivals."""
+_LEAST_DURATION_S: Final = 3600.0
+_DURATION_FACTOR: Final = 1.5
+_FINALISTS: Final = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NextExperiment:
+    """The programme that best separates the rivals.
+
+    Attributes
+    ----------
+    text : str
+        What to do and what it is worth, in words.
+    segments : tuple of mapping
+        Spring, action, temperatures, rate, hold and duration, in order.
+    duration_s : float
+        Of the whole programme.
+    gain, repeat_gain : float
+        Least gain over all pairs of rivals that the programme promises, and that a plain repeat of the record would.
+    needed_gain : float
+        Gain at which rivals cease to be rivals.
+    pairs : tuple of mapping
+        Each pair with its own gain.
+    columns : mapping of str to (n,) array
+        The programme sample by sample, and the angle that each rival predicts: ``next_experiment.csv``.
+    """
+
+    text: str
+    segments: tuple[Mapping[str, Any], ...]
+    duration_s: float
+    gain: float
+    repeat_gain: float
+    needed_gain: float
+    pairs: tuple[Mapping[str, Any], ...]
+    columns: Mapping[str, NDArray[np.generic]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what stands in ``discovery.json``."""
+        return {
+            "text": self.text,
+            "duration_s": self.duration_s,
+            "segments": [dict(segment) for segment in self.segments],
+            "separation_gain": self.gain,
+            "separation_sigmas": math.sqrt(self.gain),
+            "repeat_separation_gain": self.repeat_gain,
+            "repeat_separation_sigmas": math.sqrt(self.repeat_gain),
+            "needed_gain": self.needed_gain,
+            "pairs": [dict(pair) for pair in self.pairs],
+            "file": "next_experiment.csv",
+        }
+
+
+def next_experiment(
+    problem: ActuatorProblem,
+    field: Field,
+    explanations: Sequence[Explanation],
+    *,
+    needed_gain: float,
+    progress: Progress = silent,
+) -> NextExperiment:
+    """Find the temperature programme that best separates rivals.
+
+    Parameters
+    ----------
+    problem, field
+        The record at hand with everything that was fitted to it.
+    explanations : sequence of Explanation
+        The chosen set and its rivals.
+    needed_gain : float
+        Gain at which rivals cease to be rivals.
+    progress : Progress
+        Told how far the search is.
+    """
+    planner = _Planner(problem, field, explanations, needed_gain=needed_gain, progress=progress)
+    repeat = planner.weigh(problem.drive, refitted=True)
+    best = planner.best()
+    return planner.answer(best, repeat_gain=least_gain(repeat))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighed:
+    programme: Programme
+    duration_s: float
+    gains: Array
+
+    def worth(self, enough: float) -> float:
+        """Return what is maximised: the least gain as far as it is needed, a little for more and for being short."""
+        gain = least_gain(self.gains)
+        return min(gain, enough) * (1.0 - 0.02 * self.duration_s / 3600.0) + 1e-3 * min(gain, 100.0 * enough)
+
+
+class _Planner:
+    def __init__(
+        self,
+        problem: ActuatorProblem,
+        field: Field,
+        explanations: Sequence[Explanation],
+        *,
+        needed_gain: float,
+        progress: Progress,
+    ) -> None:
+        self._problem = problem
+        self._field = field
+        self._needed_gain = needed_gain
+        self._enough = _ENOUGH * needed_gain
+        self._progress = progress
+        self._rivals = [_rival(problem, one) for one in explanations]
+        chosen = explanations[0]
+        self._left = field.likelihood.discrepancy(chosen.residual).tolist()
+        simulation = problem.with_laws(_forms(chosen)).simulate(chosen.fit.values, chosen.fit.effects)
+        self._heat = Heat.of(problem.drive)
+        habits = Habits.of(problem.drive, (simulation.xi_a, simulation.xi_b))
+        self._menu = menu(habits, self._heat)
+        self._full_c = habits.full_c
+        lasted_s = float(problem.drive.time_s[-1] - problem.drive.time_s[0])
+        self._longest_s = max(_LEAST_DURATION_S, _DURATION_FACTOR * lasted_s)
+
+    def best(self) -> _Weighed:
+        """Search: every kind of half-cycle alone, mixtures with the best, true refits of the last few."""
+        names = list(self._menu)
+        first_keys = [(name,) * 4 for name in names] + [("usual",) * 8, ("fast",) * 8]
+        alone = self._weigh_all(first_keys)
+        if not alone:
+            # Everything that this rig does takes longer than the limit: then it takes so long.
+            self._longest_s = math.inf
+            alone = self._weigh_all(first_keys)
+        ranked = self._ranked(alone)
+        first = ranked[0][0][0]
+        mixed = [(first, first, name, name) for name in names] + [(first, name, name, first) for name in names]
+        weighed = alone | self._weigh_all([key for key in dict.fromkeys(mixed) if key not in alone])
+        whole = {key: item for key, item in weighed.items() if item.programme.completes(self._full_c)}
+        finalists = [item for _, item in self._ranked(whole or weighed)[:_FINALISTS]]
+        best = self._best_refitted([item.programme for item in finalists])
+        if least_gain(best.gains) >= _LITTLE * self._needed_gain:
+            return best
+        again = self._best_refitted([Programme(item.programme.half_cycles * 2) for item in finalists])
+        return max(best, again, key=lambda item: item.worth(self._enough))
+
+    def _best_refitted(self, programmes: Sequence[Programme]) -> _Weighed:
+        found = (self._weighed_under(programme, self._drive(programme), refitted=True) for programme in programmes)
+        return max(found, key=lambda item: item.worth(self._enough))
+
+    def weigh(self, drive: Drive, *, refitted: bool) -> Array:
+        """Return the gains (k, k) that a record under these temperatures would give."""
+        planned, weight = self._planned(drive)
+        gains = refitted_gains if refitted else linear_gains
+
+        def predict(values: Mapping[str, float], rival: Rival) -> Array:
+            return planned.with_laws(rival.forms).predict(values, rival.effects)
+
+        return gains(predict, self._rivals, weight)
+
+    def answer(self, best: _Weighed, *, repeat_gain: float) -> NextExperiment:
+        """Return the answer with its words and columns."""
+        played = best.programme.play(self._heat)
+        gain = least_gain(best.gains)
+        names = [" with ".join(effect_name(name) for name in one.name) for one in self._rivals]
+        gains = {"gain": gain, "repeat_gain": repeat_gain, "needed_gain": self._needed_gain}
+        text = _sentence(in_words(best.programme), names, **gains)
+        return NextExperiment(
+            text=text,
+            segments=played.segments,
+            duration_s=best.duration_s,
+            **gains,
+            pairs=tuple(self._pairs(best.gains)),
+            columns=self._columns(played),
+        )
+
+    def _weigh_all(self, keys: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], _Weighed]:
+        programmes = {key: Programme(tuple(self._menu[name] for name in key)) for key in keys}
+        found = in_parallel(list(programmes.values()), self._weighed, step="next experiment", progress=self._progress)
+        return {key: item for key, item in zip(programmes, found, strict=True) if item is not None}
+
+    def _weighed(self, programme: Programme) -> _Weighed | None:
+        drive = self._drive(programme)
+        return None if drive.time_s[-1] > self._longest_s else self._weighed_under(programme, drive, refitted=False)
+
+    def _weighed_under(self, programme: Programme, drive: Drive, *, refitted: bool) -> _Weighed:
+        return _Weighed(programme, float(drive.time_s[-1]), self.weigh(drive, refitted=refitted))
+
+    def _ranked(self, weighed: Mapping[tuple[str, ...], _Weighed]) -> list[tuple[tuple[str, ...], _Weighed]]:
+        return sorted(weighed.items(), key=lambda item: (-item[1].worth(self._enough), item[0]))
+
+    def _drive(self, programme: Programme) -> Drive:
+        return programme.play(self._heat).drive(start_angle_rad=self._problem.drive.start_angle_rad)
+
+    def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Array]:
+        """Return the planned record as a problem, and the information per sample that it would carry."""
+        own, first = self._problem.drive, self._rivals[0]
+        values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
+        angle_rad = self._problem.with_laws(first.forms).model(first.effects).simulate(drive, values).angle_rad
+        sigma_rad = float(np.nanmedian(own.angle_sigma_rad)) if np.isfinite(own.angle_sigma_rad).any() else 0.0
+        planned = ActuatorProblem(
+            replace(
+                drive,
+                angle_rad=angle_rad,
+                angle_sigma_rad=np.full(len(drive), sigma_rad),
+                temp_sigma_c=np.full(len(drive), float(np.median(own.temp_sigma_c))),
+                noise_c=own.noise_c,
+            ),
+            self._problem.spec,
+            seed=self._problem.seed,
+        )
+        # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
+        least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
+        wider = Scales(math.hypot(self._left[0], least), math.hypot(self._left[1], least), tau)
+        floor = np.hypot(planned.sigma, planned.with_laws(first.forms).input_noise(values, first.effects))
+        return planned, information(Stretches.of(planned), wider, floor)
+
+    def _pairs(self, gains: Array) -> list[dict[str, Any]]:
+        found = []
+        for j, second in enumerate(self._rivals):
+            for i, first in enumerate(self._rivals[:j]):
+                both = gains[[i, j], [j, i]]
+                gain = least_gain(both)
+                names = [list(first.name), list(second.name)]
+                found.append({"between": names, "gain": gain, "sigmas": math.sqrt(gain)})
+        return found
+
+    def _columns(self, played: Played) -> dict[str, NDArray[np.generic]]:
+        drive = played.drive(start_angle_rad=self._problem.drive.start_angle_rad)
+        columns: dict[str, NDArray[np.generic]] = {
+            "time_s": played.time_s,
+            "temp_a_c": played.temp_a_c.round(3),
+            "temp_b_c": played.temp_b_c.round(3),
+            "heat_a": (played.driven == 0).astype(np.int8),
+            "heat_b": (played.driven == 1).astype(np.int8),
+        }
+        turns_deg = 360.0 * self._problem.drive.turns
+        for one in self._rivals:
+            values = {p.name: float(v) for p, v in zip(one.parameters, one.x, strict=True)}
+            angle_rad = self._problem.with_laws(one.forms).model(one.effects).simulate(drive, values).angle_rad
+            columns[f"{'+'.join(one.name)}_deg"] = (angle_rad / DEG + turns_deg).round(3)
+        return columns
+
+
+def _forms(explanation: Explanation) -> tuple[LawForm, ...]:
+    return tuple(item.form for item in explanation.laws)
+
+
+def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
+    """Return an explanation as a later record would see it: without events of this one."""
+    events = {candidate.id for candidate in problem.candidates if candidate.propose is not None}
+    lasting = tuple(name for name in explanation.fit.effects if name not in events)
+    own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
+    kept: list[tuple[Parameter, float]] = [
+        (p, float(v))
+        for p, v in zip(explanation.fit.parameters, explanation.fit.solution.x, strict=True)
+        if p.name not in own
+    ]
+    x = np.array([v for _, v in kept])
+    return Rival(explanation.members, lasting, tuple(p for p, _ in kept), x, _forms(explanation))
+
+
+def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:
+    apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
+    rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
+    repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
+    needed = f"{math.sqrt(needed_gain):.1f} are needed"
+    first = f"{words[0].upper()}{words[1:]}: {rivals} ({repeat}; {needed})."
+    if gain >= _LITTLE * needed_gain:
+        return first
+    if gain >= needed_gain:
+        return f"{first} That is little more than is needed: the new record may leave it open, too."
+    return f"{first} No programme that was tried tells them apart; measure what separates them directly."

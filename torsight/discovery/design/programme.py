@@ -1,0 +1,288 @@
+"""Temperature programmes for the actuator: what can be asked of an experimenter, and the log that it would give.
+
+A programme is a chain of half-cycles. In each one spring is led through legs (a temperature, the rate to get there, a
+hold) and then cools by itself; how fast it cools, and how far the other spring follows, is taken from the record at
+hand: of two wires, dT/dt = −α (T − T_room) + κ (T_other − T).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from torsight.actuator.drive import Drive, Sensors
+from torsight.actuator.record.segments import HalfCycles
+
+Array = NDArray[np.float64]
+
+STEP_S: Final = 0.5
+_FIRST_REST_S: Final = 20.0
+_MEASURED_ROUNDING_S: Final = (0.5, 20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Lead the driven spring to a temperature at a rate, and hold it there."""
+
+    to_c: float
+    rate_c_per_s: float
+    hold_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HalfCyclePlan:
+    """One spring's heating and cooling.
+
+    Attributes
+    ----------
+    words : str
+        What is done, after 'heat a spring'.
+    legs : tuple of Leg
+        While it is switched on.
+    cool_s : float
+        Time switched off, until the next one.
+    """
+
+    words: str
+    legs: tuple[Leg, ...]
+    cool_s: float
+
+    @property
+    def top_c(self) -> float:
+        """Highest temperature that it asks for."""
+        return max(leg.to_c for leg in self.legs)
+
+
+@dataclass(frozen=True, slots=True)
+class Heat:
+    """How the two springs' readings follow what is done to them, as the record at hand shows it.
+
+    Attributes
+    ----------
+    to_room_per_s, between_per_s : float
+        Loss to the room and to the other spring.
+    room_c : float
+        Temperature of the room.
+    rounding_s : float
+        Time constant with which a reading turns its corners.
+    """
+
+    to_room_per_s: float
+    between_per_s: float
+    room_c: float
+    rounding_s: float
+
+    @classmethod
+    def of(cls, drive: Drive) -> Heat:
+        """Learn it from a record: the loss from the driven spring as it cools, the passage from the other one."""
+        is_a = drive.cycles.active == 0
+        temps, rates = (drive.temp_a_c, drive.temp_b_c), (drive.rate_a_c_s, drive.rate_b_c_s)
+        active, passive = np.where(is_a, *temps), np.where(is_a, *temps[::-1])
+        active_rate, passive_rate = np.where(is_a, *rates), np.where(is_a, *rates[::-1])
+        falling = (active_rate < -0.02) & (active > drive.room_c + 0.2 * np.ptp(active))
+        above, apart = active - drive.room_c, active - passive
+        to_room, between = 0.02, 0.0
+        for _ in range(3 if falling.any() else 1):
+            if falling.any():
+                loss = -(active_rate[falling] + between * apart[falling]) / above[falling]
+                to_room = float(np.clip(np.median(loss), 1e-3, 0.2))
+            gained = passive_rate + to_room * (passive - drive.room_c)
+            between = float(np.clip(apart @ gained / max(float(apart @ apart), 1e-9), 0.0, 0.05))
+        return cls(to_room, between, drive.room_c, _rounding_s(drive))
+
+    def cooling_s(self, from_c: float, to_c: float) -> float:
+        """Return how long a wire takes to cool by itself."""
+        return math.log(max(from_c - self.room_c, 1.0) / max(to_c - self.room_c, 0.5)) / self.to_room_per_s
+
+
+def _rounding_s(drive: Drive) -> float:
+    """Return the time constant of the corners at which a driven spring's reading turns from rising to falling.
+
+    Behind a first-order sensor the slope goes from 10 to 90 % of its way down in 2.2 time constants.
+    """
+    found = []
+    for half, spring in enumerate(drive.cycles.springs):
+        rows = np.flatnonzero(drive.cycles.half == half)
+        temp = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
+        top = int(np.argmax(temp))
+        time_s = drive.time_s[rows] - drive.time_s[rows][top]
+        near = (time_s > -30.0) & (time_s < 60.0)
+        rate = (drive.rate_a_c_s, drive.rate_b_c_s)[spring][rows]
+        lowest = float(rate[near].min())
+        if top < 5 or lowest > -0.05:
+            continue
+        end = int(np.flatnonzero(near & (rate <= 0.9 * lowest))[0])
+        before = np.flatnonzero(rate[:end] >= 0.1 * lowest)
+        if len(before):
+            found.append((time_s[end] - time_s[before[-1]]) / 2.2)
+    return float(np.clip(np.median(found) if found else 1.0, *_MEASURED_ROUNDING_S))
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """Half-cycles in order, A first and then in turn, each with its plan."""
+
+    half_cycles: tuple[HalfCyclePlan, ...]
+
+    def completes(self, full_c: float) -> bool:
+        """Return whether each spring is heated fully at least once: everything else is measured against that."""
+        return all(any(plan.top_c >= full_c for plan in self.half_cycles[spring::2]) for spring in (0, 1))
+
+    def play(self, heat: Heat) -> Played:
+        """Return what it would do to the two springs."""
+        player = _Player(heat)
+        player.rest(_FIRST_REST_S)
+        for number, plan in enumerate(self.half_cycles):
+            player.begin(number)
+            for leg in plan.legs:
+                player.lead(leg)
+            player.cool(plan.cool_s)
+        return player.played()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """A programme sample by sample.
+
+    Attributes
+    ----------
+    time_s, temp_a_c, temp_b_c : (n,) float64
+        Readings of both sensors, and their times.
+    driven : (n,) int8
+        Spring that is switched on (0 A, 1 B), −1 where none is.
+    half : (n,) int64
+        Number of the half-cycle.
+    segments : tuple of mapping
+        As in ``discovery.json``.
+    room_c : float
+        Temperature of the room.
+    """
+
+    time_s: Array
+    temp_a_c: Array
+    temp_b_c: Array
+    driven: NDArray[np.int8]
+    half: NDArray[np.int64]
+    segments: tuple[Mapping[str, Any], ...]
+    room_c: float
+
+    def drive(self, *, start_angle_rad: float) -> Drive:
+        """Return it as a drive without measured angles; the readings are exact, so nothing needs conditioning."""
+        n = len(self.time_s)
+        rates = (np.gradient(self.temp_a_c, self.time_s), np.gradient(self.temp_b_c, self.time_s))
+        springs = tuple(number % 2 for number in range(int(self.half[-1]) + 1))
+        unknown = np.full(n, np.nan)
+        return Drive(
+            time_s=self.time_s,
+            temp_a_c=self.temp_a_c,
+            temp_b_c=self.temp_b_c,
+            rate_a_c_s=rates[0],
+            rate_b_c_s=rates[1],
+            temp_sigma_c=np.zeros(n),
+            noise_c=0.0,
+            cycles=HalfCycles((self.half % 2).astype(np.int8), self.half, springs),
+            angle_rad=unknown,
+            angle_sigma_rad=unknown,
+            start_angle_rad=start_angle_rad,
+            room_c=self.room_c,
+            known=np.ones(n, bool),
+            sensors=_ExactSensors(self.time_s, (self.temp_a_c, self.temp_b_c), np.arange(n)),
+        )
+
+
+class _ExactSensors(Sensors):
+    """Readings without noise: what a lag hides is τ dT/dt."""
+
+    def lag_correction(self, lag_s: float) -> tuple[Array, Array]:
+        """Return what the wires' temperatures differ from the sensors' by."""
+        a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.temps_c)
+        return a, b
+
+
+class _Player:
+    """Plays a programme step by step on two wires."""
+
+    def __init__(self, heat: Heat) -> None:
+        self._heat = heat
+        self._temps: list[list[float]] = [[heat.room_c], [heat.room_c]]
+        self._driven: list[int] = [-1]
+        self._half: list[int] = [0]
+        self._number = 0
+        self._segments: list[dict[str, Any]] = []
+
+    @property
+    def _spring(self) -> int:
+        return self._number % 2
+
+    def rest(self, duration_s: float) -> None:
+        """Leave both wires alone."""
+        for _ in range(round(duration_s / STEP_S)):
+            self._step(None)
+
+    def begin(self, number: int) -> None:
+        """Go on to a half-cycle."""
+        self._number = number
+
+    def lead(self, leg: Leg) -> None:
+        """Lead the driven wire to a temperature and hold it."""
+        start_c = self._temps[self._spring][-1]
+        way_c = leg.to_c - start_c
+        ramp = max(1, round(abs(way_c) / leg.rate_c_per_s / STEP_S))
+        hold = round(leg.hold_s / STEP_S)
+        for k in range(1, ramp + hold + 1):
+            self._step(start_c + way_c * min(1.0, k / ramp))
+        self._note(start_c, leg.to_c, math.copysign(leg.rate_c_per_s, way_c), ramp, hold)
+
+    def cool(self, duration_s: float) -> None:
+        """Switch off and wait."""
+        start_c = self._temps[self._spring][-1]
+        steps = max(1, round(duration_s / STEP_S))
+        for _ in range(steps):
+            self._step(None)
+        self._note(start_c, self._temps[self._spring][-1], None, steps, 0)
+
+    def played(self) -> Played:
+        """Return what was played, with corners as the sensors turn them."""
+        keep = math.exp(-STEP_S / self._heat.rounding_s)
+        temps: list[Array] = [_followed(np.array(one), keep) for one in self._temps]
+        driven = np.array(self._driven, np.int8)
+        half = np.array(self._half, np.int64)
+        time_s = STEP_S * np.arange(len(driven), dtype=np.float64)
+        return Played(time_s, temps[0], temps[1], driven, half, tuple(self._segments), self._heat.room_c)
+
+    def _step(self, wanted_c: float | None) -> None:
+        heat, last = self._heat, (self._temps[0][-1], self._temps[1][-1])
+        for spring in (0, 1):
+            own, other = last[spring], last[1 - spring]
+            rate = heat.to_room_per_s * (heat.room_c - own) + heat.between_per_s * (other - own)
+            free_c = own + STEP_S * rate
+            # A heater can only heat: on the way down it cannot lead faster than the wire cools by itself.
+            led = spring == self._spring and wanted_c is not None
+            self._temps[spring].append(max(wanted_c, free_c) if led and wanted_c is not None else free_c)
+        self._driven.append(-1 if wanted_c is None else self._spring)
+        self._half.append(self._number)
+
+    def _note(self, from_c: float, to_c: float, rate_c_per_s: float | None, steps: int, hold_steps: int) -> None:
+        self._segments.append(
+            {
+                "spring": "ab"[self._spring],
+                "action": "cool" if rate_c_per_s is None else ("heat" if rate_c_per_s > 0.0 else "lead down"),
+                "from_c": round(from_c, 1),
+                "to_c": round(to_c, 1),
+                "rate_c_per_s": None if rate_c_per_s is None else round(rate_c_per_s, 3),
+                "hold_s": STEP_S * hold_steps,
+                "duration_s": STEP_S * (steps + hold_steps),
+            }
+        )
+
+
+def _followed(values: Array, keep: float) -> Array:
+    """Return what a first-order sensor reads that started in equilibrium."""
+    read, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
+    return read.astype(np.float64)  # type: ignore[no-any-return]

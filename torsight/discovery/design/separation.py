@@ -1,0 +1,121 @@
+"""How far apart a planned record would keep explanations that a given record cannot tell apart.
+
+Each explanation in turn is taken as true and predicts what the planned record would show. Every other one is then
+refitted to that: all its free parameters, within their priors, take up what they can, and what is left is weighed
+against the noise of the record at hand with its correlation. The answer is a gain, the difference of the two costs in
+the engine's own units, so that it compares with the gain at which rivals cease to be rivals; its root is the distance
+in standard deviations.
+
+Linear in the parameters for a search over many plans (:func:`linear_gains`), or with true refits for the last few
+(:func:`refitted_gains`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from torsight.core.law import LawForm
+from torsight.core.parameter import Parameter
+from torsight.discovery.inference.fitting import EffectSet, space_of
+from torsight.discovery.inference.solver import Array, jacobian, solve
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """One fitted set of effects, as a planned record would see it.
+
+    Attributes
+    ----------
+    name : tuple of str
+        The effects by which the answer calls it.
+    effects : tuple of str
+        Those of them that a later record shows too; an event of the record at hand (a bump) does not come back.
+    parameters : tuple of Parameter
+        Free parameters with bounds and priors.
+    x : (m,) float64
+        Their fitted values.
+    forms : tuple of LawForm
+        The forms of the laws among the effects.
+    """
+
+    name: EffectSet
+    effects: EffectSet
+    parameters: tuple[Parameter, ...]
+    x: Array
+    forms: tuple[LawForm, ...] = ()
+
+    def model(self, predict: Predict) -> Callable[[Array], Array]:
+        """Return the planned record's values as a function of the parameters."""
+        names = [p.name for p in self.parameters]
+        return lambda x: predict(dict(zip(names, x.tolist(), strict=True)), self)
+
+    @property
+    def prior_cost(self) -> float:
+        """What the priors charge for the fitted values."""
+        return float(np.sum(space_of(self.parameters).prior_residual(self.x) ** 2))
+
+
+Predict = Callable[[Mapping[str, float], Rival], Array]
+"""From parameter values of a rival to a planned record's values (n,)."""
+
+
+def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Array) -> Array:
+    """Return by how much each explanation (column) costs more than each that is taken as true (row), (k, k).
+
+    NaN on the diagonal, and where the other explanation holds the true one: it would fit as well, and what tells them
+    apart is that its additional effect is not found.
+    """
+    models = [one.model(predict) for one in explanations]
+    values = [model(one.x) for model, one in zip(models, explanations, strict=True)]
+    gains = np.full((len(explanations), len(explanations)), np.nan)
+    for j, other in enumerate(explanations):
+        if not any(_tells(true, other) for true in explanations):
+            continue
+        space = space_of(other.parameters)
+        slopes = jacobian(models[j], other.x, at_x=values[j], space=space)
+        weighted = slopes * weight[:, None]
+        normal = slopes.T @ weighted
+        normal[np.diag_indices_from(normal)] += space.prior_information + 1e-9 / space.scale**2
+        pull = space.prior_information * (other.x - space.prior_mean)
+        for i, true in enumerate(explanations):
+            if not _tells(true, other):
+                continue
+            apart = values[i] - values[j]
+            gradient = weighted.T @ apart - pull
+            taken_up = float(gradient @ np.linalg.solve(normal, gradient))
+            cost = float(weight @ apart**2) + other.prior_cost - taken_up
+            gains[i, j] = cost - true.prior_cost
+    return gains
+
+
+def refitted_gains(predict: Predict, explanations: Sequence[Rival], weight: Array, *, max_iterations: int = 8) -> Array:
+    """Return the same as :func:`linear_gains` with every other explanation really refitted."""
+    models = [one.model(predict) for one in explanations]
+    gains = np.full((len(explanations), len(explanations)), np.nan)
+    for i, true in enumerate(explanations):
+        shown = models[i](true.x)
+        for j, other in enumerate(explanations):
+            if _tells(true, other):
+                found = solve(
+                    models[j],
+                    other.x,
+                    observed=shown,
+                    weight=weight,
+                    space=space_of(other.parameters),
+                    max_iterations=max_iterations,
+                )
+                gains[i, j] = found.cost - true.prior_cost
+    return gains
+
+
+def least_gain(gains: Array) -> float:
+    """Return the worst case of all pairs, not below zero; 0 where there is no pair to tell apart."""
+    known = gains[np.isfinite(gains)]
+    return max(0.0, float(known.min())) if len(known) else 0.0
+
+
+def _tells(true: Rival, other: Rival) -> bool:
+    return true is not other and not set(true.effects) <= set(other.effects)

@@ -1,0 +1,111 @@
+"""The engine: from a record and a model to what the model lacks.
+
+Fit the base model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); read the
+answer off their posterior (:mod:`.verdict`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from torsight.core.errors import InputError
+from torsight.core.progress import Progress, silent
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import less
+from torsight.discovery.inference.search import Search
+from torsight.discovery.inference.validate import HeldOut, block_labels
+from torsight.discovery.inference.verdict import Decision, decide
+from torsight.discovery.interface import Problem
+from torsight.discovery.settings import Settings
+
+Verdict = Literal["none", "identified", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What the engine found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``none``, ``identified``, ``ambiguous`` or ``unknown``.
+    field : Field
+        Everything that was fitted.
+    decision : Decision
+        What is said and why.
+    before, after : HeldOut or None
+        Prediction of unseen blocks by the base model and by the chosen set; None where there is one block only.
+    drivers : tuple of (str, float)
+        What the measured laws depend on: variable and share of what they explain, strongest first.
+    """
+
+    verdict: Verdict
+    field: Field
+    decision: Decision
+    before: HeldOut | None
+    after: HeldOut | None
+    drivers: tuple[tuple[str, float], ...] = ()
+
+
+def find_missing(
+    problem: Problem, *, settings: Settings | None = None, seed: int = 0, progress: Progress = silent
+) -> Findings:
+    """Find what a model lacks.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model.
+    settings : Settings, optional
+        How to decide.
+    seed : int
+        Kept with the answer; nothing here is drawn.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        When no sample counts.
+    """
+    del seed
+    chosen_settings = settings or Settings()
+    if not np.any(problem.valid):
+        raise InputError("no sample counts", where="record", do="record it again")
+    can_hold_out = len(block_labels(problem)) > 1
+    search = Search(problem, settings=chosen_settings, progress=progress)
+    field = search.run()
+    decision = decide(field, settings=chosen_settings, choices=search.choices, can_hold_out=can_hold_out)
+    before = field.plain.held_out if can_hold_out else None
+    after = decision.chosen.held_out if can_hold_out else None
+    return Findings(_verdict(decision), field, decision, before, after, _drivers(field, decision.chosen))
+
+
+def _verdict(decision: Decision) -> Verdict:
+    if not decision.chosen.members:
+        return "none"
+    if decision.rivals:
+        return "ambiguous"
+    return "unknown" if decision.unnamed else "identified"
+
+
+def law_shares(field: Field, chosen: Explanation) -> dict[str, float]:
+    """Return the share of each law of a set in the evidence that would be lost without its laws."""
+    lost = {}
+    for item in chosen.laws:
+        part = field.explanations.get(less(chosen.members, item.law.id))
+        without = field.base.log_evidence if part is None else part.log_evidence
+        lost[item.law.id] = max(chosen.log_evidence - without, 1e-9)
+    total = sum(lost.values())
+    return {name: size / total for name, size in lost.items()}
+
+
+def _drivers(field: Field, chosen: Explanation) -> tuple[tuple[str, float], ...]:
+    """Return what a set's laws depend on, with their shares."""
+    shares, found = law_shares(field, chosen), dict[str, float]()
+    for item in chosen.laws:
+        found[item.law.driver] = found.get(item.law.driver, 0.0) + shares[item.law.id]
+    return tuple(sorted(found.items(), key=lambda pair: -pair[1]))

@@ -1,0 +1,356 @@
+"""Joint refits: base parameters and the parameters of any set of effects, from several starts.
+
+Base parameters swallow most of many effects, so a candidate is never judged on the residual of the base fit: every set
+of effects is fitted together with all base parameters, and sets are compared at their own optima.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.parameter import Parameter
+from torsight.core.progress import Progress, silent
+from torsight.discovery.inference.solver import Array, Solution, Space, costs, jacobian, solve
+from torsight.discovery.interface import Candidate, Problem
+
+EffectSet = tuple[str, ...]
+"""Ids of the effects that are switched on, in the order of the problem's candidates."""
+
+WORKERS: Final = 2
+_Model = Callable[[Array], Array]
+_SCOUT_ITERATIONS: Final = 2
+_WORTH: Final = 1.0
+"""Decrease of the objective, one unit of information, below which an effect beside a fitted set is not followed."""
+_STAYS: Final = 1e-3
+"""Standard deviation, in parameter scales, of a value that is to stay where it is."""
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+
+
+def less(effects: EffectSet, name: str) -> EffectSet:
+    """Return a set without one of its effects."""
+    return tuple(other for other in effects if other != name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The optimum of one set of effects.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Ids of the effects that are switched on.
+    parameters : tuple of Parameter
+        Base parameters, then the effects' own; the columns of the Jacobian.
+    solution : Solution
+        The optimum.
+    """
+
+    effects: EffectSet
+    parameters: tuple[Parameter, ...]
+    solution: Solution
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter name to fitted value."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.solution.x, strict=True)}
+
+    @property
+    def cost(self) -> float:
+        """The objective: information in the residual plus the priors' share."""
+        return self.solution.cost
+
+
+class Fitter:
+    """Fits sets of effects to one problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model.
+    weight : (n,) array
+        Information per sample, see :func:`torsight.discovery.inference.noise.information`.
+    """
+
+    def __init__(self, problem: Problem, weight: NDArray[np.float64]) -> None:
+        self.problem = problem
+        self.weight = weight
+        self.candidates: dict[str, Candidate] = {candidate.id: candidate for candidate in problem.candidates}
+
+    def ordered(self, effects: Iterable[str]) -> EffectSet:
+        """Return the ids in the order of the candidates."""
+        chosen = set(effects)
+        return tuple(name for name in self.candidates if name in chosen)
+
+    def parameters(self, effects: EffectSet) -> tuple[Parameter, ...]:
+        """Return the free parameters of a set of effects, base parameters first."""
+        own = (parameter for name in effects for parameter in self.candidates[name].parameters)
+        return (*self.problem.parameters, *own)
+
+    def space(self, effects: EffectSet) -> Space:
+        """Return bounds, scales and priors of the free parameters of a set of effects."""
+        scales = {name: scale for effect in effects for name, scale in self.candidates[effect].scales.items()}
+        return space_of(self.parameters(effects), scales=scales)
+
+    def _model(self, effects: EffectSet) -> _Model:
+        """Return the model's values as a function of the free parameters (m,)."""
+        return AtPoint(self.problem, [p.name for p in self.parameters(effects)], effects)
+
+    def fit(
+        self,
+        effects: EffectSet,
+        starts: Sequence[Mapping[str, float]],
+        *,
+        weight: Array | None = None,
+        max_iterations: int = 12,
+        keep: int = 2,
+        near: Fit | None = None,
+        below: float = np.inf,
+    ) -> Fit:
+        """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end.
+
+        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail. Scouts that do
+        not promise to get ``below`` a value of the objective are not followed.
+        """
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
+        used = self.weight if weight is None else weight
+
+        def run(start: Array, iterations: int, guess: Array | None = None, known: Solution | None = None) -> Solution:
+            return solve(
+                model,
+                start,
+                observed=self.problem.observed,
+                weight=used,
+                space=space,
+                max_iterations=iterations,
+                known=known,
+                guess=guess,
+                rough=known is None,
+            )
+
+        points = [np.array([start[p.name] for p in parameters]) for start in starts]
+        guesses = [self._guess(start, parameters, near) for start in starts]
+        scouted = [run(point, _SCOUT_ITERATIONS, guess) for point, guess in zip(points, guesses, strict=True)]
+        scouts = sorted(scouted, key=lambda found: found.cost)
+        kept = _distinct(scouts, space)[:keep]
+        solutions = [
+            run(scout.x, max_iterations, known=scout) if scout.cost - scout.promised < below else scout
+            for scout in kept
+        ]
+        return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
+
+    def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Array | None:
+        """Return derivatives at a start from the smaller fit whose parameters it shares."""
+        for fit in (near, self.nominal):
+            if fit is not None and all(start[name] == value for name, value in fit.values.items()):
+                return _columns(fit, parameters)
+        return None
+
+    @cached_property
+    def nominal(self) -> Fit:
+        """The base model at the priors' means, not fitted."""
+        return self.at((), {p.name: p.value for p in self.problem.parameters})
+
+    def at(self, effects: EffectSet, values: Mapping[str, float]) -> Fit:
+        """Return a set of effects at given values, not fitted, with its derivatives there."""
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
+        x = np.array([values[p.name] for p in parameters])
+        at_x = model(x)
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        cost, data_cost = costs(observed - at_x, x, weight=self.weight, space=space)
+        derivative = jacobian(model, x, at_x=at_x, space=space)
+        return Fit(effects, parameters, Solution(x, at_x, derivative, cost, data_cost, converged=False))
+
+    def known(self, effects: EffectSet, x: Array, prediction: Array, derivative: Array) -> Fit:
+        """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        cost, data_cost = costs(observed - prediction, x, weight=self.weight, space=self.space(effects))
+        solution = Solution(x, prediction, derivative, cost, data_cost, converged=False)
+        return Fit(effects, self.parameters(effects), solution)
+
+    def base(self) -> Fit:
+        """Fit the base model alone, from the priors' means."""
+        return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
+
+    def residual(self, fit: Fit) -> Array:
+        """Return measured less model (n,), NaN where a sample does not count."""
+        return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
+
+    def extend(self, parent: Fit, name: str, *, weight: Array | None = None, from_means: bool = True) -> Fit:
+        """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
+
+        The second (``from_means``) matters where an effect has pulled the base parameters off along a valley in which
+        the record is explained as well: from the means the search comes down into the valley where the priors are
+        content.
+        """
+        effects = self.ordered((*parent.effects, name))
+        away = {p.name: p.value for p in self.problem.parameters}
+        points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
+        starts = [{**parent.values, **point} for point in points]
+        below = parent.cost - _WORTH
+        found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent, below=below)
+        if from_means:
+            starts = [{**start, **away} for start in starts]
+            other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, below=below)
+            found = min(found, other, key=lambda fit: fit.cost)
+        if self.candidates[name].propose is not None:
+            found = self.propose_again(found, name, weight=weight)
+        # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
+        if found.cost <= parent.cost:
+            return found
+        return self.fit(effects, [self._switched_off(parent, name)], near=parent, below=below)
+
+    def propose_again(self, found: Fit, name: str, *, weight: Array | None = None) -> Fit:
+        """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
+        candidate = self.candidates[name]
+        without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
+        left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
+        points = candidate.starting_points(self.problem.time_s, left)
+        starts = [{**found.values, **point} for point in points]
+        again = self.fit(found.effects, starts, weight=weight, near=found)
+        return min(found, again, key=lambda fit: fit.cost)
+
+    def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:
+        return {**parent.values, **self.candidates[name].null_point()}
+
+    def from_elsewhere(self, fit: Fit) -> Fit:
+        """Return a fit, or a better one from where some base values are elsewhere (``elsewhere`` of the problem).
+
+        Only a place that is better already, everything else left as it is, is followed.
+        """
+        model, space = self._model(fit.effects), self.space(fit.effects)
+        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+
+        def cost(values: Mapping[str, float]) -> float:
+            x = np.array([values[p.name] for p in fit.parameters])
+            return costs(observed - model(x), x, weight=self.weight, space=space)[0]
+
+        places = [{**fit.values, **place} for place in getattr(self.problem, "elsewhere", ())]
+        least, best = min(((cost(place), i) for i, place in enumerate(places)), default=(np.inf, 0))
+        if least >= fit.cost:
+            return fit
+        return min(fit, self.fit(fit.effects, [places[best]], max_iterations=20), key=lambda item: item.cost)
+
+    def refit(
+        self,
+        fit: Fit,
+        *,
+        weight: Array | None = None,
+        max_iterations: int = 6,
+        kept: Sequence[str] = (),
+        rough: bool = False,
+    ) -> Fit:
+        """Fit the same set again from its optimum, after the weights have changed or samples were left out.
+
+        Parameters that are kept stay at their values. A rough fit leaves its derivatives as they are at the end.
+        """
+        space = self.space(fit.effects)
+        places = [i for i, p in enumerate(fit.parameters) if p.name in kept]
+        space.prior_mean[places] = fit.solution.x[places]
+        space.prior_sigma[places] = _STAYS * space.scale[places]
+        solution = solve(
+            self._model(fit.effects),
+            fit.solution.x,
+            observed=self.problem.observed,
+            weight=self.weight if weight is None else weight,
+            space=space,
+            max_iterations=max_iterations,
+            known=fit.solution,
+            rough=rough,
+        )
+        return Fit(fit.effects, fit.parameters, solution)
+
+
+class AtPoint:
+    """A problem's prediction as a function of its free parameters (m,)."""
+
+    def __init__(self, problem: Problem, names: Sequence[str], effects: EffectSet) -> None:
+        self._problem = problem
+        self._names = names
+        self._effects = effects
+
+    def _values(self, x: Array) -> dict[str, float]:
+        return dict(zip(self._names, x.tolist(), strict=True))
+
+    def __call__(self, x: Array) -> Array:
+        """Return the prediction at a point."""
+        return self._problem.predict(self._values(x), self._effects)
+
+    def many(self, points: Sequence[Array]) -> list[Array]:
+        """Return the predictions at several points, at once where the problem can do that."""
+        values = [self._values(x) for x in points]
+        at_once = getattr(self._problem, "predict_many", None)
+        if at_once is None:
+            return [self._problem.predict(one, self._effects) for one in values]
+        found: list[Array] = at_once(values, self._effects)
+        return found
+
+
+def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Array:
+    """Return a fit's derivatives for these parameters, NaN for those that it does not have."""
+    place = {p.name: j for j, p in enumerate(fit.parameters)}
+    derivative = fit.solution.jacobian
+    missing = np.full(len(derivative), np.nan)
+    return np.column_stack([derivative[:, place[p.name]] if p.name in place else missing for p in parameters])
+
+
+def space_of(parameters: Sequence[Parameter], *, scales: Mapping[str, float] | None = None) -> Space:
+    """Return bounds, scales (those given, else :func:`_scale`) and priors of parameters as arrays."""
+    given = scales or {}
+    sigma = np.array([np.inf if p.sigma is None else p.sigma for p in parameters])
+    return Space(
+        lower=np.array([p.lower for p in parameters]),
+        upper=np.array([p.upper for p in parameters]),
+        scale=np.array([given.get(p.name, _scale(p)) for p in parameters]),
+        prior_mean=np.array([p.value for p in parameters]),
+        prior_sigma=sigma,
+    )
+
+
+def _scale(parameter: Parameter) -> float:
+    """Return a change of the parameter that matters: its prior, its distance from its null, or a share of its range."""
+    if parameter.sigma is not None:
+        return parameter.sigma
+    span = parameter.upper - parameter.lower
+    distance = abs(parameter.value - parameter.null) if parameter.null is not None else abs(parameter.value) / 4.0
+    if distance > 0.0:
+        return min(distance, span / 4.0)
+    return span / 20.0 if np.isfinite(span) else 1.0
+
+
+def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
+    """Leave out solutions that have run to the same place as a better one."""
+    kept: list[Solution] = []
+    for solution in solutions:
+        near = (np.all(np.abs(solution.x - other.x) < 0.3 * space.scale) for other in kept)
+        if not any(near):
+            kept.append(solution)
+    return kept
+
+
+def in_parallel(
+    work: Sequence[_T],
+    function: Callable[[_T], _R],
+    *,
+    step: str = "",
+    progress: Progress = silent,
+    workers: int = WORKERS,
+) -> list[_R]:
+    """Return ``function`` of each item in order; results do not depend on the number of workers.
+
+    ``progress`` is told after every item, under the name ``step``.
+    """
+    found: list[_R] = []
+    progress(step, 0, len(work))
+    with ThreadPoolExecutor(workers) as pool:
+        for result in pool.map(function, work):
+            found.append(result)
+            progress(step, len(found), len(work))
+    return found

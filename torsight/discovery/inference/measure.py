@@ -1,0 +1,349 @@
+r"""A law measured by marginal likelihood, together with the model's parameters and their priors.
+
+At a point of the parameters x and of the law's values f on its nodes the model is linear,
+:math:`y ≈ m + J_x δx + J_f δf`. Then the posterior of both under every kernel and size of the law's bank is known in
+closed form, and so is its evidence: what is left, what the values cost, and the Occam factor
+:math:`-\tfrac12 \log \det H` of the posterior's curvature H (Laplace; MacKay, Neural Computation 4 (1992) 415). The
+next point is the posterior mean of the best member of the bank, as far as the likelihood itself agrees. Evidence of the
+family is the mean over its bank: half of the prior is on smooth functions, half is shared by the usual forms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from torsight.core.law import Kernel, Law, LawForm
+from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.likelihood import Likelihood
+from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
+from torsight.discovery.inference.solver import TRUSTED, Slopes, Space
+from torsight.discovery.interface import Problem
+
+Array = NDArray[np.float64]
+
+SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+"""Sizes that are tried, in scales of the law: three decades in steps of a half."""
+_STEP: Final = 0.1
+"""Difference step of a law's value, in its scale."""
+ITERATIONS: Final = 14
+"""Steps of a measurement; most end after five."""
+_HALVINGS: Final = 5
+_LITTLE: Final = 1e-6
+"""Information about a free value, in one over its scale squared."""
+_SETTLED: Final = 0.3
+"""Gain in log units below which a step no longer matters."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A law as a record shows it.
+
+    Attributes
+    ----------
+    law : Law
+        What was measured.
+    form : LawForm
+        Its most probable kernel and size.
+    kernel : str
+        The kernel's name.
+    values : mapping of str to float
+        The model's parameters, and the form's.
+    prediction : (n,) float64
+        Of the model at these values.
+    derivative : (n, m) float64
+        Derivatives of the prediction by the values, in their order.
+    log_evidence : float
+        Of the family, comparable among fits of one record under one likelihood.
+    size : float
+        Size of the form, in the law's scale.
+    bank : float
+        By how much the family's evidence differs from that of its most probable form alone.
+    """
+
+    law: Law
+    form: LawForm
+    kernel: str
+    values: Mapping[str, float]
+    prediction: Array
+    derivative: Array
+    log_evidence: float
+    size: float
+    bank: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Member:
+    """One kernel of one size, with the prior's logarithm."""
+
+    kernel: Kernel
+    size: float
+    form: LawForm
+    log_prior: float
+
+
+def members(law: Law) -> list[_Member]:
+    """Return the bank: half of the prior on smooth kernels, half on usual forms, shared by their sizes."""
+    smooth = sum(kernel.smooth for kernel in law.kernels)
+    usual = len(law.kernels) - smooth
+    half = 0.5 if smooth and usual else 1.0
+
+    def log_prior(kernel: Kernel) -> float:
+        return float(np.log(half / ((smooth if kernel.smooth else usual) * len(SIZES))))
+
+    return [
+        _Member(kernel, size, law.form(kernel, size * law.scale), log_prior(kernel))
+        for kernel in law.kernels
+        for size in SIZES
+    ]
+
+
+def measure_law(
+    problem: Problem,
+    law: Law,
+    start: Mapping[str, float],
+    *,
+    effects: EffectSet = (),
+    likelihood: Likelihood,
+    iterations: int = ITERATIONS,
+    known: Mapping[str, Array] | None = None,
+) -> Measured:
+    """Measure a law beside the base model and a set of effects.
+
+    Parameters
+    ----------
+    problem : Problem
+        Record and model.
+    law : Law
+        Of ``problem.laws``.
+    start : mapping of str to float
+        Values of the model's parameters, and of those of the effects, from which to begin.
+    effects : tuple of str
+        Effects (and laws that are known already) that are part of the model.
+    likelihood : Likelihood
+        Of the record.
+    iterations : int
+        Steps at most.
+    known : mapping of str to (n,) float64, optional
+        Derivatives at the start by some of the values, where a fit without the law has them.
+    """
+    return _Measurement(problem, law, effects, likelihood).run(start, iterations, known or {})
+
+
+class _Measurement:
+    def __init__(self, problem: Problem, law: Law, effects: EffectSet, likelihood: Likelihood) -> None:
+        self._law, self._likelihood = law, likelihood
+        free = law.free()
+        self._problem = problem.with_laws((*problem.forms, free))
+        known = {candidate.id: candidate for candidate in problem.candidates}
+        own = [p for name in effects for p in known[name].parameters]
+        scales = {name: scale for effect in effects for name, scale in known[effect].scales.items()}
+        self._parameters = (*problem.parameters, *own)
+        self._names = [p.name for p in self._parameters]
+        self._base = len(problem.parameters)
+        space = space_of(self._parameters, scales=scales)
+        k = len(law.nodes)
+        self._space = Space(
+            lower=np.concatenate([space.lower, np.full(k, -np.inf)]),
+            upper=np.concatenate([space.upper, np.full(k, np.inf)]),
+            scale=np.concatenate([space.scale, np.full(k, _STEP / 0.02 * law.scale)]),
+            prior_mean=np.concatenate([space.prior_mean, np.zeros(k)]),
+            prior_sigma=np.concatenate([space.prior_sigma, np.full(k, np.inf)]),
+        )
+        self._model = AtPoint(self._problem, (*self._names, *free.names), (*effects, law.id))
+        self._members = members(law)
+        self._observed = np.where(likelihood.count > 0.0, problem.observed, 0.0)
+
+    def _residual(self, at_u: Array) -> Array:
+        return np.where(self._likelihood.count > 0.0, self._observed - at_u, 0.0)
+
+    def _prior(self, u: Array, precision: Array) -> float:
+        """Return the priors' logarithm at a point: the parameters', and the law's under one member."""
+        m = len(self._names)
+        f = u[m:]
+        return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
+
+    def run(self, start: Mapping[str, float], iterations: int, known: Mapping[str, Array]) -> Measured:
+        """Step from a start until nothing is gained."""
+        m, k = len(self._names), len(self._law.nodes)
+        u = np.zeros(m + k)
+        u[:m] = [start[name] for name in self._names]
+        slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
+        for _ in range(iterations):
+            picture = self._picture(slopes)
+            form = picture.best.form
+            precision = _precision(form.basis)
+            now = self._value(slopes.at_x, _projected(slopes.x, m, form), precision)
+            target = self._space.clip(picture.mean)
+            promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
+            found = self._towards(slopes.x, target, now, precision) if promised > _SETTLED else None
+            if found is None:
+                if promised > _SETTLED and slopes.refresh():
+                    continue
+                break
+            gained, u, at_u = found
+            slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
+        return self._measured(slopes)
+
+    def _guess(self, known: Mapping[str, Array]) -> Array | None:
+        """Return the derivatives that are known as columns, NaN for the others; None where none is."""
+        if not known:
+            return None
+        missing = np.full(len(self._observed), np.nan)
+        columns = [known.get(name, missing) for name in self._names]
+        return np.column_stack([*columns, *(missing for _ in self._law.nodes)])
+
+    def _value(self, at_u: Array, u: Array, precision: Array) -> float:
+        """Return the posterior density's logarithm at a point under one member."""
+        return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
+
+    def _towards(self, u: Array, target: Array, now: float, precision: Array) -> tuple[float, Array, Array] | None:
+        step = 1.0
+        for _ in range(_HALVINGS):
+            trial = u + step * (target - u)
+            at_trial = self._model(trial)
+            there = self._value(at_trial, trial, precision)
+            if there > now:
+                return there - now, trial, at_trial
+            step *= 0.4
+        return None
+
+    def _picture(self, slopes: Slopes, at_u: Array | None = None, u: Array | None = None) -> _Picture:
+        """Return the linear model at the slopes' point, or at one so near that its derivatives are the same."""
+        u = slopes.x if u is None else u
+        residual = self._residual(slopes.at_x if at_u is None else at_u)
+        weight = self._likelihood.weight(residual)
+        names = len(self._names)
+        information = prior_information(self._space, u, self._base)[:names]
+        return _Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
+                           bank=self._members)  # fmt: skip
+
+    def _measured(self, slopes: Slopes) -> Measured:
+        m = len(self._names)
+        u = _projected(slopes.x, m, self._picture(slopes).best.form)
+        at_u = self._model(u)
+        picture = self._picture(slopes, at_u, u)
+        best = picture.best
+        z = np.linalg.lstsq(best.form.basis, u[m:])[0]
+        values = dict(zip(self._names, u[:m].tolist(), strict=True))
+        values |= dict(zip(best.form.names, z.tolist(), strict=True))
+        derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ best.form.basis])
+        # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
+        here = self._value(at_u, u, _precision(best.form.basis)) + picture.occam[picture.place]
+        bank = best.log_prior + float(logsumexp(picture.evidence) - picture.evidence[picture.place])
+        return Measured(self._law, best.form, best.kernel.name, values, at_u, derivative, here + bank, best.size, bank)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Picture:
+    """The linear model at a point: its posterior under every member of the bank."""
+
+    bank: list[_Member]
+    evidence: Array
+    place: int
+    mean: Array
+    occam: Array
+
+    @property
+    def best(self) -> _Member:
+        return self.bank[self.place]
+
+    @classmethod
+    def of(
+        cls,
+        derivative: Array,
+        residual: Array,
+        weight: Array,
+        *,
+        u: Array,
+        space: Space,
+        information: Array,
+        bank: list[_Member],
+    ) -> _Picture:
+        """Work out evidence and posterior mean of every member."""
+        names = len(information)
+        weighted = derivative * weight[:, None]
+        normal = derivative.T @ weighted
+        # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
+        origin = u.copy()
+        held = np.isfinite(space.prior_sigma)
+        origin[held] = u[held] - space.prior_mean[held]
+        origin[:names][~held[:names]] = 0.0
+        there = residual + derivative @ origin
+        side = derivative.T @ (weight * there)
+        square = float(weight @ there**2)
+        evidence, occam = np.empty(len(bank)), np.empty(len(bank))
+        means = []
+        for i, member in enumerate(bank):
+            basis = member.form.basis
+            r = basis.shape[1]
+            matrix = np.empty((names + r, names + r))
+            matrix[:names, :names] = normal[:names, :names] + np.diag(information)
+            matrix[:names, names:] = normal[:names, names:] @ basis
+            matrix[names:, :names] = matrix[:names, names:].T
+            matrix[names:, names:] = basis.T @ normal[names:, names:] @ basis + np.eye(r)
+            own = np.concatenate([side[:names], basis.T @ side[names:]])
+            root = np.linalg.cholesky(matrix)
+            half = np.linalg.solve(root, own)
+            mean = np.linalg.solve(root.T, half)
+            occam[i] = -float(np.sum(np.log(np.diag(root))))
+            evidence[i] = member.log_prior - 0.5 * (square - float(half @ half)) + occam[i]
+            means.append((mean, basis))
+        place = int(np.argmax(evidence))
+        mean, basis = means[place]
+        x = u[:names] + mean[:names] - origin[:names]
+        return cls(bank, evidence, place, np.concatenate([x, basis @ mean[names:]]), occam)
+
+
+def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
+    """Return the Laplace evidence of a fitted set of effects, comparable with a law's.
+
+    An effect's parameter that has no prior of its own is known up to its order of magnitude: a Cauchy distribution
+    about the null with the parameter's usual size as its width.
+    """
+    space, x = fitter.space(fit.effects), fit.solution.x
+    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
+    base = len(fitter.problem.parameters)
+    information = prior_information(space, x, base)
+    matrix = derivative.T @ (derivative * weight[:, None]) + np.diag(information)
+    total = likelihood.log(residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
+    total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
+    for i in range(base, len(x)):
+        parameter, scale = fit.parameters[i], float(space.scale[i])
+        if parameter.sigma is not None:
+            total -= float(np.log(parameter.sigma))
+        else:
+            off = (x[i] - (parameter.null if parameter.null is not None else parameter.value)) / scale
+            total += 0.5 * float(np.log(2.0 / np.pi)) - float(np.log(scale * (1.0 + off**2)))
+    return total
+
+
+def prior_information(space: Space, x: Array, base: int) -> Array:
+    """Return one over the variances (m,) of the priors at a point.
+
+    A base value without a prior is free; an effect's is known to its order of magnitude (:func:`log_evidence`).
+    Of the first ``base`` values any may simply be wrong (:mod:`torsight.discovery.inference.priors`).
+    """
+    weak = np.where(np.arange(len(x)) < base, _LITTLE, 1.0)
+    information = np.where(np.isfinite(space.prior_sigma), space.prior_information, weak / space.scale**2)
+    information[:base] *= outlier_precision(space.prior_residual(x)[:base])
+    return information
+
+
+def _precision(basis: Array) -> Array:
+    """Return the inverse (k, k) of a basis's covariance, on its span."""
+    inverse = np.linalg.pinv(basis)
+    return np.asarray(inverse.T @ inverse)
+
+
+def _projected(u: Array, names: int, form: LawForm) -> Array:
+    """Return a point whose law is the nearest that a form can make."""
+    out = u.copy()
+    out[names:] = form.basis @ np.linalg.lstsq(form.basis, u[names:])[0]
+    return out

@@ -1,0 +1,56 @@
+"""What it costs to leave a value that was measured beforehand.
+
+A characterised value may be off by its standard deviation, and now and then it is simply wrong: a digit mistyped, a
+test that went astray. Its prior is therefore a narrow normal distribution with a little of a wide one mixed in,
+
+.. math:: p(z) ∝ (1 − ε) e^{−z²/2} + (ε/s) e^{−z²/(2 s²)}
+
+z distance from the mean in standard deviations. Near the mean the cost is z²; far out it levels off at what one wrong
+value is worth. So no effect is named to excuse a single wrong value, but one that takes several values at once back to
+where they were measured has all that to its credit. Source: contaminated normal distribution, Tukey (1960), in
+Contributions to Probability and Statistics.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.discovery.inference.fitting import Fit, space_of
+from torsight.discovery.inference.solver import Array
+from torsight.discovery.interface import Problem
+
+_WRONG_SHARE: Final = 0.02
+_WRONG_SIGMAS: Final = 10.0
+
+
+def outlier_cost(sigmas: Array) -> Array:
+    """Return minus twice the logarithm of the density at a distance, relative to that at the mean."""
+    square = np.asarray(sigmas, np.float64) ** 2
+    narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
+    wide = np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
+    at_mean = np.logaddexp(np.log1p(-_WRONG_SHARE), np.log(_WRONG_SHARE / _WRONG_SIGMAS))
+    return np.asarray(2.0 * (at_mean - np.logaddexp(narrow, wide)))
+
+
+def outlier_precision(sigmas: Array) -> Array:
+    """Return the precision of the normal distribution that stands for the mixture at a distance, mean kept.
+
+    Half the slope of :func:`outlier_cost` over the distance, as iteratively reweighted least squares takes it.
+    """
+    square = np.asarray(sigmas, np.float64) ** 2
+    narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
+    wide = np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
+    share = np.exp(wide - np.logaddexp(narrow, wide))
+    return np.asarray((1.0 - share) + share / _WRONG_SIGMAS**2)
+
+
+def prior_cost(problem: Problem, fit: Fit) -> float:
+    """Return the cost of a fit's distance from all priors; only base values can be simply wrong."""
+    return prior_cost_of(space_of(fit.parameters).prior_residual(fit.solution.x), len(problem.parameters))
+
+
+def prior_cost_of(sigmas: Array, base: int) -> float:
+    """Return the cost of distances in standard deviations, of which the first ``base`` are base values."""
+    return float(np.sum(outlier_cost(sigmas[:base])) + np.sum(sigmas[base:] ** 2))

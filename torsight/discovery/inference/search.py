@@ -1,0 +1,294 @@
+"""Which sets of effects and laws explain a record: every one alone, then what else the best of them need.
+
+Every effect is fitted and every law measured together with the base model, and each of the best is tried again from
+where the others have led the base values: an optimum that was not found is no evidence. The best few sets are extended
+by every other effect and law as long as more than noise is left. All are compared by their evidence under one
+likelihood, whose floor and correlation come from the best of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from torsight.core.law import Law
+from torsight.core.progress import Progress
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, less
+from torsight.discovery.inference.likelihood import Likelihood
+from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
+from torsight.discovery.inference.noise import (
+    Stretches,
+    correlation_samples,
+    first_scales,
+    information,
+    reading_noise,
+    residual_scales,
+)
+from torsight.discovery.inference.priors import prior_cost
+from torsight.discovery.inference.solver import Array
+from torsight.discovery.interface import Problem
+from torsight.discovery.settings import Settings
+
+_SETTLED: Final = 0.3
+"""Gain in log units below which a further round of weights no longer matters."""
+_ROUNDS: Final = 6
+TIME: Final = "time_s"
+"""The driver that is a reference and no explanation."""
+_FIRST_CORRELATION: Final = 4.0
+"""Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
+leaves is correlated over a whole stroke and says nothing of the noise."""
+
+
+class Search:
+    """Fits what has to be compared; see :meth:`run`."""
+
+    def __init__(self, problem: Problem, *, settings: Settings, progress: Progress) -> None:
+        self._problem = problem
+        self._settings = settings
+        self._progress = progress
+        self._stretches = Stretches.of(problem)
+        self._explanations: dict[EffectSet, Explanation] = {}
+        self._likelihood = Likelihood.of(self._stretches, problem.sigma, 1.0, least=problem.resolution)
+
+    def run(self) -> Field:
+        """Return the base model and the sets that grew out of the best ones."""
+        first = self.plain()
+        self._keep([first])
+        for size in range(1, self._settings.most + 1):
+            parents = self._ranked(size - 1)[: self._settings.beam if size > 1 else 1]
+            parents = [parent for parent in parents if self._may_lead(parent)]
+            if not parents:
+                break
+            self._extend(parents, size)
+            self._look_again(size)
+            self._fit_parts(self._best())
+            # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
+            self._follow_best(longest=_FIRST_CORRELATION)
+            smaller = max(one.log_evidence for one in self._explanations.values() if len(one.members) < size)
+            if self._best().log_evidence < smaller + self.needed:
+                break
+        self._follow_best(longest=np.inf)
+        return Field(self._likelihood, self._stretches, self._explanations, first)
+
+    @property
+    def needed(self) -> float:
+        """Gain in log units that pays for one more member of a set."""
+        return self._settings.price(self.choices)
+
+    @property
+    def choices(self) -> int:
+        """How many effects and laws there are to choose from."""
+        return len(self._problem.candidates) + len(self._problem.laws)
+
+    def _may_lead(self, parent: Explanation) -> bool:
+        """Return whether one more member could make a set that is told beside the best one, or instead of it."""
+        best = self._best()
+        most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
+        return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
+
+    def promise(self, explanation: Explanation) -> float:
+        """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
+        return self._likelihood.promise(explanation.residual) + self._pulled(explanation)
+
+    @staticmethod
+    def _pulled(explanation: Explanation) -> float:
+        """Return by how much the priors could be more content, in log units, than they are with a set's values."""
+        held = sum(parameter.sigma is not None for parameter in explanation.fit.parameters)
+        return 0.5 * max(0.0, explanation.prior - held)
+
+    @property
+    def likelihood(self) -> Likelihood:
+        """The likelihood under which sets are compared now."""
+        return self._likelihood
+
+    def plain(self) -> Explanation:
+        """Fit the base model from the priors' means and from elsewhere."""
+        problem, stretches = self._problem, self._stretches
+        scales, floor = first_scales(problem, stretches), problem.sigma.copy()
+        fitter = Fitter(problem, information(stretches, scales, floor))
+        fit = fitter.base()
+        for _ in range(2):
+            floor = self._floor(fit)
+            residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+            scales = residual_scales(residual, stretches, floor)
+            fitter = Fitter(problem, information(stretches, scales, floor))
+            fit = fitter.from_elsewhere(fitter.refit(fit))
+        tau = min(scales.correlation_samples, _FIRST_CORRELATION)
+        self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution)
+        return self._settled(problem, fit, ())
+
+    def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
+        """Return what the inputs account for at a fit (n,)."""
+        at = problem or self._problem
+        residual = np.where(at.valid, at.observed - fit.solution.prediction, 0.0)
+        reading = at.sigma
+        if not reading[at.valid].any():
+            reading = np.full(len(residual), reading_noise(at, self._stretches, residual))
+        return np.hypot(reading, at.input_noise(fit.values, fit.effects))
+
+    def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
+        """Return a fit at the weights that its own residual gives, with its evidence."""
+        best, best_value = fit, self._value(problem, fit)
+        for _ in range(_ROUNDS):
+            found = self._fitter(problem, best).refit(best, max_iterations=8)
+            gained = self._value(problem, found) - best_value
+            if gained >= 0.0:
+                best, best_value = found, best_value + gained
+            if gained <= _SETTLED:
+                break
+        fitter = self._fitter(problem, best)
+        return Explanation(fitter, best, laws, log_evidence(fitter, best, self._likelihood), self._progress)
+
+    def _fitter(self, problem: Problem, fit: Fit) -> Fitter:
+        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+        return Fitter(problem, self._likelihood.weight(residual))
+
+    def _value(self, problem: Problem, fit: Fit) -> float:
+        """Return the posterior density's logarithm at a fit."""
+        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+        return self._likelihood.log(residual) - 0.5 * prior_cost(problem, fit)
+
+    def _extend(self, parents: list[Explanation], size: int) -> None:
+        """Fit every effect and measure every law beside each of the parents, and keep them."""
+        work: list[tuple[Explanation, str | Law]] = []
+        planned: set[EffectSet] = set()
+        for parent in parents:
+            more: list[str | Law] = [candidate.id for candidate in self._problem.candidates]
+            # A law of time says when something differs and not why: beside an explanation it would take up its error.
+            more += [law for law in self._problem.laws if size == 1 or law.driver != TIME]
+            for item in more:
+                name = item.id if isinstance(item, Law) else item
+                members = tuple(sorted((*parent.members, name)))
+                if name not in parent.members and members not in planned:
+                    planned.add(members)
+                    work.append((parent, item))
+        step = "effects and laws" if size == 1 else f"sets of {size}"
+        found: list[Explanation] = in_parallel(work, self._extended, step=step, progress=self._progress)
+        self._keep(found)
+
+    def _extended(self, item: tuple[Explanation, str | Law]) -> Explanation:
+        parent, more = item
+        return self._with_law(parent, more) if isinstance(more, Law) else self._with_effect(parent, more)
+
+    def _with_effect(self, parent: Explanation, name: str) -> Explanation:
+        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > 0.0)
+        return self._settled(parent.fitter.problem, fit, parent.laws)
+
+    def _with_law(self, parent: Explanation, law: Law) -> Explanation:
+        """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
+
+        Where what is missing has pulled the base values off, the second start comes down into the valley where the
+        priors are content.
+        """
+        problem, fit = parent.fitter.problem, parent.fit
+        known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
+        found = [
+            measure_law(problem, law, fit.values, effects=parent.members, likelihood=self._likelihood, known=known)
+        ]
+        if self._pulled(parent) > 0.0:
+            nominal = parent.fitter.nominal
+            known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
+            means = {**fit.values, **nominal.values}
+            found.append(
+                measure_law(problem, law, means, effects=parent.members, likelihood=self._likelihood, known=known)
+            )
+        best = max(found, key=lambda measured: measured.log_evidence)
+        return self._explained(problem, parent.laws, best, parent.members)
+
+    def _explained(
+        self, problem: Problem, laws: tuple[Measured, ...], measured: Measured, members: EffectSet
+    ) -> Explanation:
+        """Return a measured law as an explanation: its form is one more candidate."""
+        extended = problem.with_laws((*problem.forms, measured.form))
+        residual = np.where(extended.valid, extended.observed - measured.prediction, 0.0)
+        fitter = Fitter(extended, self._likelihood.weight(residual))
+        effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
+        place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
+        x = np.array(list(measured.values.values()))[place]
+        fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
+        return Explanation(fitter, fit, (*laws, measured), measured.log_evidence, self._progress)
+
+    def _look_again(self, size: int) -> None:
+        """Fit the best sets once more from where the others have led the base values, and the smaller ones, too."""
+        best = self._ranked(size)[: 2 * self._settings.beam]
+        if not best:
+            return
+        names = [p.name for p in self._problem.parameters]
+        led = [{name: one.fit.values[name] for name in names} for one in best[: self._settings.beam]]
+        work = [(one, base) for one in (*best, *self._ranked(size - 1)[:1]) for base in led]
+        found: list[Explanation] = in_parallel(work, self._from_elsewhere, step="other starts", progress=self._progress)
+        self._keep(found)
+
+    def _fit_parts(self, best: Explanation) -> None:
+        """Fit the parts of a set that were passed over: alone, one of two may explain less than what is like both."""
+        parts = [less(best.members, name) for name in best.members]
+        missing = [part for part in parts if part not in self._explanations]
+        found: list[Explanation] = in_parallel([(best, part) for part in missing], self._part)
+        self._keep(found)
+
+    def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
+        """Return a part of a set, fitted from where the set is; its laws keep their forms."""
+        best, members = item
+        laws = tuple(one for one in best.laws if one.law.id in members)
+        problem = best.fitter.problem.with_laws([one.form for one in laws])
+        fitter = Fitter(problem, best.fitter.weight)
+        effects = fitter.ordered(members)
+        start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
+        one = self._settled(problem, fitter.fit(effects, [start], keep=1), laws)
+        return replace(one, log_evidence=one.log_evidence + (laws[-1].bank if laws else 0.0))
+
+    def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
+        one, base = item
+        values = {**one.fit.values, **base}
+        if values == one.fit.values:
+            return one
+        if one.laws and one.laws[-1].law.id in one.members:
+            last = one.laws[-1]
+            without = one.fitter.problem.with_laws(
+                [form for form in one.fitter.problem.forms if form.id != last.law.id]
+            )
+            members = tuple(name for name in one.members if name != last.law.id)
+            start = {name: value for name, value in values.items() if name not in last.form.names}
+            again = measure_law(without, last.law, start, effects=members, likelihood=self._likelihood)
+            return self._explained(without, one.laws[:-1], again, members)
+        fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1)
+        return self._settled(one.fitter.problem, fit, one.laws)
+
+    def _follow_best(self, *, longest: float) -> None:
+        """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood.
+
+        ``longest`` is the correlation time, in samples, that is assumed at most.
+        """
+        best = self._best()
+        residual = best.residual
+        tau = min(correlation_samples(residual, self._stretches), longest)
+        floor = self._floor(best.fit, best.fitter.problem)
+        self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
+        for members, one in list(self._explanations.items()):
+            # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
+            fitter = self._fitter(one.fitter.problem, one.fit) if members else one.fitter
+            bank = one.laws[-1].bank if one.laws else 0.0
+            evidence = log_evidence(fitter, one.fit, self._likelihood) + bank
+            self._explanations[members] = replace(one, fitter=fitter, log_evidence=evidence)
+
+    def _keep(self, found: list[Explanation]) -> None:
+        """Keep sets that are new, or better than the set's own."""
+        for one in found:
+            key = tuple(sorted(one.members))
+            if key not in self._explanations or self._explanations[key].log_evidence < one.log_evidence:
+                self._explanations[key] = one
+
+    def _ranked(self, size: int) -> list[Explanation]:
+        found = [one for one in self._explanations.values() if len(one.members) == size]
+        return sorted(found, key=lambda one: (-one.log_evidence, one.members))
+
+    def _best(self) -> Explanation:
+        """Return the most probable set."""
+        return max(
+            self._explanations.values(),
+            key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
+        )

@@ -1,0 +1,103 @@
+"""Prediction of blocks that a fit has not seen.
+
+A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
+history of what follows, but its samples do not count in the fit, and only they count in the score.
+
+What happens once in a record (a bump, or what came before it) cannot be foretold from blocks that do not show it: there
+its values stay as the whole record gave them, and what is asked is whether all else, fitted without the block, agrees
+with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.progress import Progress, silent
+from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel
+from torsight.discovery.inference.priors import prior_cost
+from torsight.discovery.inference.solver import Array
+from torsight.discovery.interface import Problem
+
+_NOTHING: Final = 0.01
+"""Share of a record's information about a value below which the other blocks say nothing about it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """Residuals of blocks that were each predicted from the others.
+
+    Attributes
+    ----------
+    residual : (n,) float64
+        Measured less predicted; NaN where a sample does not count.
+    information : float
+        Sum of squares times weights.
+    prior : float
+        What the distance of the values fitted without a block costs, mean over the blocks.
+    rms : float
+        Root mean square over the samples that count.
+    folds : tuple of (int, mapping)
+        For each block its label and the parameters fitted without it; empty where no refit was made.
+    """
+
+    residual: Array
+    information: float
+    rms: float
+    prior: float = 0.0
+    folds: tuple[tuple[int, dict[str, float]], ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Information left on unseen blocks and what the values cost."""
+        return self.information + self.prior
+
+
+def block_labels(problem: Problem) -> NDArray[np.int64]:
+    """Return the labels of the blocks that hold valid samples."""
+    return np.unique(problem.block[problem.valid])
+
+
+def held_out_by_refit(
+    fitter: Fitter, fit: Fit, *, block: NDArray[np.int64] | None = None, progress: Progress = silent
+) -> HeldOut:
+    """Predict every block from the others, with a full refit per block; ``progress`` is told after each.
+
+    ``block`` (n,) takes the place of the problem's own blocks, for larger ones such as whole records.
+    """
+    problem = fitter.problem
+    block = problem.block if block is None else block
+    labels = np.unique(block[problem.valid])
+
+    def without(label: int) -> Fit:
+        weight = np.where(block == label, 0.0, fitter.weight)
+        return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight), rough=True)
+
+    fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
+    left = np.zeros(len(problem.observed))
+    for label, fold in zip(labels, fits, strict=True):
+        rows = (block == label) & problem.valid
+        left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
+    folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
+    prior = float(np.mean([prior_cost(problem, fold) for fold in fits]))
+    return replace(_score(problem, fitter.weight, left), prior=prior, folds=folds)
+
+
+def _unforetold(fitter: Fitter, fit: Fit, weight: Array) -> list[str]:
+    """Return the values of what happens once about which the samples that are left say nothing."""
+    events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
+    once = {p.name for event in events for p in event.parameters} | set(getattr(fitter.problem, "once", ()))
+    squares = fit.solution.jacobian**2
+    nothing = weight @ squares <= _NOTHING * (fitter.weight @ squares)
+    return [p.name for p, untold in zip(fit.parameters, nothing, strict=True) if untold and p.name in once]
+
+
+def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:
+    return HeldOut(
+        residual=np.where(problem.valid, left, np.nan),
+        information=float(np.dot(weight, left * left)),
+        rms=float(np.sqrt(np.mean(left[problem.valid] ** 2))),
+    )

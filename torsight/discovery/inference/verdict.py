@@ -1,0 +1,215 @@
+"""From the evidence of all sets to an answer.
+
+Every set of effects and laws has a posterior probability: its evidence times the prior that so much is missing, shared
+by all effects and laws alike. Sets that name the same places of the model by different means (a usual form, or a free
+law where that form acts) are one answer. What is said follows from these probabilities: nothing, where it is not
+certain that something is missing; the answer that holds nearly all probability; or all answers that share it. The score
+on half-cycles that a fit has not seen is the check: what a member adds must predict them better, events and laws of
+time apart, which no other half-cycle can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import EffectSet, less
+from torsight.discovery.inference.solver import Array
+from torsight.discovery.settings import Settings
+
+Places = frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What is said and why.
+
+    Attributes
+    ----------
+    chosen : Explanation
+        The most probable set of the answer, or the base model.
+    named : mapping of str to (str, Explanation)
+        Law of the chosen set to the effect whose name it carries and the set in which that effect was fitted in its
+        place; effects of the chosen set to themselves.
+    rivals : tuple of Explanation
+        The best set of every other answer that shares the probability.
+    probability : dict
+        Of every set.
+    missing : float
+        Probability that anything is missing.
+    over_floor : float
+        What the chosen set leaves, in noise floors.
+    over_floor_before : float
+        The same of the base model.
+    """
+
+    chosen: Explanation
+    named: Mapping[str, tuple[str, Explanation]]
+    rivals: tuple[Explanation, ...]
+    probability: dict[EffectSet, float]
+    missing: float
+    over_floor: float
+    over_floor_before: float
+
+    @property
+    def unnamed(self) -> EffectSet:
+        """Laws of the chosen set that carry no name."""
+        return tuple(name for name in self.chosen.members if name not in self.named)
+
+
+def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool) -> Decision:
+    """Read the answer off the posterior.
+
+    Parameters
+    ----------
+    field : Field
+        All that was fitted.
+    settings : Settings
+        Probabilities.
+    choices : int
+        How many effects and laws the prior is shared by.
+    can_hold_out : bool
+        Whether the record has more than one block.
+    """
+    judge = _Judge(field, settings, choices)
+    probability = judge.probability
+    missing = 1.0 - probability[()]
+    chosen, rivals = field.base, []
+    if missing >= settings.certain:
+        answers = judge.answers()
+        chosen = answers[0]
+        if can_hold_out:
+            chosen = judge.checked(chosen)
+        if chosen.members:
+            rivals = [one for one in answers[1:] if judge.is_rival(one, chosen)]
+    chosen = chosen if chosen.members else field.plain
+    named = judge.names(chosen)
+    rivals += judge.other_forms(chosen, named)
+    return Decision(
+        chosen=chosen,
+        named=named,
+        rivals=tuple(rivals),
+        probability=probability,
+        missing=missing,
+        over_floor=judge.over_floor(chosen),
+        over_floor_before=judge.over_floor(field.base),
+    )
+
+
+class _Judge:
+    def __init__(self, field: Field, settings: Settings, choices: int) -> None:
+        self._field = field
+        self._settings = settings
+        sets = field.explanations
+        price = settings.price(choices)
+        log = np.array([one.log_evidence - price * len(members) for members, one in sets.items()])
+        weight = np.exp(log - log.max())
+        self.probability = dict(zip(sets, (weight / weight.sum()).tolist(), strict=True))
+
+    def places(self, members: Iterable[str]) -> Places:
+        """Return where a set acts: a law's port, driver and spring; for an effect those of the law it is a form of."""
+        return frozenset(self._place(name) for name in members)
+
+    def _place(self, name: str) -> str:
+        problem = self._field.base.fitter.problem
+        laws = {law.id: law for law in problem.laws}
+        own = {candidate.id: candidate.laws for candidate in problem.candidates}
+        law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
+        return name if law is None else f"{law.port} {law.driver} {law.spring}"
+
+    def answers(self) -> list[Explanation]:
+        """Return the best set of every answer of the smallest group that holds the credible share, best first.
+
+        Where all of them share members, and those alone were fitted, that is what is certain: the one answer.
+        """
+        groups: dict[Places, list[EffectSet]] = {}
+        for members in self._field.explanations:
+            groups.setdefault(self.places(members), []).append(members)
+        weight = {places: sum(self.probability[m] for m in sets) for places, sets in groups.items()}
+        told, sum_told = [], 0.0
+        for places in sorted(weight, key=lambda key: (-weight[key], sorted(key))):
+            told.append(places)
+            sum_told += weight[places]
+            if sum_told >= self._settings.credible:
+                break
+        shared = frozenset.intersection(*told)
+        if len(told) > 1 and shared in groups and shared:
+            told = [shared]
+        best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in told if places]
+        return [self._field.explanations[members] for members in best]
+
+    def is_rival(self, one: Explanation, chosen: Explanation) -> bool:
+        """Return whether an answer is another one than the chosen, no part of it and no extension."""
+        own, other = self.places(chosen.members), self.places(one.members)
+        return not (own <= other or other <= own)
+
+    def checked(self, chosen: Explanation) -> Explanation:
+        """Return the set, or the part of it that predicts unseen blocks better."""
+        while chosen.members:
+            parts = [less(chosen.members, name) for name in chosen.members if not self._once(chosen, name)]
+            fitted = [self._field.explanations[part] for part in parts if part in self._field.explanations]
+            if not fitted:
+                return chosen
+            best = max(fitted, key=self._score)
+            if self._score(best) <= self._score(chosen):
+                return chosen
+            chosen = best
+        return chosen
+
+    def _once(self, one: Explanation, name: str) -> bool:
+        """Return whether a member is of one time: an event, or a law of time or cycles."""
+        if any(item.law.id == name and item.law.time_like for item in one.laws):
+            return True
+        candidate = one.fitter.candidates[name]
+        return candidate.propose is not None
+
+    def _score(self, one: Explanation) -> float:
+        """Return the log score on blocks that were each predicted from the others."""
+        return self._field.likelihood.log(np.nan_to_num(one.held_out.residual))
+
+    def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
+        """Return the names of a set's members: effects their own, laws the name of a usual form that does as much."""
+        found = {name: (name, chosen) for name in chosen.effects}
+        before = self._square(self._field.base)
+        for item in chosen.laws:
+            others = less(chosen.members, item.law.id)
+            forms = []
+            for candidate in self._field.base.fitter.problem.candidates:
+                members = tuple(sorted((*others, candidate.id)))
+                if item.law.id in candidate.laws and members in self._field.explanations:
+                    forms.append((candidate.id, self._field.explanations[members]))
+            if not forms:
+                continue
+            name, best = max(forms, key=lambda form: form[1].log_evidence)
+            part = self._field.explanations.get(others)
+            without = before if part is None else self._square(part)
+            explained = without - self._square(best)
+            if explained >= self._settings.form_share * (without - self._square(chosen)):
+                found[item.law.id] = (name, best)
+        return found
+
+    def other_forms(self, chosen: Explanation, named: Mapping[str, tuple[str, Explanation]]) -> list[Explanation]:
+        """Return sets in which another form of the same law stands for a named member, and that are as credible."""
+        found, sets = [], self._field.explanations
+        forms = {one.id: set(one.laws) for one in self._field.base.fitter.problem.candidates}
+        for member, (name, where) in named.items():
+            others = less(chosen.members, member)
+            least = (1.0 / self._settings.credible - 1.0) * self.probability[where.members]
+            for other, laws in forms.items():
+                members = tuple(sorted((*others, other)))
+                shared = other not in (name, *others) and bool(laws & {*forms[name], member})
+                if shared and members in sets and self.probability[members] >= least:
+                    found.append(sets[members])
+        return found
+
+    def _square(self, one: Explanation) -> float:
+        return float(np.dot(self._field.likelihood.count, one.residual**2))
+
+    def over_floor(self, one: Explanation) -> float:
+        """Return the root mean square that a set leaves, in noise floors."""
+        likelihood = self._field.likelihood
+        floor: Array = likelihood.floor**2
+        return float(np.sqrt(self._square(one) / max(float(likelihood.count @ floor), 1e-30)))

@@ -1,0 +1,373 @@
+"""What was found on a model of one's own: a summary, intervals, predictions, pictures, a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.parameter import Estimate
+from torsight.core.words.shown import Shown
+from torsight.discovery.inference import engine
+from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.fitting import EffectSet, less
+from torsight.discovery.inference.intervals import covariance, joint_covariance
+from torsight.discovery.inference.validate import HeldOut
+from torsight.discovery.inference.verdict import Decision
+from torsight.discovery.interface import Problem
+from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
+from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.records import Table
+from torsight.discovery.report import estimates_of
+from torsight.discovery.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from torsight.discovery.own.answer.saved import SavedModel
+
+Array = NDArray[np.float64]
+
+_SHOWN: Final = 5
+"""Fits that are listed beside the answer."""
+_BETTER: Final = 0.95
+"""Share of the chosen set's error on unseen blocks below which a larger set predicts better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Root mean square errors of one output in its unit; NaN where nothing could be held out."""
+
+    rmse_train: float
+    rmse_held_out: float
+    r2_held_out: float
+
+    @property
+    def known(self) -> float:
+        """Error on unseen blocks, else on the ones that were fitted."""
+        return self.rmse_train if math.isnan(self.rmse_held_out) else self.rmse_held_out
+
+    def to_json(self) -> dict[str, float]:
+        """Return the numbers by name."""
+        return {
+            "rmse_train": self.rmse_train,
+            "rmse_held_out": self.rmse_held_out,
+            "r2_held_out": self.r2_held_out,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FittedSet:
+    """One of the sets compared: effects and laws, gain in log evidence, probability, errors in the engine's unit."""
+
+    effects: tuple[str, ...]
+    gain: float
+    probability: float
+    rmse_train: float
+    rmse_held_out: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings(Shown):
+    """What a model lacks.
+
+    ``print`` gives a summary, a notebook shows it; :meth:`predict`, :meth:`overview` and :meth:`to_json` go on from
+    there.
+
+    Attributes
+    ----------
+    problem : Problem
+        What was asked.
+    found : torsight.discovery.inference.engine.Findings
+        The engine's answer.
+    warnings : tuple of str
+        What a person should know.
+    failures : tuple of str
+        Calls in which the model raised or gave no numbers, the first of them with its traceback.
+    failed, calls : int
+        How many of the calls failed, and how many there were.
+    settings : Settings
+        How it was decided.
+    """
+
+    problem: Problem
+    found: engine.Findings
+    warnings: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+    failed: int = 0
+    calls: int = 0
+    settings: Settings = field(default_factory=Settings)
+
+    @property
+    def verdict(self) -> engine.Verdict:
+        """``none``, ``identified``, ``ambiguous`` or ``unknown``.
+
+        Where neither effects nor laws explain anything, and far more than the noise is left, that is ``unknown``, too.
+        """
+        least = getattr(self.problem, "over_floor", None)
+        if self.found.verdict == "none" and least is not None and self.decision.over_floor > least:
+            return "unknown"
+        return self.found.verdict
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects that are missing, strongest first; laws without a name are in :attr:`laws`."""
+        named = sorted(self.decision.named.items(), key=lambda item: -self.gain_of(item[0]))
+        return tuple(name for _, (name, _) in named)
+
+    @property
+    def alternatives(self) -> tuple[tuple[str, ...], ...]:
+        """Sets of ids, of effects and laws, that explain the record as well."""
+        return tuple(one.members for one in self.decision.rivals)
+
+    @property
+    def field(self) -> Field:
+        """Everything that was fitted."""
+        return self.found.field
+
+    @property
+    def decision(self) -> Decision:
+        """What is named and why."""
+        return self.found.decision
+
+    @property
+    def before(self) -> HeldOut | None:
+        """Prediction of unseen blocks by the plain model."""
+        return self.found.before
+
+    @property
+    def after(self) -> HeldOut | None:
+        """Prediction of unseen blocks by the extended model."""
+        return self.found.after
+
+    @property
+    def drivers(self) -> tuple[tuple[str, float], ...]:
+        """What the measured laws depend on: variable and share, strongest first."""
+        return self.found.drivers
+
+    @property
+    def _chosen(self) -> Explanation:
+        return self.found.decision.chosen
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted parameters of the extended model."""
+        return self._chosen.fit.values
+
+    @cached_property
+    def parameters(self) -> dict[str, Estimate]:
+        """Parameters of the extended model with standard deviation and 95 % interval; what a law is, is in its curve.
+
+        Those of an effect that gave a law its name are from the fit with the effect in the law's place.
+        """
+        found = self._estimates(self._chosen)
+        for name, where in self.decision.named.values():
+            if where is not self._chosen:
+                own = {p.name for p in where.fitter.candidates[name].parameters}
+                found |= {key: one for key, one in self._estimates(where).items() if key in own}
+        return found
+
+    @cached_property
+    def plain_parameters(self) -> dict[str, Estimate]:
+        """The same of the plain model."""
+        return self._estimates(self.field.base)
+
+    @cached_property
+    def laws(self) -> tuple[MeasuredCurve, ...]:
+        """Laws that were measured: those of the answer, then declared ones that were tried alone."""
+        ports = getattr(self.problem, "ports", ())
+        held = {item.law.id for item in self._chosen.laws}
+        alone = [self.field.explanations[(p.name,)] for p in ports if (p.name,) in self.field.explanations]
+        alone = [one for one in alone if one.members[0] not in held]
+        gains = {name: self.gain_of(name) for name in held}
+        gains |= {one.members[0]: one.log_evidence - self.field.base.log_evidence for one in alone}
+        names = {member: name for member, (name, _) in self.decision.named.items() if member in held}
+        return measured_curves(self._chosen, alone, gains, names, ports)
+
+    def _estimates(self, one: Explanation) -> dict[str, Estimate]:
+        spread = np.sqrt(np.maximum(np.diag(covariance(one)), 0.0))
+        coefficients = {name for item in one.laws for name in item.form.names}
+        found = estimates_of(one.fit.parameters, one.fit.solution.x, spread)
+        return {name: value for name, value in found.items() if name not in coefficients}
+
+    def gain_of(self, name: str) -> float:
+        """Return the log evidence that is lost without one of the answer's effects or laws."""
+        without = self.field.explanations.get(less(self._chosen.members, name))
+        return math.nan if without is None else self._chosen.log_evidence - without.log_evidence
+
+    def ranked(self, size: int) -> list[Explanation]:
+        """Return the fitted sets of so many effects and laws, the one with the greatest evidence first."""
+        found = [one for one in self.field.explanations.values() if len(one.members) == size]
+        return sorted(found, key=lambda one: (-one.log_evidence, one.members))
+
+    @property
+    def price(self) -> float:
+        """Gain in log evidence that one more effect or law costs."""
+        problem = self.field.base.fitter.problem
+        return self.settings.price(len(problem.candidates) + len(problem.laws))
+
+    @cached_property
+    def errors(self) -> dict[str, tuple[Errors, Errors]]:
+        """Errors of the plain and the extended model for every output, in its unit."""
+        if not isinstance(self.problem, ModelProblem):
+            return {"observed": (self._errors_of(0, self.before, None), self._errors_of(1, self.after, None))}
+        names = self.problem.model.outputs
+        return {
+            name: (self._errors_of(0, self.before, k), self._errors_of(1, self.after, k))
+            for k, name in enumerate(names)
+        }
+
+    def _errors_of(self, which: int, held_out: HeldOut | None, output: int | None) -> Errors:
+        one = self._chosen if which else self.field.base
+        observed = self._native(self.problem.observed, output)
+        left = self._native(self.problem.observed - one.fit.solution.prediction, output, difference=True)
+        known = np.isfinite(observed)
+        train = float(np.sqrt(np.mean(left[known] ** 2)))
+        if held_out is None:
+            return Errors(train, math.nan, math.nan)
+        missed = self._native(held_out.residual, output, difference=True)[known]
+        total = observed[known] - observed[known].mean()
+        square = float(np.mean(missed**2))
+        return Errors(train, math.sqrt(square), 1.0 - square / max(float(np.mean(total**2)), 1e-300))
+
+    def _native(self, values: Array, output: int | None, *, difference: bool = False) -> Array:
+        """Return rows of one output in its unit; NaN where nothing was measured."""
+        values = np.where(self.problem.valid, values, np.nan)
+        if output is None or not isinstance(self.problem, ModelProblem):
+            return values
+        native = self.problem.layout.native(values, difference=difference)
+        return np.concatenate([own[:, output] for own in native])
+
+    @cached_property
+    def best_fits(self) -> tuple[FittedSet, ...]:
+        """The plain model, what was chosen and the best sets of each size, by their size and their evidence."""
+        listed = [one for size in self._sizes for one in self.ranked(size)[: _SHOWN if size == 1 else 2]]
+        if all(one is not self._chosen for one in listed):
+            listed.append(self._chosen)
+        return tuple(self._fitted(one) for one in listed)
+
+    @property
+    def _sizes(self) -> list[int]:
+        return sorted({len(members) for members in self.field.explanations})
+
+    def _fitted(self, one: Explanation) -> FittedSet:
+        left = one.residual[self.problem.valid]
+        # Unseen blocks cost a fit each: those of what bears on the answer are predicted, of the others what is known.
+        known = "held_out" in one.__dict__ or one.members in self._bearing
+        unseen = one.held_out.rms if self.before is not None and known else math.nan
+        gain = one.log_evidence - self.field.base.log_evidence
+        weight = self.decision.probability[tuple(sorted(one.members))]
+        return FittedSet(one.members, gain, weight, float(np.sqrt(np.mean(left**2))), unseen)
+
+    @cached_property
+    def _bearing(self) -> tuple[EffectSet, ...]:
+        """The answer, the best set that is larger by one, and for ``unknown`` the best of every size."""
+        sizes = [len(self._chosen.members) + 1] if self.verdict != "unknown" else self._sizes
+        return (self._chosen.members, *(one.members for k in sizes for one in self.ranked(k)[:1]))
+
+    @cached_property
+    def predicts_better(self) -> tuple[FittedSet, ...]:
+        """Sets with more effects than the answer that predict unseen blocks clearly better, the best first."""
+        own = self._fitted(self._chosen)
+        larger = [one for one in self.best_fits if len(one.effects) > len(own.effects)]
+        found = [one for one in larger if one.rmse_held_out < _BETTER * own.rmse_held_out]
+        return tuple(sorted(found, key=lambda one: one.rmse_held_out))
+
+    def facts(self) -> dict[str, str]:
+        """Return what is missing, the errors, and what was found of each effect and law."""
+        from torsight.discovery.own.answer.words import facts
+
+        return facts(self)
+
+    def summary(self) -> str:
+        """Return the answer in some lines."""
+        from torsight.discovery.own.answer.words import summary
+
+        return summary(self)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        effects = ", ".join(self.effects)
+        return f"Findings({self.verdict}{': ' if effects else ''}{effects})"
+
+    def _repr_html_(self) -> str:
+        from torsight.discovery.own.answer.words import html
+
+        return html(self)
+
+    def _columns(self) -> dict[str, Any]:
+        return dict(self.curves())
+
+    def _draw(self, axes: Any) -> None:
+        from torsight.discovery.own.answer.pictures import draw_motion, series_of
+
+        draw_motion(axes, series_of(self)[0])
+        axes.legend(loc="best", fontsize="small", frameon=False)
+
+    def overview(self) -> Figure:
+        """Return a figure (matplotlib): measured and both models, residuals, and what each candidate explains.
+
+        :meth:`plot` draws the first of its panels, measured and both models of the first output, into axes.
+        """
+        from torsight.discovery.own.answer.pictures import overview
+
+        return overview(self)
+
+    def model(self) -> SavedModel:
+        """Return the extended model, ready to predict other records and to be saved.
+
+        Raises
+        ------
+        InputError
+            When the problem was not made by ``model_problem``.
+        """
+        from torsight.discovery.own.answer.saved import SavedModel
+
+        problem = self.problem
+        if not isinstance(problem, ModelProblem):
+            raise InputError(
+                "cannot predict another record",
+                where=type(problem).__name__,
+                do="make the problem with model_problem(…), whose predict takes any record",
+            )
+        chosen = self._chosen
+        noise = tuple(after.known for _, after in self.errors.values())
+        return SavedModel.of(problem, chosen, covariance=joint_covariance(chosen), noise=noise)
+
+    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> dict[str, Array]:
+        """Return the extended model's outputs for another record, with their standard deviations.
+
+        Parameters
+        ----------
+        record : table
+            Inputs of the other record: a DataFrame, a mapping of arrays, or a path.
+        initial : mapping, optional
+            How it begins: values of the parameters that every record has for itself. Without it they are fitted to
+            the record's own outputs where it has those, else taken from the first record.
+
+        Returns
+        -------
+        dict
+            Time, then ``<output>`` and ``<output>_sigma`` for each output, (rows,) each.
+        """
+        return self.model().predict(record, initial=initial)
+
+    def curves(self) -> dict[str, NDArray[Any]]:
+        """Return a table: per record and row time, and measured, plain and extended for each output."""
+        from torsight.discovery.own.answer.pictures import table_of
+
+        return table_of(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of ``discovery.json``."""
+        from torsight.discovery.own.answer.words import to_json
+
+        return to_json(self)

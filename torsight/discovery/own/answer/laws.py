@@ -1,0 +1,275 @@
+"""Laws of one's own models: functions of one variable that the engine measures through the model.
+
+A declared law enters where ``predict`` calls it; its range is the one in which the plain model asks for it. Beside the
+declared ones each output may lack a law over each driver: so something without a name shows on what it depends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.words.wording import number
+from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.fitting import AtPoint, Fit
+from torsight.discovery.inference.intervals import covariance
+from torsight.discovery.inference.measure import Measured
+from torsight.discovery.interface import Candidate
+from torsight.discovery.linear_problem import law_over
+from torsight.discovery.own.model.declare import LawPort
+from torsight.discovery.own.model.evaluate import Evaluator
+from torsight.discovery.own.model.layout import Layout
+from torsight.discovery.settings import Settings
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.model.problem import ModelProblem
+
+Array = NDArray[np.float64]
+
+_SCALE: Final = 0.03
+"""Size of a law that matters: what changes the outputs by so much of their spread (as for laws that are added to an
+output, :mod:`torsight.discovery.linear_problem`)."""
+_STEP: Final = 1e-3
+"""Share of the measured spread by which a law moves the prediction while its effect on it is worked out."""
+_FORM_SHARE: Final = Settings().form_share
+"""Share of a candidate's squares that a law must do, for the candidate to be a form of it."""
+_NOTHING: Final = 1e-6
+"""Share of a candidate's squares that the base model may leave of one that it can do itself."""
+_COVERED: Final = 0.02
+"""Share of the median information about a node below which the record did not reach it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredCurve:
+    """A law as it was measured: id, driver, units; nodes, values, sigma (k,); whether the record reached a node.
+
+    ``effect`` is the candidate whose name it carries, if any; ``chosen`` says whether it belongs to the answer,
+    ``gain`` by how much the log evidence falls without it, or rises with it alone.
+    """
+
+    id: str
+    effect: str | None
+    driver: str
+    unit: str
+    driver_unit: str
+    nodes: Array
+    values: Array
+    sigma: Array
+    covered: NDArray[np.bool_]
+    gain: float
+    chosen: bool
+
+    @property
+    def csv_name(self) -> str:
+        """Name of the file with its numbers."""
+        return f"law_{self.id.replace('(', '_').replace(')', '')}.csv"
+
+    def table(self) -> dict[str, NDArray[np.generic]]:
+        """Return the columns of its file."""
+        return {
+            "driver": self.nodes,
+            "value": self.values,
+            "sigma": self.sigma,
+            "covered": self.covered.astype(np.int64),
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of ``laws`` in ``discovery.json``."""
+        return {
+            "effect": self.effect,
+            "port": self.id,
+            "driver": self.driver,
+            "unit": self.unit,
+            "file": self.csv_name,
+            "gain": self.gain,
+        }
+
+    def told(self) -> str:
+        """Return one sentence."""
+        known = np.flatnonzero(self.covered)
+        if not len(known):
+            return f"a law of {self.driver} that the record does not reach"
+        low, high = known[np.argmin(self.values[known])], known[np.argmax(self.values[known])]
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"a law of {self.driver}, from {number(self.values[low])}{unit} at {number(self.nodes[low])} to "
+            f"{number(self.values[high])}{unit} at {number(self.nodes[high])}"
+        )
+
+
+def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Array:
+    """Return the nodes of a law, over the range given with it or else this one."""
+    return np.linspace(low if port.low is None else port.low, high if port.high is None else port.high, port.nodes)
+
+
+def port_law(port: LawPort, nodes: Array, scale: float) -> Law:
+    """Return a declared law as the engine measures it: a slope, or smooth functions of several lengths."""
+    smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
+    kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
+    title = f"{port.name} over {port.driver}"
+    return Law(port.name, port.name, port.driver, port.unit, title, nodes, scale, kernels)
+
+
+def added_laws(layout: Layout, drivers: Mapping[str, Array], observed: Array) -> dict[str, tuple[Law, int]]:
+    """Return the laws over drivers (n,) that each output may lack, by id; ``observed`` (n,) is NaN where unknown."""
+    found = {}
+    for k, output in enumerate(layout.outputs):
+        rows = np.concatenate([np.arange(place.start, place.stop) for _, own, place in layout.places if own == k])
+        rows = rows[np.isfinite(observed[rows])]
+        size = float(np.std(observed[rows])) * layout.scale[k] or 1.0
+        for name, values in drivers.items():
+            law = law_over(name, values[rows], size)
+            if law is not None:
+                own_id = f"{output}({name})"
+                found[own_id] = (replace(law, id=own_id, port=output, title=f"{output} over {name}"), k)
+    return found
+
+
+def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProblem:
+    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values.
+
+    Raises
+    ------
+    InputError
+        When the model never asks for a law, or a law changes nothing.
+    """
+    called = problem.evaluator(problem.given(values, ()), {})
+    nodes = {}
+    for port in problem.ports:
+        asked = [one.asked[port.name] for one in called if port.name in one.asked]
+        low, high = min((a for a, _ in asked), default=np.inf), max((b for _, b in asked), default=-np.inf)
+        if not low < high:
+            raise InputError(
+                f"the model never asks for the law '{port.name}', or always at one place",
+                where="predict",
+                do=f"call p.{port.name}({port.driver}) in it",
+            )
+        nodes[port.name] = nodes_of(port, low, high)
+    model = replace(problem.model, laws=nodes)
+    evaluator = Evaluator(model)
+    evaluator.take_over(problem.evaluator)
+    made = replace(problem, model=model, evaluator=evaluator)
+    return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
+
+
+def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> float:
+    """Return the size of a law, as a constant or as a slope, that changes the outputs by the share that matters."""
+    form = next(law for law in problem.laws if law.id == name).free()
+    with_law, valid = problem.with_laws((form,)), problem.valid
+    plain, spread = problem.predict(values, ()), float(np.std(problem.observed[valid]))
+
+    def response(step: float) -> float:
+        shapes = (np.ones(len(form.nodes)), np.linspace(-1.0, 1.0, len(form.nodes)))
+        points = [{**values, **dict(zip(form.names, (step * shape).tolist(), strict=True))} for shape in shapes]
+        moved = with_law.predict_many(points, (name,))
+        return max(float(np.sqrt(np.mean((one - plain)[valid] ** 2))) for one in moved) / step
+
+    first = response(1e-6)
+    if first <= 0.0:
+        raise InputError(f"the law '{name}' changes nothing", where="predict", do="add what it returns to the model")
+    return _SCALE * spread / (response(_STEP * spread / first) or first)
+
+
+def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the candidates, each with the laws of which it is a usual form, where none are declared for it.
+
+    It is one where the law can do nearly all that the candidate does at its start and the base model cannot do itself.
+    """
+    valid = problem.valid
+    own = base.solution.jacobian[valid]
+    own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    columns = {law.id: np.column_stack([own, _columns(problem, law, base.values)[valid]]) for law in problem.laws}
+    made = []
+    for one in candidates:
+        at_start = problem.predict({**base.values, **{p.name: p.value for p in one.parameters}}, (one.id,))
+        change = (at_start - base.solution.prediction)[valid]
+        beyond = _left(own, change)
+        found = [
+            name
+            for name, both in columns.items()
+            if beyond > 0.0 and _left(both, change) <= (1.0 - _FORM_SHARE) * beyond
+        ]
+        small = beyond <= _NOTHING * float(change @ change)
+        made.append(one if one.laws or small or not found else replace(one, laws=tuple(found)))
+    return tuple(made)
+
+
+def _left(columns: Array, values: Array) -> float:
+    """Return the sum of squares of values (n,) that columns (n, k) leave."""
+    left = values - columns @ np.linalg.lstsq(columns, values)[0]
+    return float(left @ left)
+
+
+def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Array:
+    """Return what a law's values on its nodes do to the prediction (n, k), per size that matters."""
+    free = law.free()
+    at = AtPoint(problem.with_laws((free,)), (*values, *free.names), (law.id,))
+    middle = np.concatenate([list(values.values()), np.zeros(len(free.nodes))])
+    moved = at.many([middle + law.scale * (np.arange(len(middle)) == len(values) + i) for i in range(len(free.nodes))])
+    return np.column_stack(moved) - at(middle)[:, None]
+
+
+def measured_curves(
+    chosen: Explanation, alone: list[Explanation], gains: Mapping[str, float], names: Mapping[str, str], ports: Any
+) -> tuple[MeasuredCurve, ...]:
+    """Return the laws of the answer, then declared ones that were tried alone, the strongest first.
+
+    Parameters
+    ----------
+    chosen, alone : Explanation, list of Explanation
+        The answer, and explanations by one law that is no part of it.
+    gains : mapping of str to float
+        Of every law.
+    names : mapping of str to str
+        Law to the candidate whose name it carries.
+    ports : sequence of LawPort
+        Declared laws, for their drivers' units.
+    """
+    units = {port.name: port.driver_unit for port in ports}
+    pairs = [(one, item) for one in (chosen, *alone) for item in one.laws]
+    made = [
+        _curve(one, item, names.get(item.law.id), units.get(item.law.id, ""), gains[item.law.id], chosen=one is chosen)
+        for one, item in pairs
+    ]
+    return tuple(sorted(made, key=lambda law: (not law.chosen, -law.gain)))
+
+
+def _curve(
+    one: Explanation, item: Measured, effect: str | None, driver_unit: str, gain: float, *, chosen: bool
+) -> MeasuredCurve:
+    form, names = item.form, [p.name for p in one.fit.parameters]
+    places = [names.index(name) for name in form.names]
+    spread = covariance(one)[np.ix_(places, places)]
+    information = _information(one, item)
+    return MeasuredCurve(
+        id=form.id,
+        effect=effect,
+        driver=item.law.driver,
+        unit=item.law.unit,
+        driver_unit=driver_unit,
+        nodes=form.nodes,
+        values=form.values([one.fit.values[name] for name in form.names]),
+        sigma=np.sqrt(np.maximum(np.diag(form.basis @ spread @ form.basis.T), 0.0)),
+        covered=information > _COVERED * float(np.median(information)),
+        gain=gain,
+        chosen=chosen,
+    )
+
+
+def _information(one: Explanation, item: Measured) -> Array:
+    """Return what the record knows about a law's value on each of its nodes alone (k,), as a sum of weights."""
+    free, form, problem = item.law.free(), item.form, one.fitter.problem
+    made = problem.with_laws((*(other for other in problem.forms if other.id != form.id), free))
+    values = form.values([one.fit.values[name] for name in form.names])
+    rest = {name: value for name, value in one.fit.values.items() if name not in form.names}
+    at = AtPoint(made, (*rest, *free.names), one.fit.effects)
+    middle = np.concatenate([list(rest.values()), values])
+    moved = at.many([middle + form.scale * (np.arange(len(middle)) == len(rest) + i) for i in range(len(values))])
+    columns = (np.column_stack(moved) - at(middle)[:, None]) / form.scale
+    return np.asarray((columns**2).T @ one.fitter.weight)

@@ -1,0 +1,189 @@
+"""Pictures of the findings (matplotlib): measured and both models, residuals, gains, laws."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.discovery.own.answer.laws import MeasuredCurve
+from torsight.discovery.own.model.problem import ModelProblem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from torsight.discovery.own.answer.findings import Findings
+
+Array = NDArray[np.float64]
+
+COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
+"""Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
+_MOST_PANELS: Final = 6
+_MOST_POINTS: Final = 4000
+
+
+class Series:
+    """One output of one record: time, measured, the plain and the extended model."""
+
+    def __init__(self, title: str, unit: str, time: Array, measured: Array, before: Array, after: Array) -> None:
+        self.title = title
+        self.unit = unit
+        step = max(1, len(time) // _MOST_POINTS)
+        self.time, self.measured = time[::step], measured[::step]
+        self.before, self.after = before[::step], after[::step]
+
+
+def series_of(found: Findings) -> list[Series]:
+    """Return what was measured and modelled, for every record and output."""
+    problem, base, chosen = found.problem, found.field.base, found.decision.chosen
+    fits = (base.fit.solution.prediction, chosen.fit.solution.prediction)
+    if not isinstance(problem, ModelProblem):
+        known = np.where(problem.valid, problem.observed, np.nan)
+        return [Series("record", "", problem.time_s, known, *fits)]
+    measured = problem.measured()
+    before, after = (problem.layout.native(one) for one in fits)
+    return [
+        Series(
+            f"{record.label_}" if len(problem.model.outputs) == 1 else f"{record.label_}, {name}",
+            name,
+            time,
+            measured[r][:, k],
+            before[r][:, k],
+            after[r][:, k],
+        )
+        for r, (record, time) in enumerate(zip(problem.model.records, problem.times(), strict=True))
+        for k, name in enumerate(problem.model.outputs)
+    ]
+
+
+def table_of(found: Findings) -> dict[str, NDArray[Any]]:
+    """Return the columns of ``curves.csv``; see ``Findings.curves``."""
+    problem = found.problem
+    fits = {"plain": found.field.base, "extended": found.decision.chosen}
+    if not isinstance(problem, ModelProblem):
+        known = np.where(problem.valid, problem.observed, np.nan)
+        return {
+            "time_s": problem.time_s,
+            "observed": known,
+            **{name: one.fit.solution.prediction for name, one in fits.items()},
+        }
+    labels = [np.full(record.rows_, record.label_) for record in problem.model.records]
+    made: dict[str, NDArray[Any]] = {"record": np.concatenate(labels), "time_s": np.concatenate(problem.times())}
+    measured = np.concatenate(problem.measured())
+    models = {name: np.concatenate(problem.layout.native(one.fit.solution.prediction)) for name, one in fits.items()}
+    for k, output in enumerate(problem.model.outputs):
+        made[output] = measured[:, k]
+        made |= {f"{output}_{name}": values[:, k] for name, values in models.items()}
+    return made
+
+
+def _figure(rows: int, columns: int, *, height: float) -> tuple[Figure, Any]:
+    """Return an empty picture without a screen, whatever backend the caller uses."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Empty
+
+    figure = Empty(figsize=(9.0, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def overview(found: Findings) -> Figure:
+    """Return measured, models and residuals of every record and output, and what each candidate explains."""
+    shown = series_of(found)[:_MOST_PANELS]
+    gains = bool(found.ranked(1))
+    figure, axes = _figure(len(shown) + gains, 2, height=2.4 * (len(shown) + gains) + 0.6)
+    for row, one in zip(axes, shown, strict=False):
+        draw_motion(row[0], one)
+        draw_residual(row[1], one)
+    axes[0][0].legend(loc="best", fontsize="small", frameon=False)
+    if gains:
+        draw_gains(axes[-1][0], found)
+        draw_by_driver(axes[-1][1], found)
+    return figure
+
+
+def pages(found: Findings) -> list[tuple[str, Figure]]:
+    """Return the report's pictures with their titles: one per record and output, gains, residual over a driver."""
+    made = []
+    for one in series_of(found):
+        figure, axes = _figure(2, 1, height=5.2)
+        draw_motion(axes[0][0], one)
+        axes[0][0].legend(loc="best", fontsize="small", frameon=False)
+        draw_residual(axes[1][0], one)
+        made.append((f"Measured and modelled: {one.title}", figure))
+    for law in found.laws:
+        if law.chosen:
+            figure, axes = _figure(1, 1, height=3.4)
+            draw_law(axes[0][0], law)
+            made.append((f"The law '{law.id}' over {law.driver}", figure))
+    if found.ranked(1):
+        figure, axes = _figure(1, 2, height=3.2)
+        draw_gains(axes[0][0], found)
+        draw_by_driver(axes[0][1], found)
+        made.append(("Candidates, and what is left", figure))
+    return made
+
+
+def draw_law(axis: Any, law: MeasuredCurve) -> None:
+    """Draw a measured law with twice its standard deviation, grey where the record did not reach."""
+    known = law.covered
+    axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
+    axis.fill_between(
+        law.nodes[known], (law.values - 2 * law.sigma)[known], (law.values + 2 * law.sigma)[known], alpha=0.25
+    )
+    axis.plot(law.nodes[known], law.values[known], "-", color=COLOURS["after"])
+    axis.set(title=law.id, xlabel=f"{law.driver} {law.driver_unit}".strip(), ylabel=law.unit)
+
+
+def draw_motion(axis: Any, one: Series) -> None:
+    """Draw what was measured and both models over time."""
+    axis.plot(one.time, one.measured, ".", ms=2, color=COLOURS["measured"], label="measured")
+    axis.plot(one.time, one.before, "--", lw=1, color=COLOURS["before"], label="model")
+    axis.plot(one.time, one.after, "-", lw=1, color=COLOURS["after"], label="extended model")
+    axis.set(title=one.title, xlabel="time", ylabel=one.unit)
+
+
+def draw_residual(axis: Any, one: Series) -> None:
+    """Draw measured less model, of both models."""
+    axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
+    axis.plot(one.time, one.measured - one.before, "--", lw=0.8, color=COLOURS["before"])
+    axis.plot(one.time, one.measured - one.after, "-", lw=0.8, color=COLOURS["after"])
+    axis.set(title="measured less model", xlabel="time", ylabel=one.unit)
+
+
+def draw_gains(axis: Any, found: Findings) -> None:
+    """Draw what each candidate and law alone explains, and what one more must gain."""
+    base = found.field.base.log_evidence
+    ranked = [(one.members[0], max(one.log_evidence - base, 0.0)) for one in found.ranked(1)][::-1]
+    named = {*found.effects, *found.decision.chosen.members}
+    colours = [COLOURS["after"] if name in named else COLOURS["neutral"] for name, _ in ranked]
+    axis.barh([name for name, _ in ranked], [gain for _, gain in ranked], color=colours)
+    axis.axvline(found.price, lw=1, ls=":", color=COLOURS["before"], label="what one more must gain")
+    axis.set_xscale("symlog", linthresh=1.0)
+    axis.set(title="what each alone explains", xlabel="gain in log evidence")
+    axis.legend(loc="lower right", fontsize="small", frameon=False)
+
+
+def draw_by_driver(axis: Any, found: Findings) -> None:
+    """Draw the residuals over the variable that counts most: the strongest driver, else the first one."""
+    problem = found.problem
+    names = [name for name, _ in found.drivers if name in problem.drivers] or list(problem.drivers)
+    if not names:
+        axis.set_axis_off()
+        return
+    values = problem.drivers[names[0]][problem.valid]
+    for fit, key in ((found.field.base, "before"), (found.decision.chosen, "after")):
+        left = (problem.observed - fit.fit.solution.prediction)[problem.valid]
+        step = max(1, len(left) // _MOST_POINTS)
+        axis.plot(values[::step], left[::step], ".", ms=2, color=COLOURS[key])
+    axis.set(title=f"measured less model over {names[0]}", xlabel=names[0])
+
+
+def as_image(figure: Figure, *, dpi: int) -> str:
+    """Return a picture as an address that holds it itself (PNG)."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"

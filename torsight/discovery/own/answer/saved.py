@@ -1,0 +1,336 @@
+"""An extended model of one's own, to predict other records: in memory, and as ``model.json``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.files.provenance import file_hash
+from torsight.core.files.storage import read_json, write_json
+from torsight.core.law import LawForm
+from torsight.core.parameter import Parameter
+from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.fitting import space_of
+from torsight.discovery.inference.solver import jacobian, solve
+from torsight.discovery.interface import Candidate
+from torsight.discovery.own.model.declare import RESERVED, name_in
+from torsight.discovery.own.model.evaluate import Model, Predict, call
+from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
+
+Array = NDArray[np.float64]
+
+KIND: Final = "own model"
+"""By which ``model.json`` of a model of one's own is told from the actuator's."""
+_FIRST_SHARE: Final = 0.1
+"""Share of a record at its beginning to which initial states are fitted, at least 32 rows: later rows tell less and
+less of them, and are what is to be predicted."""
+_FIRST_ROWS: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What a model file declares, as far as a prediction needs it."""
+
+    predict: Predict
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    outputs: tuple[str, ...]
+    time: str | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawOn:
+    """A law of the extended model: its form, and for one that is added to an output that output and the driver."""
+
+    form: LawForm
+    output: str | None = None
+    driver: str = ""
+    time_like: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the law's numbers but for its parameters."""
+        form = self.form
+        return {
+            "id": form.id,
+            "nodes": form.nodes.tolist(),
+            "basis": form.basis.tolist(),
+            "unit": form.unit,
+            "scale": form.scale,
+            "output": self.output,
+            "driver": self.driver,
+            "time_like": self.time_like,
+        }
+
+    @classmethod
+    def from_json(cls, one: Mapping[str, Any]) -> LawOn:
+        """Return a law from its numbers."""
+        nodes, basis = np.array(one["nodes"], np.float64), np.array(one["basis"], np.float64)
+        form = LawForm(str(one["id"]), nodes, basis, str(one["unit"]), float(one["scale"]), prior=True)
+        output = None if one["output"] is None else str(one["output"])
+        return cls(form, output, str(one["driver"]), bool(one["time_like"]))
+
+    def curve(self, values: Mapping[str, float]) -> Array:
+        """Return its values on its nodes (k,)."""
+        return self.form.values([values[name] for name in self.form.names])
+
+
+@dataclass(frozen=True, eq=False)
+class SavedModel:
+    """An extended model with its values.
+
+    Attributes
+    ----------
+    predict_function : callable
+        The model.
+    declared : tuple of Parameter
+        Parameters as declared.
+    candidates : tuple of Candidate
+        As declared.
+    outputs, effects, initial : tuple of str
+        Names of the outputs, of the effects that are on, and of what every record has for itself.
+    values : mapping of str to float
+        Fitted values; those of initial states are the first record's.
+    names, covariance : tuple of str, (m, m) float64
+        Of the values that are uncertain.
+    noise : tuple of float
+        Error of each output on blocks that the fit did not see.
+    nodes : mapping of str to (k,) float64
+        Nodes of every declared law.
+    laws : tuple of LawOn
+        Laws that are on; the forms' parameters are among ``values``.
+    """
+
+    predict_function: Predict
+    declared: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    outputs: tuple[str, ...]
+    effects: tuple[str, ...]
+    initial: tuple[str, ...]
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    covariance: Array
+    noise: tuple[float, ...]
+    nodes: Mapping[str, Array]
+    laws: tuple[LawOn, ...] = ()
+    time_name: str | None = None
+
+    @classmethod
+    def of(
+        cls, problem: ModelProblem, chosen: Explanation, *, covariance: Array, noise: tuple[float, ...]
+    ) -> SavedModel:
+        """Return the model with a fit's values."""
+        values, effects = chosen.fit.values, chosen.effects
+        own = {p.name: values.get(p.name, values.get(name_in(p.name, 0), p.value)) for p in problem.declared}
+        for one in problem.candidates:
+            own |= one.own(values) if one.id in effects else one.null_point()
+        own |= {name: values[name] for item in chosen.laws for name in item.form.names}
+        laws = tuple(
+            LawOn(item.form, None if item.law.id in problem.model.laws else item.law.port, item.law.driver,
+                  item.law.time_like)
+            for item in chosen.laws
+        )  # fmt: skip
+        fitted = list(values)
+        kept = [i for i, name in enumerate(fitted) if name in own]
+        return cls(
+            predict_function=problem.model.predict,
+            declared=problem.declared,
+            candidates=problem.candidates,
+            outputs=problem.model.outputs,
+            effects=effects,
+            initial=problem.initial,
+            values=own,
+            names=tuple(fitted[i] for i in kept),
+            covariance=covariance[np.ix_(kept, kept)],
+            noise=noise,
+            nodes=problem.model.laws,
+            laws=laws,
+            time_name=problem.time_name,
+        )
+
+    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> dict[str, Array]:
+        """Return time, outputs and their standard deviations for a record; see ``Findings.predict``.
+
+        Raises
+        ------
+        InputError
+            When the record cannot be read, or the model fails on it.
+        """
+        (own,) = read_records(record)
+        model = Model(self.predict_function, (own,), self.outputs, self.nodes)
+        values = self._begun(model, own, initial or {})
+
+        def at(x: Array) -> Array:
+            return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
+
+        middle = self._called(model, values)
+        parameters = [self._parameter(name, values[name]) for name in self.names]
+        slopes = np.zeros((middle.size, 0))
+        if parameters:
+            x = np.array([values[name] for name in self.names])
+            slopes = jacobian(at, x, at_x=middle.ravel(), space=space_of(parameters))
+        spread = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes).reshape(middle.shape)
+        made = {(self.time_name or next((one for one in TIMES if one in own), "row")): time_of(own, self.time_name)}
+        for law in self.laws:
+            # What only time tells holds for the record that it was measured in: here its size is a doubt.
+            if law.time_like and law.output is not None:
+                spread[:, self.outputs.index(law.output)] += float(np.mean(law.curve(values) ** 2))
+        for k, name in enumerate(self.outputs):
+            made[name] = middle[:, k]
+            made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
+        return made
+
+    def _parameter(self, name: str, value: float) -> Parameter:
+        declared = [*self.declared, *(p for one in self.candidates for p in one.parameters)]
+        declared += [p for law in self.laws for p in law.form.parameters]
+        found = next((p for p in declared if p.name == name), None)
+        return Parameter(name, value, "") if found is None else found.at(value)
+
+    def _called(self, model: Model, values: Mapping[str, float]) -> Array:
+        curves = {law.form.id: law.curve(values) for law in self.laws if law.output is None}
+        done = call(model, 0, {name: value for name, value in values.items() if RESERVED not in name}, curves)
+        if done.failure is not None:
+            raise done.failure.error("predict")
+        if done.outputs is None:
+            raise InputError("the model gives nothing", where=model.records[0].label_)
+        outputs = done.outputs.copy()
+        for law in self.laws:
+            if law.output is not None and not law.time_like:
+                at = column_of(model.records[0], law.driver)
+                outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.curve(values))
+        return outputs
+
+    def _begun(self, model: Model, record: Record, given: Mapping[str, float]) -> dict[str, float]:
+        """Return the values with the record's initial states: given, fitted to its beginning, or the first one's."""
+        unknown = [name for name in given if name not in self.initial]
+        if unknown:
+            raise InputError(
+                f"'{unknown[0]}' is no initial state", where="initial", limit=", ".join(self.initial) or "there is none"
+            )
+        values = {**self.values, **given}
+        free = [self._parameter(name, values[name]) for name in self.initial if name not in given]
+        free = [p for p in free if not p.fixed]
+        if not free or any(name not in record for name in self.outputs):
+            return values
+        rows = min(record.rows_, max(_FIRST_ROWS, round(_FIRST_SHARE * record.rows_)))
+        observed = np.column_stack([record[name] for name in self.outputs])
+        weight = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
+        weight[rows:] = 0.0
+        if not weight.any():
+            return values
+
+        def at(x: Array) -> Array:
+            own = dict(zip([p.name for p in free], x.tolist(), strict=True))
+            return self._called(model, {**values, **own}).ravel()
+
+        start = np.array([p.value for p in free])
+        found = solve(at, start, observed=observed.ravel(), weight=weight.ravel(), space=space_of(free), rough=True)
+        return {**values, **dict(zip([p.name for p in free], found.x.tolist(), strict=True))}
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the numbers of ``model.json``; the function is in the model file that it names."""
+        return {
+            "kind": KIND,
+            "outputs": list(self.outputs),
+            "effects": list(self.effects),
+            "initial": list(self.initial),
+            "values": dict(self.values),
+            "names": list(self.names),
+            "covariance": self.covariance.tolist(),
+            "noise": dict(zip(self.outputs, self.noise, strict=True)),
+            "nodes": {name: nodes.tolist() for name, nodes in self.nodes.items()},
+            "laws": [law.to_json() for law in self.laws],
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any], declared: Declared, *, where: str) -> SavedModel:
+        """Return a model from the content of ``model.json`` and the declarations of its model file.
+
+        Raises
+        ------
+        InputError
+            When the file is damaged, or belongs to another model.
+        """
+        try:
+            outputs = tuple(str(name) for name in content["outputs"])
+            names = tuple(str(name) for name in content["names"])
+            covariance = np.array(content["covariance"], np.float64).reshape(len(names), len(names))
+            values = {str(name): float(value) for name, value in content["values"].items()}
+            noise = tuple(float(content["noise"][name]) for name in outputs)
+            laws = tuple(LawOn.from_json(one) for one in content["laws"])
+            nodes = {str(name): np.array(one, np.float64) for name, one in content["nodes"].items()}
+            effects = tuple(str(name) for name in content["effects"])
+            initial = tuple(str(name) for name in content["initial"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                f"is damaged ({type(error).__name__}: {error})", where=where, do="run 'torsight missing' again"
+            ) from error
+        everything = [*declared.parameters, *(p for one in declared.candidates for p in one.parameters)]
+        if {p.name for p in everything} != {
+            name for name in values if RESERVED not in name
+        } or outputs != declared.outputs:
+            raise InputError(
+                "belongs to another model: parameters or outputs differ",
+                where=where,
+                do="run 'torsight missing' again with this model file",
+            )
+        return cls(
+            declared.predict,
+            declared.parameters,
+            declared.candidates,
+            outputs,
+            effects,
+            initial,
+            values,
+            names,
+            covariance,
+            noise,
+            nodes,
+            laws,
+            declared.time,
+        )
+
+
+def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
+    """Write ``model.json``; it names the model file, which holds the function, by its place and its content's hash."""
+    beside = os.path.relpath(model_file.resolve(), path.parent.resolve())
+    write_json(path, {**model.to_json(), "model_file": beside, "sha256": file_hash(model_file)})
+
+
+def is_own_model(path: Path) -> bool:
+    """Return whether a ``model.json`` is that of a model of one's own.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or damaged.
+    """
+    return read_json(path).get("kind") == KIND
+
+
+def read_model(path: Path, record: Path) -> SavedModel:
+    """Read ``model.json`` and run the model file that it names, for a record that is to be predicted.
+
+    Raises
+    ------
+    InputError
+        When either file is missing or damaged, or the model file has changed since.
+    """
+    from torsight.discovery.own.model.model_file import declared_of
+
+    content = read_json(path)
+    file = path.parent / str(content.get("model_file"))
+    if file_hash(file) != content.get("sha256"):
+        raise InputError(
+            "has changed since the values were fitted",
+            where=str(file),
+            do=f"run 'torsight missing' again, or put back the file that belongs to {path}",
+        )
+    return SavedModel.from_json(content, declared_of(file, record), where=str(path))

@@ -1,0 +1,218 @@
+"""The findings in words: for a terminal, for a notebook, for ``discovery.json``."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from torsight.core.words.wording import estimate, number
+from torsight.discovery.own.model.problem import ModelProblem
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.answer.findings import Errors, Findings, FittedSet
+
+_WIDTH: Final = 22
+_PICTURE_DPI: Final = 90
+_NO_FLOOR: Final = 1e6
+"""Times a floor from which it is none: a record without noise."""
+
+
+def verdict_words(found: Findings) -> str:
+    """Return the verdict as a sentence."""
+    named = " and ".join(found.effects) or " and ".join(found.decision.chosen.members)
+    if found.verdict == "none":
+        return "nothing is missing that this record can show"
+    if found.verdict == "identified":
+        return f"{named} is missing" if len(found.effects) == 1 else f"{named} are missing"
+    if found.verdict == "ambiguous":
+        others = " or ".join(" and ".join(one) for one in found.alternatives)
+        return f"{named} or {others}: this record cannot tell them apart"
+    beside = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing, and " if found.effects else ""
+    declared = {port.name for port in getattr(found.problem, "ports", ())}
+    laws = [name for name in found.decision.unnamed if name in declared]
+    if laws and len(laws) == len(found.decision.unnamed):
+        what = f"{' and '.join(laws)} {'is' if len(laws) == 1 else 'are'} missing, in a form that no candidate has"
+        return f"{beside}{what}{_depends(found)}"
+    return f"{beside}something is missing that none of the candidates explains{_depends(found)}"
+
+
+def _depends(found: Findings) -> str:
+    if not found.drivers:
+        return ""
+    return "; it depends on " + ", ".join(f"{name} ({100.0 * share:.0f} %)" for name, share in found.drivers)
+
+
+def lines(found: Findings) -> list[tuple[str, str]]:
+    """Return title and text of every line of the summary."""
+    made = [("Missing", verdict_words(found))]
+    for name, (before, after) in found.errors.items():
+        made.append((f"Error of {name}", _errors(before, after)))
+    made += [("", text) for text in _noise(found)]
+    for name in found.effects:
+        own = found.field.base.fitter.candidates[name].parameters
+        made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
+    made += [(curve.id, curve.told()) for curve in found.laws if curve.chosen]
+    if found.verdict == "unknown" or found.predicts_better:
+        made.append(("Best fits", "error on all samples, on unseen blocks, gain in log evidence"))
+        made += [("", fitted_words(one)) for one in found.best_fits]
+    made += [("Larger", larger_words(one)) for one in found.predicts_better[:1]]
+    made += [("What to do", text) for text in what_next(found)]
+    made += [("Note", text) for text in found.warnings]
+    return made
+
+
+def facts(found: Findings) -> dict[str, str]:
+    """Return the lines of the answer by their titles; what goes on under a title is put together."""
+    made: dict[str, str] = {}
+    title = ""
+    for own, text in lines(found):
+        title = own or title
+        made[title] = f"{made[title]}; {text}" if title in made else text
+    return made
+
+
+def _errors(before: Errors, after: Errors) -> str:
+    if math.isnan(before.rmse_held_out):
+        return f"{number(before.rmse_train)} → {number(after.rmse_train)} rms on the samples that were fitted"
+    return f"{number(before.rmse_held_out)} → {number(after.rmse_held_out)} rms on blocks that the fit did not see"
+
+
+def _noise(found: Findings) -> list[str]:
+    """Return how the error compares with the noise of one reading."""
+    problem = found.problem
+    ratio = found.decision.over_floor
+    known = getattr(problem, "sigma_known", True)
+    whose = "the noise that was given" if known else "the noise of a reading, measured from the scatter of neighbours"
+    return [] if ratio > _NO_FLOOR else [f"what is left is {number(ratio)} times {whose}"]
+
+
+def fitted_words(one: FittedSet) -> str:
+    """Return one of the sets that were compared in words."""
+    name = " + ".join(one.effects) or "the model as it is"
+    return f"{name}: {number(one.rmse_train)}, {number(one.rmse_held_out)}, {number(one.gain)}"
+
+
+def larger_words(one: FittedSet) -> str:
+    """Return what to make of a larger set that predicts better."""
+    return (
+        f"{' + '.join(one.effects)} predicts unseen blocks better ({number(one.rmse_held_out)}), but not all of its "
+        "members proved themselves: a record that moves more, or more blocks, would tell"
+    )
+
+
+def what_next(found: Findings) -> list[str]:
+    """Return what a person can do about the answer."""
+    if found.verdict == "ambiguous":
+        told_apart = (found.decision.chosen.members, *found.alternatives)
+        sets = " from ".join(" and ".join(one) for one in told_apart)
+        told = (
+            f"This record cannot tell {sets}. Predict planned records with each of them; make the one in which they "
+            "differ most: other speeds, holds between moves, the other direction. Or offer only what the rig can have."
+        )
+        return [told]
+    if found.verdict == "unknown":
+        told = (
+            "Look at the measured law over the variable on which it depends, and offer a candidate that has such a "
+            "form, or a law at the place where it acts; the best fits are listed."
+        )
+        return [told]
+    return []
+
+
+def summary(found: Findings) -> str:
+    """Return the findings for a terminal."""
+    return "\n".join(f"{title:{_WIDTH}s}{text}".rstrip() for title, text in lines(found))
+
+
+def html(found: Findings) -> str:
+    """Return the findings for a notebook: the summary, the parameters and a picture."""
+    from torsight.discovery.own.answer.pictures import as_image, overview
+
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{escape(title)}</th><td style='text-align:left'>{escape(text)}</td></tr>"
+        for title, text in lines(found)
+    )
+    values = "".join(
+        f"<tr><td style='text-align:left'>{escape(name)}</td><td style='text-align:left'>"
+        f"{escape(estimate(one.to_json()))}</td></tr>"
+        for name, one in found.parameters.items()
+    )
+    image = as_image(overview(found), dpi=_PICTURE_DPI)
+    return (
+        f"<table>{rows}</table><details><summary>Parameters</summary><table>{values}</table></details>"
+        f"<img alt='measured, models and residuals' src='{image}'>"
+    )
+
+
+def to_json(found: Findings) -> dict[str, Any]:
+    """Return the content of ``discovery.json``: the contract's keys, errors by output."""
+    problem, base = found.problem, found.field.base.log_evidence
+    return {
+        "verdict": found.verdict,
+        "effects": [_effect(found, name) for name in found.effects],
+        "alternatives": [list(names) for names in found.alternatives],
+        "drivers": [{"variable": name, "share": share} for name, share in found.drivers],
+        "outputs": {
+            name: {"before": before.to_json(), "after": after.to_json()}
+            for name, (before, after) in found.errors.items()
+        },
+        "laws": [law.to_json() for law in found.laws if law.chosen],
+        "noise_floor": _floor(found),
+        "resolution": _resolution(problem, found),
+        "blocks": len(np.unique(problem.block[problem.valid])),
+        "parameters": {name: one.to_json() for name, one in found.parameters.items()},
+        "plain_parameters": {name: one.to_json() for name, one in found.plain_parameters.items()},
+        "best_fits": [
+            {
+                "effects": list(one.effects),
+                "gain": one.gain,
+                "probability": one.probability,
+                "rmse_train": one.rmse_train,
+                "rmse_held_out": one.rmse_held_out,
+            }
+            for one in found.best_fits
+        ],
+        "predicts_better": [list(one.effects) for one in found.predicts_better],
+        "evidence": {
+            "price": found.price,
+            "probability_missing": found.decision.missing,
+            "over_floor_before": found.decision.over_floor_before,
+            "over_floor_after": found.decision.over_floor,
+            "best_set": list(found.decision.chosen.members),
+            "gains": {one.members[0]: one.log_evidence - base for one in found.ranked(1)},
+        },
+        "notes": list(found.warnings),
+        "calls": found.calls,
+        "failed_calls": found.failed,
+    }
+
+
+def _effect(found: Findings, name: str) -> dict[str, Any]:
+    candidate = found.field.base.fitter.candidates[name]
+    member = next(member for member, (own, _) in found.decision.named.items() if own == name)
+    sets = found.decision.probability
+    return {
+        "id": name,
+        "family": candidate.family,
+        "parameters": {p.name: found.parameters[p.name].to_json() for p in candidate.parameters},
+        "probability": sum(weight for held, weight in sets.items() if {member, name} & set(held)),
+        "gain": found.gain_of(member),
+    }
+
+
+def _scales(problem: Any) -> dict[str, float]:
+    if isinstance(problem, ModelProblem):
+        return dict(zip(problem.model.outputs, problem.layout.scale.tolist(), strict=True))
+    return {"observed": 1.0}
+
+
+def _floor(found: Findings) -> dict[str, float]:
+    floor = float(np.sqrt(np.mean(found.field.likelihood.floor[found.problem.valid] ** 2)))
+    return {name: floor * scale for name, scale in _scales(found.problem).items()}
+
+
+def _resolution(problem: Any, found: Findings) -> dict[str, float]:
+    return {name: float(found.problem.resolution) * scale for name, scale in _scales(problem).items()}

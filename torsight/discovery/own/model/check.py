@@ -1,0 +1,204 @@
+"""Checks of a problem before the search: what would be accepted silently and answered wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.own.model.declare import check_declarations
+from torsight.discovery.own.model.problem import ModelProblem
+
+Array = NDArray[np.float64]
+
+_ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
+_MEMBERS: Final = (
+    "parameters",
+    "candidates",
+    *_ROWS,
+    "drivers",
+    "resolution",
+    "laws",
+    "forms",
+    "with_laws",
+    "predict",
+    "input_noise",
+)
+_NULL_SHARE: Final = 1e-6
+"""Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
+_ELSEWHERE: Final = 0.3
+"""Share of its range by which a parameter is moved to see whether it counts."""
+
+
+def check_problem(problem: Problem) -> tuple[str, ...]:
+    """Refuse a problem that cannot be searched; return what a person should know about one that can.
+
+    Raises
+    ------
+    InputError
+        Naming the member that is missing or of a wrong shape, what is declared twice or out of bounds, and a model
+        that raises, gives no numbers, is not deterministic or whose null values are none.
+    """
+    missing = [name for name in _MEMBERS if not hasattr(problem, name)]
+    if missing:
+        raise InputError(
+            f"lacks {', '.join(missing)}",
+            where=type(problem).__name__,
+            limit=f"all of {', '.join(_MEMBERS)}",
+            do="add what is missing, or make the problem with model_problem(…)",
+        )
+    where = type(problem).__name__
+    check_declarations(problem.parameters, problem.candidates, (), where="the model", numbered=True)
+    _check_rows(problem, where)
+    if isinstance(problem, ModelProblem):
+        return (*problem.warnings, *_check_model(problem))
+    start = {p.name: p.value for p in problem.parameters}
+    _numbers(problem, problem.predict(start, ()), where)
+    return ()
+
+
+def _check_rows(problem: Problem, where: str) -> None:
+    n = len(problem.observed)
+    for name in _ROWS:
+        if np.shape(getattr(problem, name)) != (n,):
+            raise InputError(
+                "has a wrong shape", where=f"{where}.{name}", value=getattr(problem, name).shape, limit=f"({n},)"
+            )
+    for name, values in problem.drivers.items():
+        if np.shape(values) != (n,) or not np.isfinite(values).all():
+            raise InputError(
+                "is not known in every row",
+                where=f"{where}.drivers['{name}']",
+                value=np.shape(values),
+                limit=f"({n},), all finite",
+            )
+    if not np.any(problem.valid):
+        raise InputError("no sample counts", where=f"{where}.valid", do="record it again")
+    if not np.isfinite(problem.observed[problem.valid]).all():
+        raise InputError("is not known where it counts", where=f"{where}.observed", do="set valid to False there")
+    if problem.resolution < 0.0 or not np.isfinite(problem.resolution):
+        raise InputError("is no size", where=f"{where}.resolution", value=problem.resolution, limit="0 or more")
+
+
+def _numbers(problem: Problem, prediction: Any, where: str) -> None:
+    values = np.asarray(prediction, np.float64)
+    if values.shape != problem.observed.shape:
+        raise InputError(
+            "gives a wrong shape", where=f"{where}.predict", value=values.shape, limit=str(problem.observed.shape)
+        )
+    bad = np.flatnonzero(~np.isfinite(values) & problem.valid)
+    if len(bad):
+        raise InputError("is not a number", where=f"{where}.predict, row {bad[0] + 1}", value=values[bad[0]])
+
+
+def _check_model(problem: ModelProblem) -> list[str]:
+    """Call a model at its start, and with every effect on and at its null; return warnings."""
+    start = {p.name: p.value for p in problem.parameters}
+    before = [{name: values.copy() for name, values in record.items()} for record in problem.model.records]
+    plain = _called(problem, start, ())
+    least = np.asarray(_NULL_SHARE * np.nanstd(np.concatenate(problem.measured()), axis=0))
+    told = []
+    for one in problem.candidates:
+        told += _check_candidate(problem, one, start, plain, least)
+    again = _afresh(problem, start)
+    if any(np.any(a != b) for a, b in zip(plain, again, strict=True)):
+        apart = max(float(np.max(np.abs(a - b))) for a, b in zip(plain, again, strict=True))
+        raise InputError(
+            "gives another answer to the same question",
+            where=_name(problem),
+            value=f"apart by {apart:.3g}",
+            limit="the same values, the same answer",
+            do="draw no random numbers in it (or from a generator that the call itself makes with a fixed seed), and "
+            "keep nothing from one call to the next",
+        )
+    _check_unchanged(problem, before)
+    told += _unheard(problem, start, plain, least)
+    return told
+
+
+def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]]) -> None:
+    for record, columns in zip(problem.model.records, before, strict=True):
+        for name, values in columns.items():
+            if not np.array_equal(record[name], values, equal_nan=True):
+                raise InputError(
+                    f"changes its record: column '{name}' is another one after the call",
+                    where=_name(problem),
+                    do=f"work on a copy: record['{name}'].copy()",
+                )
+
+
+def _name(problem: ModelProblem) -> str:
+    code = getattr(problem.model.predict, "__code__", None)
+    name = getattr(problem.model.predict, "__name__", "predict")
+    return name if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {name}"
+
+
+def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:
+    for one in problem.evaluator(problem.given(values, effects), {}):
+        if one.failure is not None:
+            raise one.failure.error(_name(problem))
+    return problem.outputs(values, effects)
+
+
+def _afresh(problem: ModelProblem, values: dict[str, float]) -> list[Array]:
+    """Call once more what is kept already."""
+    problem.evaluator.forget()
+    return _called(problem, values, ())
+
+
+def _check_candidate(
+    problem: ModelProblem, one: Candidate, start: dict[str, float], plain: list[Array], least: Array
+) -> list[str]:
+    where = f"candidate '{one.id}'"
+    on = _called(problem, {**start, **{p.name: p.value for p in one.parameters}}, (one.id,))
+    told = []
+    if not _apart(on, plain, least) and not one.starts:
+        at = ", ".join(f"{p.name} {p.value:g}" for p in one.parameters)
+        told.append(
+            f"{where} changes nothing at its start ({at}): it is only found if another start shows it; does predict "
+            "use it?"
+        )
+    null = one.null_point()
+    for p in one.parameters:
+        if p.null is not None:
+            continue
+        moved = {**null, p.name: _moved(p.value, p.lower, p.upper)}
+        if _apart(_called(problem, {**start, **moved}, (one.id,)), plain, least):
+            nulls = ", ".join(f"{q.name}={q.null:g}" for q in one.parameters if q.null is not None)
+            raise InputError(
+                f"does not vanish at its null values: with {nulls} the model still depends on '{p.name}'",
+                where=where,
+                do=f"give '{p.name}' a null value of its own, or mend predict",
+            )
+    return told
+
+
+def _moved(value: float, lower: float, upper: float) -> float:
+    if np.isfinite(upper - lower):
+        return (
+            value + _ELSEWHERE * (upper - lower)
+            if value < 0.5 * (lower + upper)
+            else value - _ELSEWHERE * (upper - lower)
+        )
+    step = _ELSEWHERE * (abs(value) or 1.0)
+    return value + step if value + step <= upper else value - step
+
+
+def _apart(one: list[Array], other: list[Array], least: Array) -> bool:
+    return any(bool(np.any(np.abs(a - b) > least)) for a, b in zip(one, other, strict=True))
+
+
+def _unheard(problem: ModelProblem, start: dict[str, float], plain: list[Array], least: Array) -> list[str]:
+    """Return a warning for every base parameter that changes nothing."""
+    told = []
+    for p in problem.parameters:
+        moved = {**start, p.name: _moved(p.value, p.lower, p.upper)}
+        called = problem.evaluator(problem.given(moved, ()), {})
+        outputs = [one.outputs for one in called if one.outputs is not None]
+        if len(outputs) == len(plain) and not _apart(outputs, plain, least):
+            told.append(f"'{p.name}' changes nothing in what predict gives: is it used?")
+    return told

@@ -1,0 +1,318 @@
+"""Calls of one's own model: each point once, in processes where that pays, and failures kept with where they happened.
+
+A model in plain Python holds the interpreter, so that threads do not make it faster; processes do, where the model can
+be sent to them. Every point that has been asked for is kept: sets of effects share most of theirs, because an effect
+that is off has its parameters at their null values. A record is asked again only where values that it sees have
+changed, such as the initial state of that record.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.discovery.own.model.values import Curve, Off, Values
+from torsight.discovery.own.records import Record
+
+Array = NDArray[np.float64]
+Predict = Callable[[Any, Any], Any]
+
+_KEPT_BYTES: Final = 256_000_000
+"""Predictions that are kept; the oldest are forgotten beyond that."""
+WORTH_A_PROCESS_S: Final = 4e-3
+"""Seconds of one call from which processes are used: to begin two of them takes 1.3 s each, a search some 1,500 calls
+or more, and to send values and take an array back 0.5 ms."""
+_WORKERS: Final = 2
+"""Processes; the engine asks for so many points at once (:data:`torsight.discovery.inference.fitting.WORKERS`)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """What is called: the function and what it is called with.
+
+    Attributes
+    ----------
+    predict : callable
+        From values and a record to the outputs.
+    records : tuple of Record
+        The records.
+    outputs : tuple of str
+        Names of the outputs, in the order in which they are given back; empty where that is not known yet.
+    laws : mapping of str to (k,) array
+        Nodes of each law by its name.
+    """
+
+    predict: Predict
+    records: tuple[Record, ...]
+    outputs: tuple[str, ...]
+    laws: Mapping[str, Array] = field(default_factory=dict)
+
+
+class ModelError(InputError):
+    """A model that cannot be used; the traceback of its own is a note of the error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A call that did not come back with numbers.
+
+    Attributes
+    ----------
+    kind, message : str
+        Of the exception.
+    place : str
+        File, line and function in which it was raised.
+    trace : str
+        The traceback, from the model's own function on.
+    values : mapping of str to float
+        The parameters for which it happened.
+    record : str
+        On which record.
+    """
+
+    kind: str
+    message: str
+    place: str
+    trace: str
+    values: Mapping[str, float]
+    record: str
+
+    def told(self) -> str:
+        """Return one sentence: what, where, for which values."""
+        given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
+        return f"{self.kind}: {self.message} ({self.place}; record '{self.record}'; {given})"
+
+    def error(self, where: str) -> ModelError:
+        """Return it as an error of ours, for a model that cannot be used at all."""
+        changes = "read-only" in self.message or "cannot be changed" in self.message
+        copy = "; what predict is given stays as it is: work on a copy" if changes else ""
+        error = ModelError(f"the model fails: {self.told()}{copy}", where=where, do="mend the model")
+        error.add_note(f"The model's own traceback:\n{self.trace}")
+        return error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Called:
+    """One call: the outputs (rows, outputs) or why there are none, what it printed, and how long it took.
+
+    ``asked`` is the range in which every law that was off was asked for, by its name.
+    """
+
+    outputs: Array | None
+    failure: Failure | None
+    printed: str
+    seconds: float
+    asked: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def call(model: Model, record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Called:
+    """Call the model; whatever it raises is kept, but for what ends the program by a signal."""
+    of = model.records[record]
+    off = {name: Off() for name in model.laws if name not in curves}
+    functions = {name: Curve(nodes, curves[name]) for name, nodes in model.laws.items() if name in curves}
+    begun = time.thread_time()
+    try:
+        given = model.predict(Values({**values, **functions, **off}), of)
+        outputs = outputs_of(given, of, model.outputs)
+        failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the model is somebody else's
+        outputs, failure = None, _failure(error, model, of, values)
+    asked = {name: (one.low, one.high) for name, one in off.items()}
+    return Called(outputs if failure is None else None, failure, "", time.thread_time() - begun, asked)
+
+
+def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
+    """Return what ``predict`` gave as (rows, outputs).
+
+    Raises
+    ------
+    InputError
+        When an output is missing or has a wrong shape.
+    """
+    if isinstance(given, Mapping):
+        missing = [name for name in names if name not in given]
+        if missing:
+            raise InputError(
+                f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do="add it"
+            )
+        columns = [np.asarray(given[name], np.float64) for name in names]
+    elif isinstance(given, tuple) or (isinstance(given, list) and len(names) > 1):
+        columns = [np.asarray(one, np.float64) for one in given]
+    else:
+        whole = np.asarray(given, np.float64)
+        columns = [whole] if whole.ndim == 1 or len(names) == 1 else list(whole.T)
+    shapes = [column.shape for column in columns]
+    if len(columns) != len(names) or any(shape != (record.rows_,) for shape in shapes):
+        raise InputError(
+            "predict gives a wrong shape",
+            where=record.label_,
+            value=", ".join(str(shape) for shape in shapes),
+            limit=f"({record.rows_},) for each of {', '.join(names)}",
+            do="give one value per row of the record",
+        )
+    return np.column_stack(columns)
+
+
+def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[str, float]) -> Failure:
+    row, output = (int(place[0]) for place in np.nonzero(~np.isfinite(outputs)))
+    unknown = [name for name in record if name not in model.outputs and not np.isfinite(record[name][row])]
+    because = f"; there {', '.join(unknown)} is not known" if unknown else ""
+    name = getattr(model.predict, "__name__", "predict")
+    message = f"'{model.outputs[output]}' is {outputs[row, output]} in row {row + 1}{because}"
+    return Failure("not a number", message, f"what {name} gives", "", dict(values), record.label_)
+
+
+def _failure(error: BaseException, model: Model, record: Record, values: Mapping[str, float]) -> Failure:
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    # Where its author looks: the last line of the model's own file, whatever that line called.
+    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
+    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
+    last = (own or frames)[-1] if frames else None
+    place = "predict" if last is None else f"{last.filename}, line {last.lineno}, in {last.name}"
+    trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
+    return Failure(type(error).__name__, str(error), place, trace, dict(values), record.label_)
+
+
+_sent: Model | None = None
+"""In a process of its own: the model that it works for."""
+
+
+def _receive(pickled: bytes) -> None:
+    global _sent  # noqa: PLW0603 - a process works for one model
+    import cloudpickle
+
+    _sent = cloudpickle.loads(pickled)
+
+
+def _call_sent(record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Called:
+    if _sent is None:
+        raise RuntimeError("this process has no model")
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        done = call(_sent, record, values, curves)
+    return replace(done, printed=out.getvalue())
+
+
+class Evaluator:
+    """Evaluates a model at points, each once.
+
+    Attributes
+    ----------
+    calls : int
+        Calls of ``predict`` so far.
+    seconds : float
+        Time that they took, added up over processes.
+    printed : str
+        What the model printed in processes of its own, the beginning of it.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.calls = 0
+        self.seconds = 0.0
+        self.printed = ""
+        self.failures: list[Failure] = []
+        self.failed = 0
+        self._pool: Any = None
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[bytes, Future[Called]] = OrderedDict()
+        self._size = max(1, max(record.rows_ for record in model.records) * 8 * max(1, len(model.outputs)))
+
+    def __call__(self, values: Sequence[Mapping[str, float]], curves: Mapping[str, Array]) -> list[Called]:
+        """Return the calls for every record, each with values of its own."""
+        return self.many([(values, curves)])[0]
+
+    def many(self, asked: Sequence[tuple[Sequence[Mapping[str, float]], Mapping[str, Array]]]) -> list[list[Called]]:
+        """Return the calls for every record at several points, all begun before one is waited for."""
+        waiting = [[self._begin(record, own, curves) for record, own in enumerate(one)] for one, curves in asked]
+        return [[future.result() for future in one] for one in waiting]
+
+    def take_over(self, other: Evaluator) -> None:
+        """Go on with the counts of another evaluator, whose model differs in its laws only."""
+        self.calls, self.seconds, self.printed = other.calls, other.seconds, other.printed
+        self.failures, self.failed = other.failures, other.failed
+
+    def forget(self) -> None:
+        """Forget what is kept: the next call is a new one."""
+        with self._lock:
+            self._kept.clear()
+
+    def _begin(self, record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Future[Called]:
+        numbers = np.array([*values.values(), *(one for curve in curves.values() for one in curve.tolist())])
+        key = f"{record} {' '.join(values)} {' '.join(curves)}".encode() + numbers.tobytes()
+        with self._lock:
+            known = self._kept.get(key)
+            if known is not None:
+                self._kept.move_to_end(key)
+                return known
+            future: Future[Called] = Future()
+            self._kept[key] = future
+            while len(self._kept) * self._size > _KEPT_BYTES:
+                self._kept.popitem(last=False)
+        if self._pool is None:
+            self._finish(future, call(self.model, record, values, curves))
+        else:
+            sent = self._pool.submit(_call_sent, record, values, curves)
+            sent.add_done_callback(lambda done: self._arrived(future, done))
+        return future
+
+    def _arrived(self, future: Future[Called], done: Any) -> None:
+        error = done.exception()
+        if error is not None:
+            future.set_exception(error)
+        else:
+            self._finish(future, done.result())
+
+    def _finish(self, future: Future[Called], done: Called) -> None:
+        with self._lock:
+            self.calls += 1
+            self.seconds += done.seconds
+            self.printed = (self.printed + done.printed)[:2000]
+            if done.failure is not None:
+                self.failed += 1
+                self.failures.append(done.failure)
+        future.set_result(done)
+
+    @contextlib.contextmanager
+    def processes(self, *, wanted: bool | None = None) -> Iterator[bool]:
+        """Call the model in processes within the block, where that pays (or is wanted); give whether."""
+        pickled = self._pickled(wanted=wanted)
+        if pickled is None:
+            yield False
+            return
+        from joblib.externals.loky import ProcessPoolExecutor
+
+        pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled,))
+        self._pool = pool
+        try:
+            yield True
+        finally:
+            self._pool = None
+            pool.shutdown(wait=True)
+
+    def _pickled(self, *, wanted: bool | None) -> bytes | None:
+        """Return the model for another process; None where it stays here."""
+        import cloudpickle
+        from joblib import cpu_count
+
+        pays = self.calls > 0 and self.seconds / self.calls >= WORTH_A_PROCESS_S and cpu_count() > 1
+        if wanted is False or (wanted is None and not pays):
+            return None
+        try:
+            return bytes(cloudpickle.dumps(self.model))
+        except Exception:  # what a model holds may refuse in any way
+            if wanted:
+                raise
+            return None

@@ -1,0 +1,155 @@
+"""A model file: ``model.py`` with ``predict``, ``parameters``, ``output`` and what else ``model_problem`` takes.
+
+Or with ``problem(records)``, which returns the problem itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+from torsight.core.errors import InputError
+from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.discovery.own.answer.saved import Declared
+from torsight.discovery.own.model.declare import parameters_of
+from torsight.discovery.own.model.problem import ModelProblem, model_problem
+from torsight.discovery.own.model.quiet import heard
+from torsight.discovery.own.records import Record
+
+NEEDED: Final = ("predict", "parameters", "output")
+"""Names that a model file without ``problem`` defines."""
+OPTIONS: Final = tuple(
+    name for name in inspect.signature(model_problem).parameters if name not in {*NEEDED, "observed"}
+)
+"""Names that it may define beside them: the options of ``model_problem``."""
+
+
+def load_model_file(path: Path) -> ModuleType:
+    """Run a model file.
+
+    Raises
+    ------
+    InputError
+        When it is missing, or fails: with the line in which it does; its own traceback is a note of the error.
+    """
+    if not path.is_file():
+        raise missing_file(path)
+    require_ordinary(path)
+    name = f"torsight_model_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError("is no Python file", where=str(path), limit="a name that ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    with _beside(path.parent):
+        try:
+            with heard():
+                spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:
+            raise _failed(path, error) from error
+    import cloudpickle
+
+    # Processes cannot import it by its name.
+    cloudpickle.register_pickle_by_value(module)
+    return module
+
+
+@contextlib.contextmanager
+def _beside(folder: Path) -> Iterator[None]:
+    """Let a model file import what lies beside it."""
+    own = str(folder.resolve())
+    sys.path.insert(0, own)
+    try:
+        yield
+    finally:
+        sys.path.remove(own)
+
+
+def _failed(path: Path, error: BaseException) -> InputError:
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]
+    frames = frames or [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
+    line = line or (frames[-1].lineno if frames else None)
+    told = InputError(
+        f"cannot be imported: {type(error).__name__}: {error}",
+        where=str(path) if line is None else f"{path}, line {line}",
+        do="mend it; --debug shows its own traceback",
+    )
+    own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
+    told.add_note(f"The model file's own traceback:\n{own}")
+    return told
+
+
+def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProblem:
+    """Return the problem that a model file makes of records.
+
+    Raises
+    ------
+    InputError
+        When the file fails, lacks a name, or makes something else.
+    """
+    module = load_model_file(path)
+    made: Any
+    if hasattr(module, "problem"):
+        with heard():
+            try:
+                made = module.problem(list(records))
+            except InputError:
+                raise
+            except (Exception, SystemExit) as error:
+                raise _failed(path, error) from error
+        if not isinstance(made, ModelProblem):
+            raise InputError(
+                "gives no problem",
+                where=f"{path}, problem(records)",
+                value=type(made).__name__,
+                do="return model_problem(…) from it",
+            )
+        return made
+    _require(module, path)
+    # A model file that says 'import time' does not name its column so.
+    named = {name: getattr(module, name) for name in OPTIONS if hasattr(module, name)}
+    options = {name: value for name, value in named.items() if not isinstance(value, ModuleType)}
+    try:
+        return model_problem(module.predict, list(records), module.parameters, output=module.output, **options)
+    except InputError as error:
+        error.where = f"{path}: {error.where}" if error.where else str(path)
+        raise
+
+
+def declared_of(path: Path, record: Path) -> Declared:
+    """Return what a model file declares, for a record that need not hold the outputs.
+
+    A file with ``problem(records)`` is asked for the problem of that record, which then has to hold the outputs.
+    """
+    module = load_model_file(path)
+    if hasattr(module, "problem"):
+        problem = problem_of(path, [record])
+        model = problem.model
+        return Declared(model.predict, problem.declared, problem.candidates, model.outputs, problem.time_name)
+    _require(module, path)
+    output, time = module.output, getattr(module, "time", None)
+    return Declared(
+        module.predict,
+        parameters_of(module.parameters),
+        tuple(getattr(module, "candidates", ())),
+        (output,) if isinstance(output, str) else tuple(output),
+        time if isinstance(time, str) else None,
+    )
+
+
+def _require(module: ModuleType, path: Path) -> None:
+    missing = [name for name in NEEDED if not hasattr(module, name)]
+    if missing:
+        raise InputError(
+            f"does not define {', '.join(missing)}",
+            where=str(path),
+            limit=f"{', '.join(NEEDED)}, and if wanted {', '.join(OPTIONS)}; or problem(records)",
+        )

@@ -1,0 +1,354 @@
+"""A model of one's own as a problem for the engine: a function, a table, a list of parameters.
+
+Everything else has a default and a check. ``predict(p, record)`` gives the model's outputs for one record, a value per
+row; ``p`` holds parameters and laws by name, those of effects that are off at their null values, so that the function
+needs to know nothing of effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.law import Law, LawForm
+from torsight.core.parameter import Parameter
+from torsight.discovery.interface import Candidate
+from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
+from torsight.discovery.own.model import layout as lay
+from torsight.discovery.own.model.declare import LawPort, check_declarations, name_in, parameters_of, per_record
+from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
+from torsight.discovery.own.model.layout import Layout, PerOutput
+from torsight.discovery.own.model.signals import drivers_of, rest_of
+from torsight.discovery.own.records import Record, Table, read_records, time_of
+
+Array = NDArray[np.float64]
+
+_FAR: Final = 1e3
+"""Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
+there."""
+_OVER_GIVEN: Final = 3.0
+"""Times a noise that was given from which a residual that no law explains means that something is missing: three
+standard deviations ..."""
+_OVER_ESTIMATED: Final = 10.0
+"""... and times one that was estimated from the scatter of neighbours: noise that is correlated over ten samples
+scatters about three times less than its size."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelProblem:
+    """A :class:`torsight.discovery.interface.Problem` around a function; made by :func:`model_problem`.
+
+    Attributes
+    ----------
+    model : Model
+        The function and the records.
+    declared : tuple of Parameter
+        Parameters as declared, fixed ones and initial states among them.
+    initial : tuple of str
+        Parameters that every record has for itself.
+    ports : tuple of LawPort
+        Laws as declared.
+    layout : Layout
+        How records and outputs lie in the engine's row.
+    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms, once
+        As in the protocol.
+    law_scales : mapping of str to float
+        Size of each declared law that matters, by its name.
+    sigma_known : bool
+        Whether the noise was given for every output, and not estimated.
+    warnings : tuple of str
+        What a person should know.
+    """
+
+    model: Model
+    declared: tuple[Parameter, ...]
+    initial: tuple[str, ...]
+    ports: tuple[LawPort, ...]
+    layout: Layout
+    evaluator: Evaluator
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    time_s: Array
+    observed: Array
+    sigma: Array
+    valid: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    rest: NDArray[np.bool_]
+    drivers: Mapping[str, Array]
+    resolution: float
+    forms: tuple[LawForm, ...] = ()
+    law_scales: Mapping[str, float] = field(default_factory=dict)
+    once: tuple[str, ...] = ()
+    elsewhere: tuple[Mapping[str, float], ...] = ()
+    sigma_known: bool = False
+    processes: bool | None = None
+    time_name: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return the outputs (n,) as the engine sees them; far off where the model fails (kept in the evaluator)."""
+        return self.predict_many([values], effects)[0]
+
+    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Array]:
+        """Return the same at several points, called at once where the model is called in processes."""
+        asked = [(self.given(one, effects), self.curves(one, effects)) for one in values]
+        found = self.evaluator.many(asked)
+        return [self._stacked(called) + self._added(one, effects) for called, one in zip(found, values, strict=True)]
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """Laws that may be missing: the declared ones, and what is added to an output over a driver without one."""
+        ports = tuple(
+            port_law(one, self.model.laws[one.name], self.law_scales.get(one.name, 1.0)) for one in self.ports
+        )
+        return (*ports, *(law for law, _ in self.added.values()))
+
+    @cached_property
+    def added(self) -> Mapping[str, tuple[Law, int]]:
+        """Laws that are added to an output, by their ids, with the number of the output."""
+        free = {name: values for name, values in self.drivers.items() if name not in {p.driver for p in self.ports}}
+        return added_laws(self.layout, free, np.where(self.valid, self.observed, np.nan))
+
+    def with_laws(self, forms: Sequence[LawForm]) -> ModelProblem:
+        """Return the problem with these forms of laws among its candidates, each under its law's id."""
+        known = {form.id for form in self.forms}
+        own = tuple(one for one in self.candidates if one.id not in known)
+        made = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
+        return replace(self, candidates=(*own, *made), forms=tuple(forms))
+
+    def _added(self, values: Mapping[str, float], effects: Sequence[str]) -> Array | float:
+        """Return what laws over drivers add to the outputs (n,), in the engine's units."""
+        on = [form for form in self.forms if form.id in effects and form.id in self.added]
+        if not on:
+            return 0.0
+        total = np.zeros(len(self.observed))
+        for form in on:
+            law, output = self.added[form.id]
+            curve = form.at(self.drivers[law.driver], [values[name] for name in form.names])
+            for _, k, place in self.layout.places:
+                if k == output:
+                    total[place] += curve[place] / self.layout.scale[k]
+        return total
+
+    def _stacked(self, called: Sequence[Called]) -> Array:
+        if any(one.failure is not None for one in called):
+            return self._far
+        return self.layout.stack([one.outputs for one in called if one.outputs is not None], between=0.0)
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return zeros: the inputs are taken as known."""
+        del values, effects
+        return np.zeros(len(self.observed))
+
+    @cached_property
+    def _far(self) -> Array:
+        spread = float(np.nanstd(self.observed)) or 1.0
+        return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
+
+    def given(self, values: Mapping[str, float], effects: Sequence[str]) -> list[dict[str, float]]:
+        """Return what ``predict`` gets for every record: parameters by name, those of effects that are off at null."""
+        switched: dict[str, float] = {}
+        forms = {form.id for form in self.forms}
+        for one in self.candidates:
+            if one.id not in forms:
+                switched |= one.own(values) if one.id in effects else one.null_point()
+        made = []
+        for record in range(len(self.model.records)):
+            own = {p.name: self._value(p, values, record) for p in self.declared}
+            made.append({**own, **switched})
+        return made
+
+    def curves(self, values: Mapping[str, float], effects: Sequence[str]) -> dict[str, Array]:
+        """Return the values on their nodes of the laws that are on."""
+        return {
+            form.id: form.values([values[name] for name in form.names])
+            for form in self.forms
+            if form.id in self.model.laws and form.id in effects
+        }
+
+    def _value(self, one: Parameter, values: Mapping[str, float], record: int) -> float:
+        if one.fixed:
+            return one.value
+        if one.name in values:
+            return float(values[one.name])
+        return float(values[name_in(one.name, record)])
+
+    def outputs(self, values: Mapping[str, float], effects: Sequence[str]) -> list[Array]:
+        """Return the model's outputs (rows, outputs) for every record, in their own units.
+
+        Raises
+        ------
+        InputError
+            Where the model fails there.
+        """
+        called = self.evaluator(self.given(values, effects), self.curves(values, effects))
+        for one in called:
+            if one.failure is not None:
+                raise one.failure.error("predict")
+        return [one.outputs for one in called if one.outputs is not None]
+
+    def measured(self) -> list[Array]:
+        """Return what was measured (rows, outputs) for every record."""
+        return lay.observed_of(self.model.records, self.model.outputs)
+
+    def times(self) -> list[Array]:
+        """Return the time (rows,) of every record."""
+        return [time_of(record, self.time_name) for record in self.model.records]
+
+    @property
+    def over_floor(self) -> float:
+        """How many times the floor a residual exceeds before something must be missing."""
+        return _OVER_GIVEN if self.sigma_known else _OVER_ESTIMATED
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """Calls that gave no numbers, the first of them."""
+        return tuple(self.evaluator.failures)
+
+
+def model_problem(
+    predict: Predict,
+    observed: Table | Sequence[Table],
+    parameters: Sequence[Parameter] | Mapping[str, float],
+    candidates: Sequence[Candidate] = (),
+    *,
+    output: str | Sequence[str],
+    laws: Sequence[LawPort] = (),
+    initial: Sequence[str] = (),
+    time: str | None = None,
+    blocks: int | str | Sequence[Array] | None = None,
+    sigma: PerOutput = None,
+    resolution: PerOutput = None,
+    rest: str | None = None,
+    drivers: Sequence[str] | None = None,
+    processes: bool | None = None,
+) -> ModelProblem:
+    """Put a model of one's own before the engine.
+
+    Parameters
+    ----------
+    predict : callable
+        ``predict(p, record)`` gives the output (rows,), or several of them as a mapping by name or a tuple.
+    observed : table or sequence of tables
+        What was measured and what drove it: a DataFrame, a mapping of arrays, or a path; several records of one rig.
+    parameters : sequence of Parameter, or mapping of name to start
+        What the fit may change (:func:`~torsight.discovery.own.model.declare.parameter`).
+    candidates : sequence of Candidate
+        What the model may lack (:func:`~torsight.discovery.own.model.declare.candidate`).
+    output : str or sequence of str
+        Columns of the table that ``predict`` gives.
+    laws : sequence of LawPort
+        Ports at which a function of one variable may be missing (:func:`~torsight.discovery.own.model.declare.law`).
+    initial : sequence of str
+        Parameters that say how a record begins: each record has its own, and no other block need tell them.
+    time : str, optional
+        Column of the time; without it ``time_s``, ``time``, ``t_s`` or ``t``, else rows are counted.
+    blocks : int, str or sequence of arrays, optional
+        What is held out at once: so many stretches of equal time per record, or a column that numbers them. Without
+        it whole records where there are several, else six stretches.
+    sigma : float, str or mapping, optional
+        Standard deviation of the noise of one reading, a number or a column, by output where there are several.
+        Without it the residual's own scatter.
+    resolution : float, str or mapping, optional
+        Size of a difference that nobody would miss; without it a tenth of the noise.
+    rest : str, optional
+        A column that is not 0 where everything stands still, or ``"still"`` for where the outputs do: such a stretch
+        counts as one piece of information.
+    drivers : sequence of str, optional
+        Columns on which a missing effect without a name may depend; without it every column but the outputs, and
+        time.
+    processes : bool, optional
+        Call the model in processes; without it where that pays.
+
+    Raises
+    ------
+    InputError
+        When something is declared twice, out of bounds, missing or of a wrong shape: before any fit.
+    """
+    outputs = (output,) if isinstance(output, str) else tuple(output)
+    declared, offered, ports = parameters_of(parameters), tuple(candidates), tuple(laws)
+    check_declarations(declared, offered, ports, where="the model")
+    _known(initial, [p.name for p in declared], what="initial")
+    if not outputs or len(set(outputs)) < len(outputs):
+        raise InputError("each output has a name of its own", where="output", value=", ".join(outputs))
+    if not callable(predict):
+        raise InputError("is no function", where="predict", value=type(predict).__name__)
+    records = read_records(observed)
+    measured, times = lay.observed_of(records, outputs), [time_of(record, time) for record in records]
+    given = lay.per_output(sigma, records, outputs, what="sigma")
+    noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
+    known = all(np.isfinite(own).all() for own in given)
+    believed = [np.where(np.isfinite(own), own, noise) for own in given]
+    size = lay.resolutions(
+        lay.per_output(resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
+    )
+    layout = _layout(records, outputs, measured, size)
+    stacked = layout.stack(measured)
+    valid = np.isfinite(stacked)
+    labels = lay.blocks_of(blocks, records, times)
+    block = np.asarray(layout.spread([own.astype(np.float64) for own in labels]), np.int64)
+    at_rest, warnings = rest_of(rest, records, outputs, measured, noise)
+    warnings += lay.check_blocks(block, valid)
+    found, more = drivers_of(drivers, records, outputs, times, time_name=time, block_name=blocks)
+    model = Model(predict, records, outputs, {one.name: nodes_of(one) for one in ports})
+    free = tuple(p for p in declared if not p.fixed)
+    once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
+    # One output without a given noise: the engine measures it from the residual, which holds less of the motion.
+    left = layout.stack([own / layout.scale for own in believed], between=0.0, scaled=False)
+    engine_sigma = np.zeros(len(stacked)) if not known and len(outputs) == 1 else left
+    return ModelProblem(
+        model=model,
+        declared=declared,
+        initial=tuple(initial),
+        ports=ports,
+        layout=layout,
+        evaluator=Evaluator(model),
+        parameters=per_record(free, initial, len(records)),
+        candidates=offered,
+        time_s=_engine_time(times, len(outputs)),
+        observed=stacked,
+        sigma=engine_sigma,
+        valid=valid,
+        block=block,
+        rest=layout.spread([own.astype(np.float64) for own in at_rest]) > 0.5,
+        drivers={name: layout.spread(own) for name, own in found.items()},
+        resolution=float(size[0] / layout.scale[0]),
+        once=once,
+        sigma_known=known,
+        processes=processes,
+        time_name=time,
+        warnings=tuple(warnings + more),
+    )
+
+
+def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
+    for name in names:
+        if name not in among:
+            raise InputError(f"'{name}' is not declared", where=what, limit=", ".join(among))
+
+
+def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], size: Array) -> Layout:
+    rows = tuple(record.rows_ for record in records)
+    if len(outputs) == 1:
+        return Layout(tuple(outputs), rows, np.ones(1), np.zeros(1))
+    shift, top = np.zeros(len(outputs)), 0.0
+    for k in range(len(outputs)):
+        values = np.concatenate([own[:, k] for own in measured]) / size[k]
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        shift[k] = top - low
+        top += 1.1 * (high - low)
+    return Layout(tuple(outputs), rows, size, shift)
+
+
+def _engine_time(times: Sequence[Array], outputs: int) -> Array:
+    pieces = []
+    for own in lay.running_time(times, outputs):
+        step = float(np.median(np.diff(own)) or 1.0)
+        pieces += [own, np.array([own[-1] + step])]
+    return np.concatenate(pieces[:-1])

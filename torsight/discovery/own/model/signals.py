@@ -1,0 +1,92 @@
+"""Signals of a record that are no outputs: what effects may depend on, and where everything stands still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.series import scatter
+from torsight.discovery.own.model import layout as lay
+from torsight.discovery.own.records import TIMES, Record, column_of
+
+Array = NDArray[np.float64]
+
+_SAME: Final = 0.3
+"""Share of the noise that is left of the measured signal by another one that is the same: of one that only moves
+alike the whole noise is left."""
+_MUCH_STILL: Final = 0.5
+"""Share of a record at rest that is worth a warning where no rest is marked."""
+
+
+def rest_of(
+    given: str | None, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], noise: list[float]
+) -> tuple[list[NDArray[np.bool_]], list[str]]:
+    """Return where every record stands still, and what a person should know of that."""
+    if given is not None and given != "still":
+        return [np.nan_to_num(column_of(record, given)) != 0.0 for record in records], []
+    found = [np.logical_and.reduce([lay.still(own[:, k], noise[k]) for k in range(len(outputs))]) for own in measured]
+    share = float(np.mean(np.concatenate(found)))
+    if given == "still":
+        return found, []
+    told = []
+    if share > _MUCH_STILL:
+        told.append(
+            f"{100 * share:.0f} % of the record stands still, and every sample of it counts: rest='still' makes each "
+            "such stretch count as one piece of information"
+        )
+    return [np.zeros(record.rows_, bool) for record in records], told
+
+
+def drivers_of(
+    given: Sequence[str] | None,
+    records: Sequence[Record],
+    outputs: Sequence[str],
+    times: Sequence[Array],
+    *,
+    time_name: str | None,
+    block_name: Any,
+) -> tuple[dict[str, list[Array]], list[str]]:
+    """Return the drivers by name, one array per record, and what was left out of them."""
+    no_drivers = {*outputs, time_name, *([block_name] if isinstance(block_name, str) else []), *TIMES}
+    shared = [name for name in records[0] if all(name in record for record in records)]
+    names = [name for name in shared if name not in no_drivers] if given is None else list(given)
+    found: dict[str, list[Array]] = {}
+    told: list[str] = []
+    for name in names:
+        own = [column_of(record, name) for record in records]
+        twin = name if name in outputs else _twin(own, records, outputs)
+        if twin is not None:
+            told.append(
+                f"'{name}' is what is measured ({twin}), noise included: it was left out of the drivers, because it "
+                "would explain the residual by itself; give the variable from another sensor, or a law's driver"
+            )
+        elif all(np.isfinite(one).all() for one in own):
+            found[name] = own
+        elif given is not None:
+            raise InputError("is not known in every row", where=f"driver '{name}'", do="fill its gaps, or leave it out")
+    if given is None or "time_s" in given:
+        found["time_s"] = [own - own[0] for own in times]
+    return found, told
+
+
+def _twin(own: Sequence[Array], records: Sequence[Record], outputs: Sequence[str]) -> str | None:
+    values = np.concatenate(list(own))
+    for output in outputs:
+        measured = np.concatenate([record[output] for record in records])
+        good = np.isfinite(values) & np.isfinite(measured)
+        if good.sum() > 2 and _same(values[good], measured[good]):
+            return output
+    return None
+
+
+def _same(values: Array, measured: Array) -> bool:
+    """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
+    if min(np.ptp(values), np.ptp(measured)) <= 0.0:
+        return False
+    columns = np.column_stack([values - values.mean(), np.ones(len(values))])
+    left = measured - columns @ np.linalg.lstsq(columns, measured)[0]
+    return float(np.std(left)) < max(_SAME * scatter(measured), 1e-9 * float(np.std(measured)))
