@@ -121,6 +121,17 @@ class Search:
         self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution)
         return self._settled(problem, fit, ())
 
+    def plain_from(self, start: Mapping[str, float]) -> Explanation:
+        """Fit the base model from values of one's own, under the likelihood of :meth:`plain`."""
+        residual = self._problem.observed - self._problem.predict(start, ())
+        fitter = Fitter(self._problem, self._likelihood.weight(np.where(self._problem.valid, residual, 0.0)))
+        fit = fitter.from_elsewhere(fitter.fit((), [start], max_iterations=40))
+        return self._settled(self._problem, fit, ())
+
+    def value_of(self, explanation: Explanation) -> float:
+        """Return the posterior density's logarithm at an explanation's optimum."""
+        return self._value(explanation.fitter.problem, explanation.fit)
+
     def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
         """Return what the inputs account for at a fit (n,)."""
         at = problem or self._problem
