@@ -13,6 +13,7 @@ with little more than PyAV.
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import json
 import os
@@ -43,6 +44,10 @@ def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s
     nowhere = Path(os.devnull).open("w")  # noqa: SIM115 - faulthandler writes there until the end
     # The encoder tells its settings on standard error unless it is told to keep to errors.
     os.environ.setdefault("SVT_LOG", "1")
+    if hasattr(os, "sched_setscheduler"):
+        # An encoder that ran within the sender may have given it real-time priority, which this process inherits.
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with Path(target).open("wb") as file:
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             os.seteuid(NOBODY)

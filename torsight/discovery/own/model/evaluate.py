@@ -177,31 +177,43 @@ def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[st
 def _failure(error: BaseException, model: Model, record: Record, values: Mapping[str, float]) -> Failure:
     frames = traceback.extract_tb(error.__traceback__)[1:]
     # Where its author looks: the last line of the model's own file, whatever that line called.
-    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
-    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
+    file = _file_of(model)
+    own = [frame for frame in frames if frame.filename == file]
     last = (own or frames)[-1] if frames else None
     place = "predict" if last is None else f"{last.filename}, line {last.lineno}, in {last.name}"
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
     return Failure(type(error).__name__, str(error), place, trace, dict(values), record.label_)
 
 
-_sent: Model | None = None
-"""In a process of its own: the model that it works for."""
+def _file_of(model: Model) -> str:
+    """Return the file in which a model's function stands, empty where nothing says it."""
+    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
+    return "" if code is None else str(code.co_filename)
 
 
-def _receive(pickled: bytes) -> None:
+_sent: tuple[Model, str] | None = None
+"""In a process of its own: the model that it works for, and the file in which that stands."""
+
+
+def _receive(pickled: bytes, file: str) -> None:
     global _sent  # noqa: PLW0603 - a process works for one model
     import cloudpickle
 
-    _sent = cloudpickle.loads(pickled)
+    _sent = cloudpickle.loads(pickled), file
 
 
 def _call_sent(record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Called:
     if _sent is None:
         raise RuntimeError("this process has no model")
     out = io.StringIO()
+    model, file = _sent
     with contextlib.redirect_stdout(out):
-        done = call(_sent, record, values, curves)
+        done = call(model, record, values, curves)
+    # A function that was sent may have lost the name of its file on the way.
+    lost, failure = _file_of(model), done.failure
+    if failure is not None and lost and file:
+        named = {name: getattr(failure, name).replace(lost, file) for name in ("place", "trace")}
+        done = replace(done, failure=replace(failure, **named))
     return replace(done, printed=out.getvalue())
 
 
@@ -294,7 +306,7 @@ class Evaluator:
             return
         from joblib.externals.loky import ProcessPoolExecutor
 
-        pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled,))
+        pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
         self._pool = pool
         try:
             yield True
