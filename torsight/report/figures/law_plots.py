@@ -48,7 +48,8 @@ def law_figure(law: MeasuredLaw) -> Figure:
     named = (
         "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
     )
-    caption = f"{law.sentence} {named}{about}".strip()
+    said = f"{law.sentence[:1].upper()}{law.sentence[1:].rstrip('.')}. " if law.sentence else ""
+    caption = f"{said}{named}{about}".strip()
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
 
 
