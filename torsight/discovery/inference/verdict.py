@@ -4,8 +4,8 @@ Every set of effects and laws has a posterior probability: its evidence times th
 by all effects and laws alike. Sets that name the same places of the model by different means (a usual form, or a free
 law where that form acts) are one answer. What is said follows from these probabilities: nothing, where it is not
 certain that something is missing; the answer that holds nearly all probability; or all answers that share it. The score
-on half-cycles that a fit has not seen is the check: what a member adds must predict them better, events and laws of
-time apart, which no other half-cycle can tell.
+on half-cycles that a fit has not seen is the check: what a member adds must predict them better, events apart, which
+no other half-cycle can tell.
 """
 
 from __future__ import annotations
@@ -160,11 +160,8 @@ class _Judge:
         return chosen
 
     def _once(self, one: Explanation, name: str) -> bool:
-        """Return whether a member is of one time: an event, or a law of time or cycles."""
-        if any(item.law.id == name and item.law.time_like for item in one.laws):
-            return True
-        candidate = one.fitter.candidates[name]
-        return candidate.propose is not None
+        """Return whether a member is an event: it happened once, so that no other block can foretell it."""
+        return one.fitter.candidates[name].propose is not None
 
     def _score(self, one: Explanation) -> float:
         """Return the log score on blocks that were each predicted from the others."""
