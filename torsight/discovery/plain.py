@@ -89,7 +89,7 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
         rmse_deg=errors.rmse_train_deg,
         r2=1.0 - float(np.sum(residual[counted] ** 2)) / float(np.sum(total**2)),
         cycle=fitted_cycle(drive, simulation, values),
-        converged=fit.solution.converged,
+        converged=search.has_settled(base),
         silent_about=silent_about,
         notes=notes_of_fit(model, silent_about, ratio, rows),
     )

@@ -119,7 +119,10 @@ class Search:
             fit = fitter.from_elsewhere(fitter.refit(fit))
         tau = min(scales.correlation_samples, _FIRST_CORRELATION)
         self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution)
-        return self._settled(problem, fit, ())
+        first = self._settled(problem, fit, ())
+        # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
+        again = (self.plain_from(start) for start in (first.fit.values, fitter.nominal.values))
+        return max(first, *again, key=self.value_of)
 
     def plain_from(self, start: Mapping[str, float]) -> Explanation:
         """Fit the base model from values of one's own, under the likelihood of :meth:`plain`."""
@@ -127,6 +130,10 @@ class Search:
         fitter = Fitter(self._problem, self._likelihood.weight(np.where(self._problem.valid, residual, 0.0)))
         fit = fitter.from_elsewhere(fitter.fit((), [start], max_iterations=40))
         return self._settled(self._problem, fit, ())
+
+    def has_settled(self, plain: Explanation) -> bool:
+        """Return whether one more fit of the base model from its optimum gains nothing that matters."""
+        return self.value_of(self.plain_from(plain.fit.values)) <= self.value_of(plain) + _SETTLED
 
     def value_of(self, explanation: Explanation) -> float:
         """Return the posterior density's logarithm at an explanation's optimum."""
