@@ -290,7 +290,7 @@ def _result(problem: Problem, u: Array, weight: Array, *, converged: bool) -> Fi
     error = residual[problem.counted]
     total = float(np.sum((measured - measured.mean()) ** 2))
     estimates = estimates_of(model, values, problem, covariance, known)
-    says_nothing_of = quiet(problem, covariance, known)
+    says_nothing_of = quiet(problem.parameters, np.where(known, np.sqrt(np.diag(covariance)), np.nan))
     return FitResult(
         model=model,
         values=values,

@@ -63,13 +63,13 @@ def fit_to_folder(
     from torsight.discovery.plain import fit_plain
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])
-    table, spec = read_merged(merged), read_actuator(actuator)
+    spec = read_actuator(actuator)
     model = ActuatorModel(spec, effects)
-    drive = model.prepare(table, where=str(merged))
+    drive = model.prepare(read_merged(merged), where=str(merged))
     if effects:
         result = fit_model(model, drive, progress=progress, where=str(merged))
     else:
-        result = fit_plain(table, spec, progress=progress, where=str(merged))
+        result = fit_plain(drive, spec, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
     doubt = Doubt(result.free, result.covariance, result.rmse_deg)

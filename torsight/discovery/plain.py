@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.fit import FitResult, notes_of_fit, require_motion
-from torsight.actuator.model import ActuatorModel
+from torsight.actuator.fitting.estimates import quiet
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.progress import Progress, silent
-from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -24,21 +24,15 @@ from torsight.discovery.inference.search import Search
 from torsight.discovery.report import estimates_of
 from torsight.discovery.settings import Settings
 
-_SILENT = 0.9
-"""Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
-all information about it is the record's."""
-
 
 @one_thread()
-def fit_plain(
-    table: SyncedTable, spec: ActuatorSpec, *, progress: Progress = silent, where: str = "record"
-) -> FitResult:
+def fit_plain(drive: Drive, spec: ActuatorSpec, *, progress: Progress = silent, where: str = "record") -> FitResult:
     """Fit the plain model to a record as the discovery does.
 
     Parameters
     ----------
-    table : SyncedTable
-        Angle and temperatures on one clock.
+    drive : Drive
+        The prepared record.
     spec : ActuatorSpec
         Characterised values with their uncertainties.
     progress : Progress
@@ -48,10 +42,9 @@ def fit_plain(
 
     Raises
     ------
-    InputError, NoResultError
-        When the record cannot drive the model, or nothing moves.
+    NoResultError
+        When nothing moves.
     """
-    drive = ActuatorModel(spec).prepare(table, where=where)
     require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec)
     search = Search(problem, settings=Settings(), progress=progress)
@@ -71,9 +64,7 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
     white = (residual / row_sigma)[counted]
     total = drive.angle_rad[counted] - drive.angle_rad[counted].mean()
-    silent_about = tuple(
-        p.name for p, own in zip(fit.parameters, sigma, strict=True) if p.sigma is not None and own > _SILENT * p.sigma
-    )
+    silent_about = quiet(fit.parameters, sigma)
     ratio, rows = float(np.mean(white**2)), search.likelihood.correlation_samples
     return FitResult(
         model=model,

@@ -43,9 +43,15 @@ _ARC: Final = 3
 
 
 @njit(cache=True, nogil=True)
+def folded(angle: float) -> float:
+    """Return an angle within half a turn of zero."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@njit(cache=True, nogil=True)
 def turned(one: float, other: float) -> float:
     """Return the size of the angle between two directions."""
-    return abs((one - other + math.pi) % (2.0 * math.pi) - math.pi)
+    return abs(folded(one - other))
 
 
 @njit(cache=True, nogil=True)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 
 from torsight.core.compiled import njit
 from tracker.appearance.disc import Floats, Record
-from tracker.follow.axis import direction_from, on_circle
+from tracker.follow.axis import direction_from, folded, on_circle
 from tracker.follow.records import Scene
 
 STALE: Final = 15
@@ -115,9 +114,3 @@ def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]
         first = last if count == 0 else first
         count += 1
     return count > 0, first + 0.5 * folded(last - first)
-
-
-@njit(cache=True, nogil=True)
-def folded(angle: float) -> float:
-    """Return an angle within half a turn of zero."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.fitting.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, Parameter
 
 if TYPE_CHECKING:
     from torsight.actuator.effects import Derived
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SILENT: Final = 0.9
+"""Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
+all information about it is the record's."""
 
 
 def covariance_of(problem: Problem, u: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -31,14 +33,16 @@ def covariance_of(problem: Problem, u: Array, weight: Array) -> tuple[Array, NDA
     return inverse * np.outer(problem.scale, problem.scale), known
 
 
-def quiet(problem: Problem, covariance: Array, known: NDArray[np.bool_]) -> tuple[str, ...]:
-    """Return the names of the parameters about which the record says nothing that was not known."""
-    names = []
-    for number, parameter in enumerate(problem.parameters):
-        sigma = float(np.sqrt(covariance[number, number]))
-        if not known[number] or (parameter.sigma is not None and sigma > _SILENT * parameter.sigma):
-            names.append(parameter.name)
-    return tuple(names)
+def quiet(parameters: Sequence[Parameter], sigma: Array) -> tuple[str, ...]:
+    """Return the names of the parameters about which the record says nothing that was not known.
+
+    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything.
+    """
+    return tuple(
+        parameter.name
+        for parameter, own in zip(parameters, sigma.tolist(), strict=True)
+        if np.isnan(own) or (parameter.sigma is not None and own > _SILENT * parameter.sigma)
+    )
 
 
 def estimates_of(

@@ -82,21 +82,21 @@ def reading_time(ports: Ports, law: Curve) -> Ports:
 
 def temperature(spring: str) -> Callable[[Ports, Curve], Ports]:
     """Return what adds to wires' temperatures over themselves, °C."""
-
-    def apply(ports: Ports, law: Curve) -> Ports:
-        temp_a_c = ports.temp_a_c + law(ports.temp_a_c) if spring != "b" else ports.temp_a_c
-        temp_b_c = ports.temp_b_c + law(ports.temp_b_c) if spring != "a" else ports.temp_b_c
-        return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
-
-    return apply
+    return _warmer(spring, lambda ports: (ports.temp_a_c, ports.temp_b_c))
 
 
 def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
     """Return what adds to wires' temperatures over their rate, °C."""
+    return _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
+
+
+def _warmer(spring: str, drivers: Callable[[Ports], tuple[Array, Array]]) -> Callable[[Ports, Curve], Ports]:
+    """Return what adds to the temperature of wire ``a``, ``b`` or ``both``, each over its own driver."""
 
     def apply(ports: Ports, law: Curve) -> Ports:
-        temp_a_c = ports.temp_a_c + law(ports.rate_a_c_s) if spring != "b" else ports.temp_a_c
-        temp_b_c = ports.temp_b_c + law(ports.rate_b_c_s) if spring != "a" else ports.temp_b_c
+        over_a, over_b = drivers(ports)
+        temp_a_c = ports.temp_a_c + law(over_a) if spring != "b" else ports.temp_a_c
+        temp_b_c = ports.temp_b_c + law(over_b) if spring != "a" else ports.temp_b_c
         return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
 
     return apply
@@ -143,14 +143,16 @@ def _gentle(ports: Ports, torque_nm: Array) -> Array:
 
 def theta_l_half(ports: Ports, law: Curve) -> Ports:
     """Change the recoverable angle from half-cycle to half-cycle by a share."""
-    share = np.maximum(0.0, 1.0 + law(ports.half_cycle.astype(np.float64)))
-    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+    return _scaled_recoverable(ports, law(ports.half_cycle.astype(np.float64)))
 
 
 def theta_l_cycle(ports: Ports, law: Curve) -> Ports:
     """Change the recoverable angle over either spring's own cycles by a share."""
-    share = np.maximum(0.0, 1.0 + law(ports.cycle.astype(np.float64)))
-    return replace(ports, theta_l_scale=ports.theta_l_scale * share)
+    return _scaled_recoverable(ports, law(ports.cycle.astype(np.float64)))
+
+
+def _scaled_recoverable(ports: Ports, share: Array) -> Ports:
+    return replace(ports, theta_l_scale=ports.theta_l_scale * np.maximum(0.0, 1.0 + share))
 
 
 def differing(ports: Ports, law: Curve) -> Ports:

@@ -19,6 +19,8 @@ _NODES: Final = 13
 _BEYOND: Final = (0.12, 0.3)
 """Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
 to trust a model of this record further out."""
+_LEAST_WARMING_C: Final = 3.0
+"""A passive spring that warms up by less tells nothing of what depends on it."""
 _AHEAD: Final = 2
 """A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is the prior's.
 """
@@ -64,10 +66,6 @@ def passive_nodes(drive: Drive) -> Nodes | None:
     passive_c = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
     return _over(low, high, _NODES) if high - low > _LEAST_WARMING_C else None
-
-
-_LEAST_WARMING_C: Final = 3.0
-"""A passive spring that warms up by less tells nothing of what depends on it."""
 
 
 def rate_nodes(drive: Drive) -> Nodes | None:

@@ -163,10 +163,7 @@ class Fitter:
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         x = np.array([values[p.name] for p in parameters])
         at_x = model(x)
-        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
-        cost, data_cost = costs(observed - at_x, x, weight=self.weight, space=space)
-        derivative = jacobian(model, x, at_x=at_x, space=space)
-        return Fit(effects, parameters, Solution(x, at_x, derivative, cost, data_cost, converged=False))
+        return self.known(effects, x, at_x, jacobian(model, x, at_x=at_x, space=space))
 
     def known(self, effects: EffectSet, x: Array, prediction: Array, derivative: Array) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""

@@ -11,7 +11,7 @@ family is the mean over its bank: half of the prior is on smooth functions, half
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -96,9 +96,10 @@ def members(law: Law) -> list[_Member]:
     def log_prior(kernel: Kernel) -> float:
         return float(np.log(half / ((smooth if kernel.smooth else usual) * len(SIZES))))
 
+    units = [law.form(kernel, 1.0) for kernel in law.kernels]
     return [
-        _Member(kernel, size, law.form(kernel, size * law.scale), log_prior(kernel))
-        for kernel in law.kernels
+        _Member(kernel, size, replace(unit, basis=unit.basis * (size * law.scale)), log_prior(kernel))
+        for kernel, unit in zip(law.kernels, units, strict=True)
         for size in SIZES
     ]
 

@@ -113,8 +113,7 @@ class Search:
         fit = fitter.base()
         for _ in range(2):
             floor = self._floor(fit)
-            residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
-            scales = residual_scales(residual, stretches, floor)
+            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, floor)
             fitter = Fitter(problem, information(stretches, scales, floor))
             fit = fitter.from_elsewhere(fitter.refit(fit))
         tau = min(scales.correlation_samples, _FIRST_CORRELATION)
@@ -126,8 +125,7 @@ class Search:
 
     def plain_from(self, start: Mapping[str, float]) -> Explanation:
         """Fit the base model from values of one's own, under the likelihood of :meth:`plain`."""
-        residual = self._problem.observed - self._problem.predict(start, ())
-        fitter = Fitter(self._problem, self._likelihood.weight(np.where(self._problem.valid, residual, 0.0)))
+        fitter = self._weighted(self._problem, self._problem.predict(start, ()))
         fit = fitter.from_elsewhere(fitter.fit((), [start], max_iterations=40))
         return self._settled(self._problem, fit, ())
 
@@ -142,33 +140,32 @@ class Search:
     def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
         """Return what the inputs account for at a fit (n,)."""
         at = problem or self._problem
-        residual = np.where(at.valid, at.observed - fit.solution.prediction, 0.0)
         reading = at.sigma
         if not reading[at.valid].any():
-            reading = np.full(len(residual), reading_noise(at, self._stretches, residual))
+            left = _left(at, fit.solution.prediction)
+            reading = np.full(len(left), reading_noise(at, self._stretches, left))
         return np.hypot(reading, at.input_noise(fit.values, fit.effects))
 
     def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
         """Return a fit at the weights that its own residual gives, with its evidence."""
         best, best_value = fit, self._value(problem, fit)
         for _ in range(_ROUNDS):
-            found = self._fitter(problem, best).refit(best, max_iterations=8)
+            found = self._weighted(problem, best.solution.prediction).refit(best, max_iterations=8)
             gained = self._value(problem, found) - best_value
             if gained >= 0.0:
                 best, best_value = found, best_value + gained
             if gained <= _SETTLED:
                 break
-        fitter = self._fitter(problem, best)
+        fitter = self._weighted(problem, best.solution.prediction)
         return Explanation(fitter, best, laws, log_evidence(fitter, best, self._likelihood), self._progress)
 
-    def _fitter(self, problem: Problem, fit: Fit) -> Fitter:
-        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
-        return Fitter(problem, self._likelihood.weight(residual))
+    def _weighted(self, problem: Problem, prediction: Array) -> Fitter:
+        """Return a fitter with the weights that what a prediction leaves has under the likelihood."""
+        return Fitter(problem, self._likelihood.weight(_left(problem, prediction)))
 
     def _value(self, problem: Problem, fit: Fit) -> float:
         """Return the posterior density's logarithm at a fit."""
-        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
-        return self._likelihood.log(residual) - 0.5 * prior_cost(problem, fit)
+        return self._likelihood.log(_left(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
         """Fit every effect and measure every law beside each of the parents, and keep them."""
@@ -222,8 +219,7 @@ class Search:
     ) -> Explanation:
         """Return a measured law as an explanation: its form is one more candidate."""
         extended = problem.with_laws((*problem.forms, measured.form))
-        residual = np.where(extended.valid, extended.observed - measured.prediction, 0.0)
-        fitter = Fitter(extended, self._likelihood.weight(residual))
+        fitter = self._weighted(extended, measured.prediction)
         effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
@@ -288,7 +284,7 @@ class Search:
         self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
         for members, one in list(self._explanations.items()):
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
-            fitter = self._fitter(one.fitter.problem, one.fit) if members else one.fitter
+            fitter = self._weighted(one.fitter.problem, one.fit.solution.prediction) if members else one.fitter
             bank = one.laws[-1].bank if one.laws else 0.0
             evidence = log_evidence(fitter, one.fit, self._likelihood) + bank
             self._explanations[members] = replace(one, fitter=fitter, log_evidence=evidence)
@@ -310,3 +306,8 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
+
+
+def _left(problem: Problem, prediction: Array) -> Array:
+    """Return measured less predicted (n,), zero where a sample does not count."""
+    return np.where(problem.valid, problem.observed - prediction, 0.0)

@@ -200,9 +200,14 @@ def solve(
         cost, data_cost = trial_cost, trial_data
     if not rough:
         slopes.refresh()
-    normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
-    promised = 0.0 if converged else _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
+    promised = 0.0 if converged else _promised(slopes, y, weight=weight, space=space)
     return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
+
+
+def _promised(slopes: Slopes, y: Array, *, weight: Array, space: Space) -> float:
+    """Return the decrease of the objective that an undamped step promises."""
+    normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
+    return _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
 
 
 class Slopes:
