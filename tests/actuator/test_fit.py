@@ -211,7 +211,7 @@ def test_record_of_a_rig_that_is_not_ours(shared_data, tmp_path):
 )
 def test_effects_on_records_of_a_rig_that_is_not_ours(shared_data, name, effect, truth):
     folder = shared_data / "records" / name
-    model = ActuatorModel(read_actuator(folder / "actuator.toml"), (effect, "home_torque"))
+    model = ActuatorModel(read_actuator(folder / "actuator.toml"), (effect, "home_torque", "start_winding"))
     result = fit_model(model, model.prepare(read_merged(folder / "merged.csv")))
     assert result.rmse_deg < 0.2
     for key, (value, tolerance) in truth.items():

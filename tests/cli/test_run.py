@@ -200,3 +200,9 @@ def test_the_scene_of_the_demo_hides_something_from_its_actuator_file() -> None:
     assert scene.camera.tilt_deg > 3.0
     assert scene.sensor.sample_s == pytest.approx(0.015)
     assert scene.sensor.noise_c > 0.0
+
+
+def test_fit_and_discovery_show_one_plain_model(finished: Path) -> None:
+    fit, found = (read_json(finished / "out" / name) for name in ("fit.json", "discovery.json"))
+    assert fit["parameters"] == found["plain_parameters"]
+    assert fit["rmse_deg"] == found["before"]["rmse_train_deg"]

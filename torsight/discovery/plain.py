@@ -11,6 +11,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.fit import FitResult, notes_of_fit, require_motion
 from torsight.actuator.fitting.estimates import quiet
+from torsight.actuator.record.weights import correlation_rows
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.progress import Progress, silent
@@ -65,7 +66,7 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
     white = (residual / row_sigma)[counted]
     total = drive.angle_rad[counted] - drive.angle_rad[counted].mean()
     silent_about = quiet(fit.parameters, sigma)
-    ratio, rows = float(np.mean(white**2)), search.likelihood.correlation_samples
+    ratio, rows = float(np.mean(white**2)), correlation_rows(white)
     return FitResult(
         model=model,
         values=values,
