@@ -106,8 +106,8 @@ def draw_rig(rng: np.random.Generator, *, turned: bool | None) -> DrawnRig:
     return DrawnRig(
         declared=declared.to_toml(),
         values=draw_values(declared, given={}, rng=rng),
-        record=replace(_programme(rng, shift_c, cycles=4), prelude=prelude),
-        later=_programme(rng, shift_c, cycles=2),
+        record=replace(draw_programme(rng, shift_c, cycles=4), prelude=prelude),
+        later=draw_programme(rng, shift_c, cycles=2),
         sensor=Sensor(sample_s=STEP_S, noise_c=log_uniform(rng, 0.02, 0.1)),
         angle_noise_deg=log_uniform(rng, 0.02, 0.1),
         zero_deg=zero_deg if (off if turned is None else turned) else 0.0,
@@ -115,7 +115,7 @@ def draw_rig(rng: np.random.Generator, *, turned: bool | None) -> DrawnRig:
     )
 
 
-def _programme(rng: np.random.Generator, shift_c: float, *, cycles: int) -> Protocol:
+def draw_programme(rng: np.random.Generator, shift_c: float, *, cycles: int) -> Protocol:
     """Return cycles at their own rates, one heating in four incomplete, the first cycle whole."""
     halves = tuple(
         _half_cycle(rng, spring, shift_c, full=cycle == 0 or rng.random() < 0.75)

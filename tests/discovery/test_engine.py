@@ -100,7 +100,7 @@ def test_held_out_blocks_are_those_of_explicit_fits() -> None:
     fitter, fit = findings.field.base.fitter, findings.field.base.fit
     found = held_out_by_refit(fitter, fit)
     columns = np.column_stack([problem.columns["gain"], problem.columns["offset"]])
-    root = np.sqrt(fitter.weight)
+    root = np.sqrt(fitter.weight.each)
     for label in range(BLOCKS):
         rows = problem.block == label
         others = ~rows

@@ -23,6 +23,7 @@ from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Scales, Stretches, information
+from torsight.discovery.inference.weight import Weight
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.values import declared_from
 
@@ -48,7 +49,7 @@ def test_a_gain_is_what_stacked_least_squares_leaves() -> None:
         (name,) = one.effects
         return design[name] @ np.array([values[f"{name}_{key}"] for key in NAMES])
 
-    for gains in (linear_gains(predict, both, weight), refitted_gains(predict, both, weight)):
+    for gains in (linear_gains(predict, both, Weight.of(weight)), refitted_gains(predict, both, Weight.of(weight))):
         for i, j in ((0, 1), (1, 0)):
             shown = design[both[i].name[0]] @ both[i].x
             matrix = np.vstack([design[both[j].name[0]] * np.sqrt(weight)[:, None], np.diag(1.0 / np.array(PRIOR))])
@@ -66,7 +67,7 @@ def test_what_holds_the_true_explanation_can_only_be_told_from_the_other_side() 
     def predict(values: dict[str, float], one: Rival) -> np.ndarray:
         return np.full(5, len(one.effects) + 0.0 * sum(values.values()))
 
-    gains = linear_gains(predict, [small, event], np.ones(5))
+    gains = linear_gains(predict, [small, event], Weight.of(np.ones(5)))
     assert np.isnan(gains[1, 0])
     assert gains[0, 1] == pytest.approx(5.0)
     assert least_gain(np.full((2, 2), np.nan)) == 0.0

@@ -70,7 +70,7 @@ def problem(tables: list[SyncedTable], spec: ActuatorSpec) -> SeveralRecords:
 @contextmanager
 def few_effects(*names: str) -> Iterator[None]:
     """Let discovery try these effects, not all, beside those that are always fitted."""
-    effects = {name: load_effects()[name] for name in (*names, "home_torque", "phase_shape")}
+    effects = {name: load_effects()[name] for name in (*names, "home_torque", "start_winding", "phase_shape")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("torsight.discovery.actuator_problem.load_effects", lambda: effects)
         patch.setattr("torsight.discovery.actuator_problem.laws_of", lambda _drive, _tau_c_mnm: ())
@@ -125,7 +125,7 @@ def test_both_records_name_the_effect_and_know_it_better_than_either_alone(
 
 def test_what_each_record_takes_for_other_values_is_named_by_both(spec: ActuatorSpec) -> None:
     # At one heating rate a late sensor is a shift of all transformation temperatures, or a late clock.
-    tables = [record(k, {"sensor_lag": {"lag_s": 2.0}}) for k in (0, 1)]
+    tables = [record(k, {"sensor_lag": {"lag_s": 1.0}}) for k in (0, 1)]
     with few_effects("sensor_lag", "clock_offset"):
         assert [effect.id for effect in discover_together(tables, spec).effects] == ["sensor_lag"]
         for table in tables:

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 from torsight.discovery.inference.solver import Space, jacobian, solve
+from torsight.discovery.inference.weight import Weight
 
 
 def _space(m: int, *, lower: float = -np.inf, upper: float = np.inf, sigma: float = np.inf) -> Space:
@@ -24,7 +25,7 @@ def test_linear_with_priors_is_the_normal_equations_solution() -> None:
     columns = rng.standard_normal((60, 4))
     y = columns @ np.array([1.0, -2.0, 0.5, 3.0]) + 0.1 * rng.standard_normal(60)
     weight = rng.uniform(0.5, 2.0, 60)
-    found = solve(lambda x: columns @ x, np.zeros(4), observed=y, weight=weight, space=_space(4, sigma=0.7))
+    found = solve(lambda x: columns @ x, np.zeros(4), observed=y, weight=Weight.of(weight), space=_space(4, sigma=0.7))
     matrix = columns.T @ (columns * weight[:, None]) + np.eye(4) / 0.49
     expected = np.linalg.solve(matrix, columns.T @ (weight * y))
     assert found.converged
@@ -37,7 +38,11 @@ def test_bounds_agree_with_another_solver() -> None:
     columns = rng.standard_normal((80, 5))
     y = 20.0 * columns @ np.array([2.0, -2.0, 0.2, 0.0, -0.1])
     found = solve(
-        lambda x: columns @ x, np.zeros(5), observed=y, weight=np.ones(80), space=_space(5, lower=-1.0, upper=1.0)
+        lambda x: columns @ x,
+        np.zeros(5),
+        observed=y,
+        weight=Weight.of(np.ones(80)),
+        space=_space(5, lower=-1.0, upper=1.0),
     )
     expected = lsq_linear(columns, y, bounds=(-1.0, 1.0)).x
     assert np.allclose(found.x, expected, atol=2e-2)
@@ -51,7 +56,9 @@ def test_nonlinear_agrees_with_another_solver() -> None:
     def model(x: np.ndarray) -> np.ndarray:
         return np.asarray(x[0] * np.exp(-x[1] * t) + x[2])
 
-    found = solve(model, np.ones(3), observed=y, weight=np.full(100, 1e4), space=_space(3), max_iterations=40)
+    found = solve(
+        model, np.ones(3), observed=y, weight=Weight.of(np.full(100, 1e4)), space=_space(3), max_iterations=40
+    )
     expected = least_squares(lambda x: (model(x) - y) * 100.0, np.ones(3))
     assert found.cost == pytest.approx(2.0 * expected.cost, abs=0.05)
     sigma = np.sqrt(np.diag(np.linalg.inv(expected.jac.T @ expected.jac)))
@@ -67,9 +74,11 @@ def test_a_known_solution_is_gone_on_from_without_evaluations() -> None:
         calls += 1
         return columns @ x
 
-    first = solve(model, np.zeros(3), observed=np.arange(3.0), weight=np.ones(3), space=_space(3))
+    first = solve(model, np.zeros(3), observed=np.arange(3.0), weight=Weight.of(np.ones(3)), space=_space(3))
     calls = 0
-    again = solve(model, first.x, observed=np.arange(3.0), weight=np.full(3, 2.0), space=_space(3), known=first)
+    again = solve(
+        model, first.x, observed=np.arange(3.0), weight=Weight.of(np.full(3, 2.0)), space=_space(3), known=first
+    )
     assert calls == 0
     assert np.allclose(again.x, first.x)
 
@@ -90,7 +99,11 @@ def test_derivatives_at_an_upper_bound_point_inwards() -> None:
 def test_samples_without_weight_may_be_nan() -> None:
     y = np.array([1.0, np.nan, 3.0])
     found = solve(
-        lambda x: np.full(3, x[0]), np.zeros(1), observed=y, weight=np.array([1.0, 0.0, 1.0]), space=_space(1)
+        lambda x: np.full(3, x[0]),
+        np.zeros(1),
+        observed=y,
+        weight=Weight.of(np.array([1.0, 0.0, 1.0])),
+        space=_space(1),
     )
     assert found.x[0] == pytest.approx(2.0, abs=1e-2)
 
@@ -101,6 +114,6 @@ def test_a_value_on_a_kink_does_not_hold_up_the_others() -> None:
         return np.array([10.0 * abs(x[1] - 1.0) + x[0], x[0], x[0]])
 
     y = np.array([-3.0, 2.0, 2.0])
-    found = solve(model, np.array([0.0, 1.0]), observed=y, weight=np.ones(3), space=_space(2, sigma=10.0))
+    found = solve(model, np.array([0.0, 1.0]), observed=y, weight=Weight.of(np.ones(3)), space=_space(2, sigma=10.0))
     # With the second value on its kink the first one is the mean, drawn to zero by its prior.
     assert found.x == pytest.approx([1.0 / 3.01, 1.0], abs=1e-3)

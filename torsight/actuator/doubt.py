@@ -41,7 +41,8 @@ class Doubt:
     covariance : (m, m) float64
         Of these, public units.
     residual_deg : float
-        Root mean square error on half-cycles that the fit has not seen, or of the fit where none was left out.
+        Root mean square of what is left on half-cycles that the fit has not seen (of the fit, where none was left out),
+        less what errors of the temperatures account for.
     alternatives : tuple of Alternative
         Explanations that do as well.
     """

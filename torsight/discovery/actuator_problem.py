@@ -27,7 +27,7 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
-from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, top_errors, with_errors
 from torsight.discovery.interface import Candidate
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ class ActuatorProblem:
         """Return the problem with these forms of laws among its candidates."""
         other = replace(self, forms=tuple(forms))
         # What depends on the record alone is not worked out again.
-        kept = ("rows", "time_s", "_means", "valid", "block", "rest", "drivers", "laws", "_temperature_errors")
+        kept = ("rows", "share", "time_s", "_means", "valid", "block", "rest", "drivers", "laws", "_temperature_errors")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -127,6 +127,11 @@ class ActuatorProblem:
         starts = tuple(start for effect in _always() for start in effect.starts)
         zero = ({"zero_deg": middle_deg(self.drive)},) if any(p.name == "zero_deg" for p in self.parameters) else ()
         return (*starts, *zero)
+
+    @cached_property
+    def share(self) -> Array:
+        """Share of a step along the record's way (:func:`_way`) that every kept row stands for, one at most."""
+        return np.minimum(np.abs(np.gradient(np.cumsum(_way(self.drive))[self.rows])), 1.0)
 
     @cached_property
     def time_s(self) -> Array:
@@ -160,9 +165,7 @@ class ActuatorProblem:
     @cached_property
     def rest(self) -> NDArray[np.bool_]:
         """Where the measured angle stands still."""
-        drive = self.drive
-        valid = drive.known & np.isfinite(drive.angle_rad)
-        return rest_mask(drive.time_s, drive.angle_rad / DEG, valid)[self.rows]
+        return _at_rest(self.drive)[self.rows]
 
     @cached_property
     def drivers(self) -> Mapping[str, Array]:
@@ -190,27 +193,30 @@ class ActuatorProblem:
         return self._predict(self.drive, values, effects)
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what noise left in the temperatures does to the angle.
+        """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 
-        Errors of the size that the conditioning gives are drawn and driven through the model. That catches what a
-        formula would miss: a corner's error stays in the angle for the whole rest after it. The top of a half-cycle, at
-        which an incomplete transformation ends, is such a corner.
+        Errors of the size that the conditioning gives are drawn and driven through the model.
         """
-        return self._errors_through([errors.with_tops_c for errors in self._temperature_errors], values, effects)
+        found = self._errors_through([errors.smooth_c for errors in self._temperature_errors], values, effects)
+        return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
 
-    def smooth_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return the same with the tops of half-cycles as well known as the rest of the temperatures."""
-        return self._errors_through([errors.smooth_c for errors in self._temperature_errors], values, effects)
+    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return what one standard deviation of each half-cycle's top temperature does to the angle (n, k), degrees.
+
+        At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
+        error moves the angle nowhere by a tenth of the resolution are left out: those of complete heatings.
+        """
+        found = self._errors_through(top_errors(self.drive), values, effects)
+        return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def _errors_through(
         self, added_c: Sequence[tuple[Array, Array]], values: Mapping[str, float], effects: Sequence[str]
     ) -> Array:
         if not added_c:
-            return np.zeros(len(self.rows))
+            return np.zeros((len(self.rows), 0))
         clean = self.predict(values, effects)
         drives = (with_errors(self.drive, errors) for errors in added_c)
-        found = [self._predict(drive, values, effects) - clean for drive in drives]
-        return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
+        return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         ports = self.model(effects).ports(drive, values, history=self.history)
@@ -228,26 +234,48 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
     residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
     changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
     two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
-    highest, and (behind a slow sensor, before either) where the angle stops.
+    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where the angle sets
+    off from a rest: friction over the speed is not exact for steps in which it does.
     """
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
-    passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
     interval = float(np.median(np.diff(drive.time_s)))
     smooth = _running_median(drive.angle_rad / DEG)
-    way = np.zeros(len(drive))
-    for values, step in ((active, 1.0), (passive, 2.0), (smooth, 5.0), (drive.time_s, 30.0)):
-        way[1:] = np.maximum(way[1:], np.abs(np.diff(values)) / step)
     keep = np.zeros(len(drive), bool)
-    keep[np.flatnonzero(np.diff(np.floor(np.cumsum(way)))) + 1] = True
+    keep[np.flatnonzero(np.diff(np.floor(np.cumsum(_way(drive))))) + 1] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
-    for place in [*turn, *_tops(active, smooth, drive.cycles.half, turn)]:
+    for place in [*turn, *_starts(drive, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
         keep[max(0, place - far) : place + far : second] = True
     change = np.flatnonzero(np.diff(drive.cycles.half))
     keep[change], keep[change + 1] = True, True
     keep[[0, -1]] = True
     return np.flatnonzero(keep)
+
+
+def _starts(drive: Drive, angle_deg: Array) -> list[int]:
+    """Return the rows at which the angle sets off from a rest."""
+    found = []
+    for _, stop in runs(_at_rest(drive)):
+        away = np.abs(angle_deg[stop - 1 :] - angle_deg[stop - 1]) > _STOPPED_DEG
+        if away.any():
+            found.append(stop - 1 + int(np.argmax(away)))
+    return found
+
+
+def _at_rest(drive: Drive) -> NDArray[np.bool_]:
+    valid = drive.known & np.isfinite(drive.angle_rad)
+    return rest_mask(drive.time_s, drive.angle_rad / DEG, valid)
+
+
+def _way(drive: Drive) -> Array:
+    """Return how far every row (n,) has come from the one before, in steps of angle, temperatures or time."""
+    active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
+    angle_deg = _running_median(drive.angle_rad / DEG)
+    steps = ((active, 1.0), (passive, 2.0), (angle_deg, 5.0), (drive.time_s, 30.0))
+    each = [np.abs(np.diff(values, prepend=values[0])) / step for values, step in steps]
+    return np.asarray(np.max(each, axis=0))
 
 
 def _tops(active: Array, angle_deg: Array, half: NDArray[np.int64], turns: NDArray[np.int64]) -> list[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import isnan
+from math import hypot
 from typing import Any, Final, cast
 
 import numpy as np
@@ -30,6 +30,7 @@ from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import less
 from torsight.discovery.inference.intervals import covariance, joint_covariance
 from torsight.discovery.inference.noise import Stretches, reading_noise
+from torsight.discovery.inference.search import TIME
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Candidate, Problem
@@ -95,7 +96,8 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
     rivals = [model_of(problem, rival) for rival in decision.rivals]
-    doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), after, rivals)
+    left_deg = hypot(unforetold_deg(findings), _of_time_deg(problem, chosen))
+    doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), left_deg, rivals)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
@@ -149,7 +151,7 @@ def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
     return fitted_model(own.model(chosen.fit.effects), chosen.fit.values, problem.drive, history=own.history)
 
 
-def doubt_of(parameters: Sequence[Parameter], spread: Array, after: Errors, rivals: Sequence[FittedModel]) -> Doubt:
+def doubt_of(parameters: Sequence[Parameter], spread: Array, left_deg: float, rivals: Sequence[FittedModel]) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
     Parameters
@@ -158,17 +160,44 @@ def doubt_of(parameters: Sequence[Parameter], spread: Array, after: Errors, riva
         The free parameters.
     spread : (m, m) float64
         Their covariance.
-    after : Errors
-        What the model leaves.
+    left_deg : float
+        What the model leaves, root mean square.
     rivals : sequence of FittedModel
         The other explanations.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),
         covariance=spread,
-        residual_deg=after.rmse_train_deg if isnan(after.rmse_held_out_deg) else after.rmse_held_out_deg,
+        residual_deg=left_deg,
         alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in rivals),
     )
+
+
+def unforetold_deg(findings: Findings) -> float:
+    """Return what is left on half-cycles that the fit has not seen (of the fit, where none was left out), degrees.
+
+    Root mean square over time, less what errors of tops account for: a prediction adds those of its own temperatures.
+    """
+    chosen, held_out = findings.decision.chosen, findings.after
+    residual = chosen.residual if held_out is None else np.nan_to_num(held_out.residual)
+    problem = chosen.fitter.problem
+    lasts_s = np.abs(np.gradient(problem.time_s))[problem.valid]
+    left = findings.field.likelihood.left(residual)[problem.valid]
+    return float(np.sqrt(np.average(left**2, weights=lasts_s)))
+
+
+def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:
+    """Return what laws of time change in the angle, root mean square over the record.
+
+    They hold for no later time: what they explain in the record is missing in a prediction.
+    """
+    names = {name for item in chosen.laws if item.law.driver == TIME for name in item.form.names}
+    if not names:
+        return 0.0
+    own, effects, values = _problem(chosen), chosen.fit.effects, chosen.fit.values
+    without = {name: 0.0 if name in names else value for name, value in values.items()}
+    change = own.simulate(values, effects).angle_rad - own.simulate(without, effects).angle_rad
+    return float(np.sqrt(np.mean(change[problem.drive.known] ** 2))) / DEG
 
 
 def fixed_values(problem: ActuatorProblem) -> dict[str, Estimate]:
@@ -192,7 +221,7 @@ def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretc
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
         reading = reading_noise(problem, stretches, residual)
-    noise = _problem(chosen).smooth_noise(fit.values, fit.effects)
+    noise = _problem(chosen).input_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
     return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
 

@@ -113,6 +113,12 @@ class Problem(Protocol):
     elsewhere : tuple of mapping
         May be left out. Other values of base parameters (parameter name to value) from which every fit is tried once
         more: for models whose answer has kinks, where a fit may sit in the wrong valley.
+    share : (n,) float64
+        May be left out. How much of a sample every sample in motion counts as: less than one where samples lie closer
+        than usual along what their residual is correlated over.
+    shared_errors : callable
+        May be left out. From values and effects to what one standard deviation of every independent error of the inputs
+        does to the prediction (n, k), for errors that many samples share; ``input_noise`` is what the others do.
     predict_many : callable
         May be left out. ``predict`` at several points at once (a list of values, the effects): for models that can be
         called in parallel.

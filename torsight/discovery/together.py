@@ -35,12 +35,12 @@ from torsight.discovery.discover import (
     noise_floor,
     notes_of,
     pulls_of,
+    unforetold_deg,
 )
 from torsight.discovery.inference.engine import Findings, find_missing, law_shares
 from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.fitting import Fit, Fitter
 from torsight.discovery.inference.intervals import covariance, joint_covariance
-from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
 from torsight.discovery.report import DiscoveryReport, Errors, estimates_of
@@ -176,7 +176,7 @@ def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanat
     several = cast("SeveralRecords", joint.fitter.problem)
     part, rows = several.parts[record], several.rows_of(record)
     effects = several.effects_of(record, joint.fit.effects)
-    fitter = Fitter(part, joint.fitter.weight[rows])
+    fitter = Fitter(part, joint.fitter.weight.only(rows))
     parameters = fitter.parameters(effects)
     places = _places(several, joint.fit, record, [p.name for p in parameters])
     solution = joint.fit.solution
@@ -228,7 +228,9 @@ def _report(
     views = [single(problem, one, last) for one in (chosen, *decision.rivals)]
     model, *rivals = (model_of(problem.parts[last], view) for view in views)
     places = _places(problem, chosen.fit, last, [p.name for p in views[0].fit.parameters])
-    doubt = doubt_of(views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], after, rivals)
+    doubt = doubt_of(
+        views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], unforetold_deg(findings), rivals
+    )
     return JointReport(
         verdict=findings.verdict,
         effects=found_effects(findings, seed=seed, effect_of=problem.effect_of),
@@ -328,9 +330,7 @@ def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) ->
     if findings.verdict != "ambiguous":
         return None
     whole, rows = findings.field.likelihood, problem.rows_of(last)
-    likelihood = Likelihood(
-        whole.count[rows], whole.floor[rows], whole.kind[rows], whole.correlation_samples, whole.least
-    )
+    likelihood = whole.at(rows)
     part = problem.parts[last]
     views = [single(problem, one, last) for one in (decision.chosen, *decision.rivals)]
     field = Field(likelihood, Stretches.of(part), {(): single(problem, findings.field.base, last)})

@@ -23,6 +23,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG
 from torsight.discovery.design.separation import Rival, linear_gains
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
@@ -85,7 +86,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
         progress("what discovery can tell", done, needed)
         return models[rival.effects].simulate(drive, values).angle_rad
 
-    gains = linear_gains(predict, explanations, weight)
+    gains = linear_gains(predict, explanations, Weight.of(weight))
     progress("what discovery can tell", needed, needed)
     names = [effect.id for effect in effects]
     # The first row and column are the plain model's; the rows are what is taken as true.

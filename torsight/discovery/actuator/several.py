@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import load_effects
@@ -154,7 +155,8 @@ class SeveralRecords:
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
         """Return the problem with these forms of laws among its candidates."""
         other = SeveralRecords(tuple(part.with_laws(forms) for part in self.parts), tuple(forms))
-        kept = ("_clocks", "_joined", "laws", "time_s", "observed", "sigma", "valid", "block", "rest", "drivers")
+        record = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
+        kept = ("_clocks", "_joined", "laws", *record)
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -219,6 +221,11 @@ class SeveralRecords:
         return slice(int(ends[record]), int(ends[record + 1]))
 
     @cached_property
+    def share(self) -> Array:
+        """Share of a step that every row stands for."""
+        return np.concatenate([part.share for part in self.parts])
+
+    @cached_property
     def rest(self) -> NDArray[np.bool_]:
         """Where the measured angle stands still."""
         return np.concatenate([part.rest for part in self.parts])
@@ -259,18 +266,22 @@ class SeveralRecords:
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return the angles in degrees as the cameras would read them."""
-        return np.concatenate(
-            [part.predict(self.values_of(k, values), self.effects_of(k, effects)) for k, part in enumerate(self.parts)]
-        )
+        return np.concatenate([part.predict(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what noise left in the temperatures does to the angles."""
-        return np.concatenate(
-            [
-                part.input_noise(self.values_of(k, values), self.effects_of(k, effects))
-                for k, part in enumerate(self.parts)
-            ]
-        )
+        """Return what noise left in the temperatures does to the angles, tops of half-cycles apart."""
+        return np.concatenate([part.input_noise(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
+
+    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return what one standard deviation of each half-cycle's top temperature does to the angles (n, k)."""
+        each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
+        return np.asarray(block_diag(*each))
+
+    def _own(
+        self, record: int, values: Mapping[str, float], effects: Sequence[str]
+    ) -> tuple[dict[str, float], tuple[str, ...]]:
+        """Return values and effects as a record's own model knows them."""
+        return self.values_of(record, values), self.effects_of(record, effects)
 
 
 def _renamed(candidate: Candidate, k: int) -> Candidate:

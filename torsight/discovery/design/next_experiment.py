@@ -30,6 +30,7 @@ from torsight.discovery.design.separation import Rival, least_gain, linear_gains
 from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.fitting import in_parallel
 from torsight.discovery.inference.noise import Scales, Stretches, information
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
@@ -228,8 +229,8 @@ class _Planner:
     def _drive(self, programme: Programme) -> Drive:
         return programme.play(self._heat).drive(start_angle_rad=self._problem.drive.start_angle_rad)
 
-    def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Array]:
-        """Return the planned record as a problem, and the information per sample that it would carry."""
+    def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Weight]:
+        """Return the planned record as a problem, and the information that it would carry."""
         own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
         angle_rad = self._problem.with_laws(first.forms).model(first.effects).simulate(drive, values).angle_rad
@@ -248,8 +249,10 @@ class _Planner:
         # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
         least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
         wider = Scales(math.hypot(self._left[0], least), math.hypot(self._left[1], least), tau)
-        floor = np.hypot(planned.sigma, planned.with_laws(first.forms).input_noise(values, first.effects))
-        return planned, information(Stretches.of(planned), wider, floor)
+        known = planned.with_laws(first.forms)
+        floor = np.hypot(planned.sigma, known.input_noise(values, first.effects))
+        each = information(Stretches.of(planned), wider, floor)
+        return planned, replace(each, shared=known.shared_errors(values, first.effects))
 
     def _pairs(self, gains: Array) -> list[dict[str, Any]]:
         found = []

@@ -21,6 +21,7 @@ from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.inference.fitting import EffectSet, space_of
 from torsight.discovery.inference.solver import Array, jacobian, solve
+from torsight.discovery.inference.weight import Weight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,7 @@ Predict = Callable[[Mapping[str, float], Rival], Array]
 """From parameter values of a rival to a planned record's values (n,)."""
 
 
-def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Array) -> Array:
+def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Array:
     """Return by how much each explanation (column) costs more than each that is taken as true (row), (k, k).
 
     NaN on the diagonal, and where the other explanation holds the true one: it would fit as well, and what tells them
@@ -76,7 +77,7 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Array)
             continue
         space = space_of(other.parameters)
         slopes = jacobian(models[j], other.x, at_x=values[j], space=space)
-        weighted = slopes * weight[:, None]
+        weighted = weight.times(slopes)
         normal = slopes.T @ weighted
         normal[np.diag_indices_from(normal)] += space.prior_information + 1e-9 / space.scale**2
         pull = space.prior_information * (other.x - space.prior_mean)
@@ -86,12 +87,14 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Array)
             apart = values[i] - values[j]
             gradient = weighted.T @ apart - pull
             taken_up = float(gradient @ np.linalg.solve(normal, gradient))
-            cost = float(weight @ apart**2) + other.prior_cost - taken_up
+            cost = weight.square(apart) + other.prior_cost - taken_up
             gains[i, j] = cost - true.prior_cost
     return gains
 
 
-def refitted_gains(predict: Predict, explanations: Sequence[Rival], weight: Array, *, max_iterations: int = 8) -> Array:
+def refitted_gains(
+    predict: Predict, explanations: Sequence[Rival], weight: Weight, *, max_iterations: int = 8
+) -> Array:
     """Return the same as :func:`linear_gains` with every other explanation really refitted."""
     models = [one.model(predict) for one in explanations]
     gains = np.full((len(explanations), len(explanations)), np.nan)

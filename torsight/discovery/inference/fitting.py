@@ -13,11 +13,11 @@ from functools import cached_property
 from typing import Final, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.discovery.inference.solver import Array, Solution, Space, costs, jacobian, solve
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
 
 EffectSet = tuple[str, ...]
@@ -75,11 +75,11 @@ class Fitter:
     ----------
     problem : Problem
         Record and model.
-    weight : (n,) array
-        Information per sample, see :func:`torsight.discovery.inference.noise.information`.
+    weight : Weight
+        Information in a residual.
     """
 
-    def __init__(self, problem: Problem, weight: NDArray[np.float64]) -> None:
+    def __init__(self, problem: Problem, weight: Weight) -> None:
         self.problem = problem
         self.weight = weight
         self.candidates: dict[str, Candidate] = {candidate.id: candidate for candidate in problem.candidates}
@@ -108,7 +108,7 @@ class Fitter:
         effects: EffectSet,
         starts: Sequence[Mapping[str, float]],
         *,
-        weight: Array | None = None,
+        weight: Weight | None = None,
         max_iterations: int = 12,
         keep: int = 2,
         near: Fit | None = None,
@@ -167,7 +167,7 @@ class Fitter:
 
     def known(self, effects: EffectSet, x: Array, prediction: Array, derivative: Array) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
-        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
         cost, data_cost = costs(observed - prediction, x, weight=self.weight, space=self.space(effects))
         solution = Solution(x, prediction, derivative, cost, data_cost, converged=False)
         return Fit(effects, self.parameters(effects), solution)
@@ -180,7 +180,7 @@ class Fitter:
         """Return measured less model (n,), NaN where a sample does not count."""
         return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
 
-    def extend(self, parent: Fit, name: str, *, weight: Array | None = None, from_means: bool = True) -> Fit:
+    def extend(self, parent: Fit, name: str, *, weight: Weight | None = None, from_means: bool = True) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
 
         The second (``from_means``) matters where an effect has pulled the base parameters off along a valley in which
@@ -204,7 +204,7 @@ class Fitter:
             return found
         return self.fit(effects, [self._switched_off(parent, name)], near=parent, below=below)
 
-    def propose_again(self, found: Fit, name: str, *, weight: Array | None = None) -> Fit:
+    def propose_again(self, found: Fit, name: str, *, weight: Weight | None = None) -> Fit:
         """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
         candidate = self.candidates[name]
         without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
@@ -223,7 +223,7 @@ class Fitter:
         Only a place that is better already, everything else left as it is, is followed.
         """
         model, space = self._model(fit.effects), self.space(fit.effects)
-        observed = np.where(self.weight > 0.0, self.problem.observed, 0.0)
+        observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
 
         def cost(values: Mapping[str, float]) -> float:
             x = np.array([values[p.name] for p in fit.parameters])
@@ -239,7 +239,7 @@ class Fitter:
         self,
         fit: Fit,
         *,
-        weight: Array | None = None,
+        weight: Weight | None = None,
         max_iterations: int = 6,
         kept: Sequence[str] = (),
         rough: bool = False,

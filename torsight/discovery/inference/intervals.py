@@ -36,7 +36,7 @@ def curvature_spread(explanation: Explanation) -> Array:
     """Return the covariance (m, m) by the posterior's curvature alone."""
     fit, weight = explanation.fit, explanation.fitter.weight
     space, derivative = space_of(fit.parameters), fit.solution.jacobian
-    information = derivative.T @ (derivative * weight[:, None])
+    information = derivative.T @ weight.times(derivative)
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
     return np.asarray(np.linalg.inv(information))
 

@@ -1,16 +1,17 @@
 r"""What a residual is worth: a Gaussian likelihood whose noise is inferred and whose neighbours are correlated.
 
-.. math:: \log L = -\tfrac12 \sum_i c_i \left( \frac{r_i^2}{s^2 + n_i^2} + \log (s^2 + n_i^2) \right)
+.. math:: \log L = -\tfrac12 \sum_i c_i \left( \frac{(r - J a)_i^2}{s^2 + n_i^2} + \log (s^2 + n_i^2) \right)
+          - \tfrac12 a^\top a - \tfrac12 \log \det (1 + J^\top w J)
 
-r residual, n_i what the inputs account for (reading noise, noise of the temperatures), s the size of the discrepancy
-that is left, each at its most probable value: one for motion, one for rests, and one for the blocks that a record opens
-with, where what came before it is not known. Neighbouring residuals are not
-independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ the residual's integrated
-correlation time in samples; a rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps
-intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and Firth,
-Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight: what leaves
-half as much explains as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc.
-B 63 (2001) 425).
+r residual, n_i what the inputs account for sample by sample (reading noise, noise of the temperatures), J a what errors
+of the inputs do to many samples at once (:mod:`.weight`), s the size of the discrepancy that is left, each at its most
+probable value: one for motion, one for rests, and one for the blocks that a record opens with, where what came before
+it is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces of
+information, τ the residual's integrated correlation time in samples (samples that lie closer than usual share that); a
+rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps intervals and evidence honest where
+the correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The
+discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains as much more as
+the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.discovery.inference.noise import Stretches
+from torsight.discovery.inference.weight import Weight
 
 Array = NDArray[np.float64]
 MOTION: Final = 0
@@ -29,6 +31,10 @@ REST: Final = 1
 OPENING: Final = 2
 _SIZES: Final = 28
 """Bisections of the size's logarithm over thirteen decades: to a part in ten thousand."""
+_ROUNDS: Final = 8
+"""Shared errors and discrepancy in turn, at most; three or four suffice."""
+_SETTLED: Final = 1e-3
+"""Change of the shared errors, in their standard deviations, below which another round changes nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,69 +53,108 @@ class Likelihood:
         Integrated correlation time of the residual in motion.
     least : float
         Least size of the discrepancy: no model is right to better than a difference that nobody would miss.
+    shared : (n, k) float64
+        What one standard deviation of every error does that many samples share.
     """
 
     count: Array
     floor: Array
     kind: NDArray[np.int8]
     correlation_samples: float
-    least: float = 0.0
+    least: float
+    shared: Array
 
     @classmethod
-    def of(cls, stretches: Stretches, floor: Array, correlation_samples: float, *, least: float = 0.0) -> Likelihood:
+    def of(
+        cls,
+        stretches: Stretches,
+        floor: Array,
+        correlation_samples: float,
+        *,
+        least: float = 0.0,
+        shared: Array | None = None,
+    ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
         count, kind = np.zeros(len(floor)), np.zeros(len(floor), np.int8)
         for start, stop, at_rest, opening in zip(
             stretches.start, stretches.stop, stretches.rest, stretches.opening, strict=True
         ):
-            length = stop - start
-            count[start:stop] = 1.0 / (length if at_rest else min(max(correlation_samples, 1.0), length))
+            count[start:stop] = stretches.counts(start, stop, at_rest, correlation_samples)
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
-        return cls(count, floor, kind, correlation_samples, least)
+        shared = np.zeros((len(floor), 0)) if shared is None else shared
+        return cls(count, floor, kind, correlation_samples, least, shared)
+
+    def at(self, rows: slice) -> Likelihood:
+        """Return the likelihood of a part of the record."""
+        whole = (self.correlation_samples, self.least)
+        return Likelihood(self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows])
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation (n,) that the inputs account for, shared errors and others."""
+        return np.asarray(np.sqrt(self.floor**2 + np.sum(self.shared**2, axis=1)))
 
     def variance(self, residual: Array) -> Array:
-        """Return the variance (n,) of every sample with the discrepancy's most probable size."""
-        return np.asarray(self.floor**2 + 1e-30 + self.discrepancy(residual)[self.kind] ** 2)
+        """Return the variance (n,) of every sample, shared errors and the discrepancy's most probable size in it."""
+        return np.asarray(self._variance(self.left(residual)) + np.sum(self.shared**2, axis=1))
+
+    def left(self, residual: Array) -> Array:
+        """Return a residual less what its most probable shared errors do (n,)."""
+        return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
 
     def discrepancy(self, residual: Array) -> Array:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
+        return self._discrepancy(self.left(residual))
+
+    def _variance(self, left: Array) -> Array:
+        return np.asarray(self.floor**2 + 1e-30 + self._discrepancy(left)[self.kind] ** 2)
+
+    def _discrepancy(self, left: Array) -> Array:
+        """Return the sizes for what shared errors leave."""
         sizes = np.zeros(3)
         for kind in (MOTION, REST, OPENING):
             rows = (self.kind == kind) & (self.count > 0.0)
             if rows.any():
                 square = self.floor[rows] ** 2 + 1e-30
-                sizes[kind] = _discrepancy(residual[rows] ** 2, square, self.count[rows])
-        return np.maximum(np.sqrt(sizes), self.least)
+                sizes[kind] = _discrepancy(left[rows] ** 2, square, self.count[rows], least=self.least**2)
+        return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Array) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
-        rows = self.count > 0.0
-        variance = self.variance(residual)[rows]
-        return -0.5 * float(self.count[rows] @ (residual[rows] ** 2 / variance + np.log(variance)))
+        rows, weight = self.count > 0.0, self.weight(residual)
+        spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
+        return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
     def promise(self, residual: Array) -> float:
         """Return by how much the logarithm would grow if nothing but what the inputs account for were left."""
-        rows = self.count > 0.0
-        count, variance = self.count[rows], self.variance(residual)[rows]
-        beyond = float(count @ (residual[rows] ** 2 / variance)) - float(np.sum(count))
+        rows, weight = self.count > 0.0, self.weight(residual)
+        count = self.count[rows]
+        beyond = weight.square(residual) - float(np.sum(count))
         least = self.floor[rows] ** 2 + self.least**2 + 1e-30
-        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(variance / least))
+        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(count / weight.each[rows] / least))
 
-    def weight(self, residual: Array) -> Array:
-        """Return the information per sample (n,), zero where it does not count."""
-        return np.where(self.count > 0.0, self.count / self.variance(residual), 0.0)
+    def weight(self, residual: Array) -> Weight:
+        """Return the information in a residual, with discrepancy and shared errors at their most probable values."""
+        errors = np.zeros(self.shared.shape[1])
+        for _ in range(_ROUNDS):
+            each = np.where(self.count > 0.0, self.count / self._variance(residual - self.shared @ errors), 0.0)
+            weight = Weight(each, self.shared)
+            before, errors = errors, weight.errors(residual)
+            if np.max(np.abs(errors - before), initial=0.0) <= _SETTLED:
+                break
+        return weight
 
 
-def _discrepancy(square: Array, floor: Array, count: Array) -> float:
-    """Return s² at the maximum of the likelihood, zero where the floor accounts for the residual."""
+def _discrepancy(square: Array, floor: Array, count: Array, *, least: float) -> float:
+    """Return s² at the maximum of the likelihood, or the least where that is less."""
 
     def rises(extra: float) -> bool:
         variance = floor + extra
         return float(count @ ((square - variance) / variance**2)) > 0.0
 
-    if not rises(0.0):
-        return 0.0
-    low, high = 1e-9 * float(np.mean(floor)), float(np.max(square)) + 1e-30
+    if not rises(least):
+        return least
+    low, high = max(least, 1e-9 * float(np.mean(floor))), float(np.max(square)) + 1e-30
     for _ in range(_SIZES):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if rises(middle) else (low, middle)

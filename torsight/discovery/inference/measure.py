@@ -23,6 +23,7 @@ from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
 from torsight.discovery.inference.solver import TRUSTED, Slopes, Space
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 Array = NDArray[np.float64]
@@ -259,7 +260,7 @@ class _Picture:
         cls,
         derivative: Array,
         residual: Array,
-        weight: Array,
+        weight: Weight,
         *,
         u: Array,
         space: Space,
@@ -268,7 +269,7 @@ class _Picture:
     ) -> _Picture:
         """Work out evidence and posterior mean of every member."""
         names = len(information)
-        weighted = derivative * weight[:, None]
+        weighted = weight.times(derivative)
         normal = derivative.T @ weighted
         # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
         origin = u.copy()
@@ -276,8 +277,8 @@ class _Picture:
         origin[held] = u[held] - space.prior_mean[held]
         origin[:names][~held[:names]] = 0.0
         there = residual + derivative @ origin
-        side = derivative.T @ (weight * there)
-        square = float(weight @ there**2)
+        side = weighted.T @ there
+        square = weight.square(there)
         evidence, occam = np.empty(len(bank)), np.empty(len(bank))
         means = []
         for i, member in enumerate(bank):
@@ -312,7 +313,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
     base = len(fitter.problem.parameters)
     information = prior_information(space, x, base)
-    matrix = derivative.T @ (derivative * weight[:, None]) + np.diag(information)
+    matrix = derivative.T @ weight.times(derivative) + np.diag(information)
     total = likelihood.log(residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
     for i in range(base, len(x)):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import scatter
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 Array = NDArray[np.float64]
@@ -35,12 +36,15 @@ class Stretches:
         Whether the stretch stands still.
     opening : (k,) bool
         Whether it lies in a block before which the state is not known.
+    share : (n,) float64
+        How much of a sample every sample counts as in motion; less than one where they lie closer than usual.
     """
 
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
     rest: NDArray[np.bool_]
     opening: NDArray[np.bool_]
+    share: Array
 
     @classmethod
     def of(cls, problem: Problem) -> Stretches:
@@ -53,7 +57,13 @@ class Stretches:
         start, stop = edges[:-1], edges[1:]
         keep = valid[start]
         opening = np.isin(problem.block[start[keep]], getattr(problem, "first_halves", ()))
-        return cls(start[keep], stop[keep], rest[start[keep]], opening)
+        share = np.asarray(getattr(problem, "share", np.ones(n)), np.float64)
+        return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
+
+    def counts(self, start: int, stop: int, at_rest: bool, correlation_samples: float) -> Array:  # noqa: FBT001
+        """Return the pieces of information that the samples of a stretch count as: one in all at rest, or at least."""
+        share = np.full(stop - start, 1.0 / (stop - start)) if at_rest else self.share[start:stop]
+        return share / (1.0 if at_rest else min(max(correlation_samples, 1.0), float(share.sum())))
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the ranges at rest and those in motion."""
@@ -82,14 +92,23 @@ class Scales:
     correlation_samples: float
 
 
+def _whole_samples(residual: Array, share: Array) -> Array:
+    """Return means over as many neighbours as make up one whole sample."""
+    starts = np.flatnonzero(np.diff(np.floor(np.cumsum(share) - 0.5 * share), prepend=-1.0))
+    weighed: Array = np.add.reduceat(residual * share, starts) / np.add.reduceat(share, starts)
+    return weighed
+
+
 def correlation_samples(residual: Array, stretches: Stretches) -> float:
-    """Return the integrated correlation time of a residual in motion, in samples (at least 1).
+    """Return the integrated correlation time of a residual in motion, in whole samples (at least 1).
 
     The autocorrelation is pooled over the stretches and taken about zero, since a model's error has no business having
     a mean; the sum is cut at the first window that is five times its own result (Sokal's rule).
     """
     pieces = [
-        residual[a:b] for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True) if not rest
+        _whole_samples(residual[a:b], stretches.share[a:b])
+        for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True)
+        if not rest
     ]
     pieces = [piece for piece in pieces if len(piece) >= 4]
     if not pieces:
@@ -143,13 +162,13 @@ def _excess(residual: Array, floor: Array) -> float:
     return float(np.sqrt(high))
 
 
-def information(stretches: Stretches, scales: Scales, floor: Array) -> Array:
-    """Return the weight per sample, 1 / (σ² τ) with σ² = floor² + scale²; zero where a sample does not count."""
+def information(stretches: Stretches, scales: Scales, floor: Array) -> Weight:
+    """Return 1 / (σ² τ) per sample with σ² = floor² + scale², zero where it does not count; no error is shared."""
     weight = np.zeros(len(floor))
     for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
         variance = 1e-30 + floor[a:b] ** 2 + (scales.rest if rest else scales.motion) ** 2
-        weight[a:b] = 1.0 / (variance * (b - a if rest else min(scales.correlation_samples, b - a)))
-    return weight
+        weight[a:b] = stretches.counts(a, b, rest, scales.correlation_samples) / variance
+    return Weight.of(weight)
 
 
 def first_scales(problem: Problem, stretches: Stretches) -> Scales:

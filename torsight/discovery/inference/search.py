@@ -109,15 +109,17 @@ class Search:
         """Fit the base model from the priors' means and from elsewhere."""
         problem, stretches = self._problem, self._stretches
         scales, floor = first_scales(problem, stretches), problem.sigma.copy()
+        shared = np.zeros((len(floor), 0))
         fitter = Fitter(problem, information(stretches, scales, floor))
         fit = fitter.base()
         for _ in range(2):
-            floor = self._floor(fit)
-            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, floor)
-            fitter = Fitter(problem, information(stretches, scales, floor))
+            floor, shared = self._floor(fit), shared_errors(problem, fit.values, fit.effects)
+            noise = np.sqrt(floor**2 + np.sum(shared**2, axis=1))
+            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, noise)
+            fitter = Fitter(problem, information(stretches, scales, noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
         tau = min(scales.correlation_samples, _FIRST_CORRELATION)
-        self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution)
+        self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution, shared=shared)
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.plain_from(start) for start in (first.fit.values, fitter.nominal.values))
@@ -138,7 +140,7 @@ class Search:
         return self._value(explanation.fitter.problem, explanation.fit)
 
     def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
-        """Return what the inputs account for at a fit (n,)."""
+        """Return what the inputs account for sample by sample at a fit (n,)."""
         at = problem or self._problem
         reading = at.sigma
         if not reading[at.valid].any():
@@ -278,10 +280,12 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        residual = best.residual
-        tau = min(correlation_samples(residual, self._stretches), longest)
-        floor = self._floor(best.fit, best.fitter.problem)
-        self._likelihood = Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution)
+        problem, fit = best.fitter.problem, best.fit
+        shared = shared_errors(problem, fit.values, fit.effects)
+        least, floor = self._problem.resolution, self._floor(fit, problem)
+        first = Likelihood.of(self._stretches, floor, self._likelihood.correlation_samples, least=least, shared=shared)
+        tau = min(correlation_samples(first.left(best.residual), self._stretches), longest)
+        self._likelihood = Likelihood.of(self._stretches, floor, tau, least=least, shared=shared)
         for members, one in list(self._explanations.items()):
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
             fitter = self._weighted(one.fitter.problem, one.fit.solution.prediction) if members else one.fitter
@@ -306,6 +310,12 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
+
+
+def shared_errors(problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Array:
+    """Return what errors that many samples share do to them (n, k); none where a problem knows of none."""
+    own = getattr(problem, "shared_errors", None)
+    return np.zeros((len(problem.observed), 0)) if own is None else np.asarray(own(values, effects))
 
 
 def _left(problem: Problem, prediction: Array) -> Array:

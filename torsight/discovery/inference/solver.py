@@ -1,10 +1,10 @@
 """Weighted least squares with priors and bounds: Levenberg–Marquardt on a projected step.
 
-Minimises  Σ w_i (y_i − f_i(x))² + Σ ((x_j − μ_j)/s_j)²  within bounds. The weights are in units of information (one
-over variance and correlation time), so that the two sums are comparable and the optimum is the most probable point.
-Derivatives are one-sided differences; a stepping model has kinks, so the steps are a set share of each parameter's
-scale and not the square root of the machine's precision. Where a parameter sits on a kink of the objective, every step
-that a one-sided derivative proposes may lead uphill; then it is held there and the others go on without it.
+Minimises  rᵀ W r + Σ ((x_j − μ_j)/s_j)²,  r = y − f(x), within bounds. The weights W (:mod:`.weight`) are in units of
+information (one over variance and correlation time), so that the two terms are comparable and the optimum is the most
+probable point. Derivatives are one-sided differences; a stepping model has kinks, so the steps are a set share of each
+parameter's scale and not the square root of the machine's precision. Where a parameter sits on a kink of the objective,
+every step that a one-sided derivative proposes may lead uphill; then it is held there and the others go on without it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
+
+from torsight.discovery.inference.weight import Weight
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -118,9 +120,9 @@ def at_all(function: Callable[[Array], Array], points: Sequence[Array]) -> list[
     return [function(point) for point in points] if many is None else many(points)
 
 
-def costs(residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[float, float]:
+def costs(residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[float, float]:
     """Return the objective and its data part."""
-    data = float(np.dot(weight, residual * residual))
+    data = weight.square(residual)
     return data + float(np.sum(space.prior_residual(x) ** 2)), data
 
 
@@ -129,7 +131,7 @@ def solve(
     start: Array,
     *,
     observed: Array,
-    weight: Array,
+    weight: Weight,
     space: Space,
     max_iterations: int = 12,
     known: Solution | None = None,
@@ -144,8 +146,10 @@ def solve(
         Model values (n,) from parameters (m,).
     start : (m,) array
         Where to begin; moved into the bounds.
-    observed, weight : (n,) array
-        Measured values; information per sample (0 leaves a sample out, and ``observed`` may be NaN there).
+    observed : (n,) array
+        Measured values; NaN is allowed where the weight is 0.
+    weight : Weight
+        Information in the residual.
     space : Space
         Bounds, scales and priors.
     max_iterations : int
@@ -157,7 +161,7 @@ def solve(
     rough : bool
         Leave the derivatives at the end as they are.
     """
-    y = np.where(weight > 0.0, observed, 0.0)
+    y = np.where(weight.each > 0.0, observed, 0.0)
     slopes = Slopes(function, space, start, known=known, guess=guess)
     cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
@@ -204,7 +208,7 @@ def solve(
     return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
 
 
-def _promised(slopes: Slopes, y: Array, *, weight: Array, space: Space) -> float:
+def _promised(slopes: Slopes, y: Array, *, weight: Weight, space: Space) -> float:
     """Return the decrease of the objective that an undamped step promises."""
     normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
     return _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
@@ -255,18 +259,18 @@ class Slopes:
         return True
 
 
-def linear_change(columns: Array, residual: Array, *, weight: Array, information: Array, centre: Array) -> Array:
+def linear_change(columns: Array, residual: Array, *, weight: Weight, information: Array, centre: Array) -> Array:
     """Return the coefficients (k,) of columns (n, k) that explain a residual best.
 
     ``information`` (k,) is one over the variance of each coefficient's prior, ``centre`` (k,) its mean.
     """
-    weighted = columns * weight[:, None]
+    weighted = weight.times(columns)
     side = weighted.T @ residual + information * centre
     return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(information), side))
 
 
-def _normal(derivative: Array, residual: Array, x: Array, *, weight: Array, space: Space) -> tuple[Array, Array]:
-    weighted = derivative * weight[:, None]
+def _normal(derivative: Array, residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[Array, Array]:
+    weighted = weight.times(derivative)
     normal = derivative.T @ weighted
     normal[np.diag_indices_from(normal)] += space.prior_information
     return normal, weighted.T @ residual - space.prior_information * (x - space.prior_mean)

@@ -20,6 +20,7 @@ from torsight.core.progress import Progress, silent
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.solver import Array
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 _NOTHING: Final = 0.01
@@ -35,7 +36,7 @@ class HeldOut:
     residual : (n,) float64
         Measured less predicted; NaN where a sample does not count.
     information : float
-        Sum of squares times weights.
+        Of the residual, by the record's weight.
     prior : float
         What the distance of the values fitted without a block costs, mean over the blocks.
     rms : float
@@ -73,7 +74,7 @@ def held_out_by_refit(
     labels = np.unique(block[problem.valid])
 
     def without(label: int) -> Fit:
-        weight = np.where(block == label, 0.0, fitter.weight)
+        weight = fitter.weight.only(block != label)
         return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight), rough=True)
 
     fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
@@ -86,18 +87,18 @@ def held_out_by_refit(
     return replace(_score(problem, fitter.weight, left), prior=prior, folds=folds)
 
 
-def _unforetold(fitter: Fitter, fit: Fit, weight: Array) -> list[str]:
+def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
     """Return the values of what happens once about which the samples that are left say nothing."""
     events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
     once = {p.name for event in events for p in event.parameters} | set(getattr(fitter.problem, "once", ()))
     squares = fit.solution.jacobian**2
-    nothing = weight @ squares <= _NOTHING * (fitter.weight @ squares)
+    nothing = weight.each @ squares <= _NOTHING * (fitter.weight.each @ squares)
     return [p.name for p, untold in zip(fit.parameters, nothing, strict=True) if untold and p.name in once]
 
 
-def _score(problem: Problem, weight: Array, left: Array) -> HeldOut:
+def _score(problem: Problem, weight: Weight, left: Array) -> HeldOut:
     return HeldOut(
         residual=np.where(problem.valid, left, np.nan),
-        information=float(np.dot(weight, left * left)),
+        information=weight.square(left),
         rms=float(np.sqrt(np.mean(left[problem.valid] ** 2))),
     )

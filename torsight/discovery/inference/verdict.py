@@ -17,7 +17,6 @@ import numpy as np
 
 from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.fitting import EffectSet, less
-from torsight.discovery.inference.solver import Array
 from torsight.discovery.settings import Settings
 
 Places = frozenset[str]
@@ -123,7 +122,7 @@ class _Judge:
     def answers(self) -> list[Explanation]:
         """Return the best set of every answer of the smallest group that holds the credible share, best first.
 
-        Where all of them share members, and those alone were fitted, that is what is certain: the one answer.
+        Where what all of them share is one of them, that is what is certain: the one answer.
         """
         groups: dict[Places, list[EffectSet]] = {}
         for members in self._field.explanations:
@@ -136,7 +135,7 @@ class _Judge:
             if sum_told >= self._settings.credible:
                 break
         shared = frozenset.intersection(*told)
-        if len(told) > 1 and shared in groups and shared:
+        if shared in told and shared:
             told = [shared]
         best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in told if places]
         return [self._field.explanations[members] for members in best]
@@ -208,5 +207,4 @@ class _Judge:
     def over_floor(self, one: Explanation) -> float:
         """Return the root mean square that a set leaves, in noise floors."""
         likelihood = self._field.likelihood
-        floor: Array = likelihood.floor**2
-        return float(np.sqrt(self._square(one) / max(float(likelihood.count @ floor), 1e-30)))
+        return float(np.sqrt(self._square(one) / max(float(likelihood.count @ likelihood.noise**2), 1e-30)))

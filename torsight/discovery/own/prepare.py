@@ -96,8 +96,8 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
 
 
 def _cost(fitter: Fitter, values: Mapping[str, float], effects: tuple[str, ...]) -> float:
-    left = np.where(fitter.weight > 0.0, fitter.problem.observed - fitter.problem.predict(values, effects), 0.0)
-    return float(fitter.weight @ left**2)
+    left = fitter.problem.observed - fitter.problem.predict(values, effects)
+    return fitter.weight.square(np.where(fitter.weight.each > 0.0, left, 0.0))
 
 
 def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
@@ -138,7 +138,7 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
     labels = block_labels(problem)
     if len(labels) < 3:
         return problem, []
-    squares = base.solution.jacobian**2 * fitter.weight[:, None]
+    squares = base.solution.jacobian**2 * fitter.weight.each[:, None]
     shares = np.array([squares[problem.block == label].sum(axis=0) for label in labels])
     total = shares.sum(axis=0)
     told, found = [], list(problem.once)
@@ -181,10 +181,10 @@ def _relaxed_cost(fitter: Fitter, base: Fit, one: Candidate, point: Mapping[str,
     """Return the cost of a candidate at a point, the base parameters having given way linearly."""
     problem, weight, space = fitter.problem, fitter.weight, space_of(base.parameters)
     at = problem.predict({**base.values, **point}, (one.id,))
-    left = np.where(weight > 0.0, problem.observed - at, 0.0)
+    left = np.where(weight.each > 0.0, problem.observed - at, 0.0)
     columns = base.solution.jacobian
     back = np.where(np.isfinite(space.prior_sigma), space.prior_mean - base.solution.x, 0.0)
     moved = linear_change(
         columns, left, weight=weight, information=space.prior_information + 1e-9 / space.scale**2, centre=back
     )
-    return float(weight @ (left - columns @ moved) ** 2)
+    return weight.square(left - columns @ moved)

@@ -272,4 +272,4 @@ def _information(one: Explanation, item: Measured) -> Array:
     middle = np.concatenate([list(rest.values()), values])
     moved = at.many([middle + form.scale * (np.arange(len(middle)) == len(rest) + i) for i in range(len(values))])
     columns = (np.column_stack(moved) - at(middle)[:, None]) / form.scale
-    return np.asarray((columns**2).T @ one.fitter.weight)
+    return np.asarray((columns**2).T @ one.fitter.weight.each)

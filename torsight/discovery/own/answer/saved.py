@@ -19,6 +19,7 @@ from torsight.core.parameter import Parameter
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
 from torsight.discovery.inference.solver import jacobian, solve
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Model, Predict, call
@@ -221,9 +222,9 @@ class SavedModel:
             return values
         rows = min(record.rows_, max(_FIRST_ROWS, round(_FIRST_SHARE * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
-        weight = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
-        weight[rows:] = 0.0
-        if not weight.any():
+        each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
+        each[rows:] = 0.0
+        if not each.any():
             return values
 
         def at(x: Array) -> Array:
@@ -231,7 +232,9 @@ class SavedModel:
             return self._called(model, {**values, **own}).ravel()
 
         start = np.array([p.value for p in free])
-        found = solve(at, start, observed=observed.ravel(), weight=weight.ravel(), space=space_of(free), rough=True)
+        found = solve(
+            at, start, observed=observed.ravel(), weight=Weight.of(each.ravel()), space=space_of(free), rough=True
+        )
         return {**values, **dict(zip([p.name for p in free], found.x.tolist(), strict=True))}
 
     def to_json(self) -> dict[str, Any]:

@@ -1,0 +1,85 @@
+r"""What samples are worth whose errors are partly shared.
+
+A residual is :math:`r = e + J a`: errors e of each sample alone, with information w (one over variance and correlation
+time), and errors a of the inputs that act on many samples at once, independent with standard deviation one; J is what
+each does to the samples. The top temperature of an incomplete heating is such an error: it stays in the angle until the
+next heating. With a integrated out the objective is
+
+.. math:: r^\top W r = \min_a \sum_i w_i (r - J a)_i^2 + a^\top a, \qquad
+          W = \operatorname{diag}(w) - w J (1 + J^\top w J)^{-1} J^\top w
+
+(nuisance parameters of a linear model; e.g. Rasmussen and Williams (2006), section 2.7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Weight:
+    """Information in a residual.
+
+    Attributes
+    ----------
+    each : (n,) float64
+        Information per sample beside the shared errors; zero where a sample does not count.
+    shared : (n, k) float64
+        What one standard deviation of every shared error does to the samples.
+    """
+
+    each: Array
+    shared: Array
+
+    @classmethod
+    def of(cls, each: Array) -> Weight:
+        """Return the weight of samples that share no error."""
+        return cls(each, np.zeros((len(each), 0)))
+
+    @cached_property
+    def _weighted(self) -> Array:
+        return self.shared * self.each[:, None]
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        factor: tuple[Array, bool] = cho_factor(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
+        return factor
+
+    @property
+    def alone(self) -> bool:
+        """Whether no error is shared."""
+        return not self.shared.size
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of 1 + Jᵀ w J: what the shared errors may take up costs as much."""
+        return 0.0 if self.alone else 2.0 * float(np.sum(np.log(np.diag(self._factor[0]))))
+
+    def errors(self, residual: Array) -> Array:
+        """Return the most probable shared errors (k,) behind a residual, in their standard deviations."""
+        return np.zeros(0) if self.alone else np.asarray(cho_solve(self._factor, self._weighted.T @ residual))
+
+    def square(self, residual: Array) -> float:
+        """Return the objective of a residual."""
+        plain = float(self.each @ residual**2)
+        return plain if self.alone else plain - float((self._weighted.T @ residual) @ self.errors(residual))
+
+    def times(self, columns: Array) -> Array:
+        """Return W times columns (n, m)."""
+        plain = columns * self.each[:, None]
+        if self.alone:
+            return plain
+        return np.asarray(plain - self._weighted @ cho_solve(self._factor, self._weighted.T @ columns))
+
+    def only(self, rows: NDArray[np.bool_] | slice) -> Weight:
+        """Return the weight with nothing but these rows counted; a slice cuts the samples down to it."""
+        if isinstance(rows, slice):
+            return Weight(self.each[rows], self.shared[rows])
+        return Weight(np.where(rows, self.each, 0.0), self.shared)
