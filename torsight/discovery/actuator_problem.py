@@ -234,8 +234,8 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
     residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
     changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
     two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
-    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where the angle sets
-    off from a rest: friction over the speed is not exact for steps in which it does.
+    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where
+    the angle sets off from a rest: friction over the speed is not exact for steps in which it does.
     """
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     interval = float(np.median(np.diff(drive.time_s)))
