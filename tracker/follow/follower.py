@@ -67,6 +67,26 @@ class DotState:
         one, two = (place_of(marker) for marker in self.scene.markers[2 * stick : 2 * stick + 2])
         return one, two
 
+    @property
+    def radius_px(self) -> float:
+        """Usual radius of a dot."""
+        return float(np.median(self.scene.markers["first_radius"]))
+
+    @property
+    def length_px(self) -> float:
+        """Usual distance of a stick's dots."""
+        return float(np.median(self.scene.sticks["length"]))
+
+    @property
+    def shutter_share(self) -> float:
+        """Share of a frame's time for which the shutter is open."""
+        return float(self.scene.rig["shutter_share"][0])
+
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: NDArray[np.float64]) -> NDArray[np.void]:
+        """Follow one stick as :class:`tracker.patches.stick.Stick` does; its axis is taken as the picture shows it."""
+        del shift
+        return self.follow(luma, time_s)
+
     def follow(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites."""
         stage = advance(self.scene, luma, time_s, START)
@@ -75,17 +95,17 @@ class DotState:
             stage = advance(self.scene, luma, time_s, stage)
         return self.scene.readings
 
-    def skip(self, time_s: float) -> None:
+    def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
         skip(self.scene, time_s)
 
-    def to_state(self) -> str:
+    def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""
-        return base64.b64encode(self._all.tobytes()).decode()
+        return {"dots": base64.b64encode(self._all.tobytes()).decode()}
 
-    def restore(self, state: str) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly; it has to be made from the same first frame."""
-        self._all[...] = np.frombuffer(base64.b64decode(state), self._all.dtype)[0]
+        self._all[...] = np.frombuffer(base64.b64decode(state["dots"]), self._all.dtype)[0]
         for _, _, extras in self.scene.looks:
             extras[:, -1] = 0.0
 
@@ -111,7 +131,7 @@ class Follower:
         """Follow the markers into the next frame and return its row, which the next frame overwrites."""
         scene = self._state.scene
         if frame.luma is None or frame.damaged:
-            self._state.skip(frame.time_s)
+            self._state.miss(frame.time_s)
             scene.readings["state"] = DAMAGED
         else:
             self._state.follow(frame.luma, frame.time_s)
@@ -154,20 +174,20 @@ class Follower:
 
     def report(self) -> dict[str, float]:
         """Return sizes for ``track.json``: of dots and sticks, and the shutter."""
-        scene = self._state.scene
+        dots = self._state
         return {
-            "radius_px": float(np.median(scene.markers["first_radius"])),
-            "stick_length_px": float(np.median(scene.sticks["length"])),
-            "shutter_share_of_frame": float(scene.rig["shutter_share"][0]),
+            "radius_px": dots.radius_px,
+            "stick_length_px": dots.length_px,
+            "shutter_share_of_frame": dots.shutter_share,
         }
 
     def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""
-        return {"dots": self._state.to_state()}
+        return self._state.to_state()
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly; the follower has to be made from the same first frame."""
-        self._state.restore(state["dots"])
+        self._state.restore(state)
 
 
 def stick_that_moves(turned_rad: Sequence[float]) -> int | None:

@@ -308,12 +308,13 @@ def both_own(scene: Scene) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def circle_misfit(scene: Scene, stick: int, point: Point, end: int) -> float:
+def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
 
-    Seen from aside circles are ellipses, as flat as the stick's own length varies.
+    ``own`` is a STICK, ``shift`` that of the picture. Seen from aside circles are ellipses, as flat as the stick's own
+    length varies.
     """
-    axis, own, shift = scene.sticks[stick].axis, scene.sticks[stick], scene.rig[0].shift_now
+    axis = own.axis
     if not axis.known:
         return 0.0
     arm = arm_px(axis, end)
@@ -357,5 +358,8 @@ def _judge_dot(scene: Scene, index: int, company: int) -> None:
     if near and company != _OWN and (alone or rig.above < KNOWN):
         # One dot alone next to a base dot may be either, whichever stick is above.
         reading.state = SHADOWED
-    elif marker.lost and not passes(circle_misfit(scene, rig.moving, place, index % 2) ** 2, 1):
-        reading.state = HIDDEN
+    elif marker.lost or alone:
+        # While its partner is hidden nothing but its circle tells that it slides onto something else.
+        off = circle_misfit(scene.sticks[rig.moving], rig.shift_now, place, index % 2)
+        if not passes(off * off, 1):
+            reading.state = HIDDEN

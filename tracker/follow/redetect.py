@@ -208,7 +208,7 @@ def _may_be_moving(scene: Scene, stick: int, pair: Pair) -> bool:
     for end, place in enumerate(pair.ends):
         if near_base(scene, place, NEAR, 0.0):
             return False
-        innovation += circle_misfit(scene, stick, place, end) ** 2
+        innovation += circle_misfit(scene.sticks[stick], scene.rig["shift_now"][0], place, end) ** 2
         known = scene.readings[2 * stick + end]
         if known["state"] == SEEN:
             innovation += (math.dist(place_of(known), place) / _SAME_PX) ** 2
@@ -226,7 +226,7 @@ def _alone(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
     for pair in _pairs(scene, luma, stick):
         if any(_of_other(scene, 2 * stick + end, place) for end, place in enumerate(pair.ends) if len(others) > 1):
             continue
-        misfits = [circle_misfit(scene, stick, place, end) for end, place in enumerate(pair.ends)]
+        misfits = [circle_misfit(own, scene.rig["shift_now"][0], place, end) for end, place in enumerate(pair.ends)]
         if own["still"]:
             misfits.append(turned(pair.direction_rad, float(own["start_rad"])) / TURN_RAD)
         if passes(sum(misfit**2 for misfit in misfits), len(misfits)):

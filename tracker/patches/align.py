@@ -62,7 +62,7 @@ class Fit:
     likeness : float
         Correlation of picture and template, light that falls unevenly taken out; negative for a negative.
     inside : float
-        The same for the part of the template that was named at its making.
+        The same for the part of the template that was named at its making; NaN where none was.
     light, gain : float
         Brightness at the template's mean, grey levels; contrast over the template's.
     residual : float
@@ -135,7 +135,7 @@ class Patch:
         self._template = Template(
             np.stack([x, y]), np.ascontiguousarray(self._inverse), self.generators, self._rim, half_px, self.spread
         )
-        self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px)
+        self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px) if math.isfinite(within_px) else None
 
     def _solve_for(self, look: Look, x: Floats, y: Floats, *, soft: bool) -> None:
         """Prepare the least-squares inverse, and what white noise makes of its solution."""
@@ -250,7 +250,9 @@ class Patch:
         return Fit(
             warp=warp,
             likeness=math.copysign(_likeness(left, plain), gain),
-            inside=_correlation((self._basis @ found)[self._within], values[self._within]),
+            inside=_correlation((self._basis @ found)[self._within], values[self._within])
+            if self._within is not None
+            else math.nan,
             light=float(found[0]),
             gain=gain,
             residual=math.sqrt(variance),

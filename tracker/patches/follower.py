@@ -37,6 +37,8 @@ class StickFollower:
         self.moving: StickName | None = None
         self.base: StickName | None = None
         self._brightness = 0.0
+        self._noise: float | None = None
+        self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
         self._starts: list[float] = []
         self._rows = np.zeros(1, ROW)
         if moving is not None:
@@ -59,12 +61,40 @@ class StickFollower:
         self._brightness = (
             level if self._brightness == 0.0 else self._brightness + BRIGHTNESS_RATE * (level - self._brightness)
         )
-        readings = np.concatenate([stick.step(frame.luma, frame.time_s) for stick in self.sticks])
+        parts: list[NDArray[np.void]] = []
+        for number, stick in enumerate(self.sticks):
+            parts.append(stick.step(frame.luma, frame.time_s, self._shift))
+            if self.base is not None and number == self.base.stick:
+                self._follow_shift(parts[-1])
+        readings = np.concatenate(parts)
         if all(isinstance(stick, TagStick) for stick in self.sticks):
-            _share_noise(readings)
+            self._share_noise(readings)
         if self.moving is None and not readings["state"].any():
             self._look_for_motion(readings)
         return readings
+
+    def _follow_shift(self, base: NDArray[np.void]) -> None:
+        """Note by how much the base is off where it was seen first."""
+        seen = base["state"] == SEEN
+        if not seen.any():
+            return
+        at = np.stack([base["x"], base["y"]], axis=1)
+        self._zero = np.where(np.isnan(self._zero) & seen[:, None], at - self._shift, self._zero)
+        self._shift = np.mean((at - self._zero)[seen], axis=0)
+
+    def _share_noise(self, readings: NDArray[np.void]) -> None:
+        """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise.
+
+        Of a tag that is seen alone nothing tells how much that is: the noise is then that of the last frame with both.
+        """
+        seen = readings["state"] == SEEN
+        if not seen.any():
+            return
+        residual = np.maximum(readings["residual"][seen], _NO_NOISE)
+        noise = float(residual.min())
+        if seen.all() or self._noise is None:
+            self._noise = noise
+        readings["covariance"][seen] *= np.square(min(noise, self._noise) / residual)[:, None]
 
     def _pass(self, time_s: float, state: int) -> NDArray[np.void]:
         for stick in self.sticks:
@@ -95,6 +125,9 @@ class StickFollower:
         return {
             "moving": None if self.moving is None else self.moving.stick,
             "brightness": self._brightness,
+            "noise": self._noise,
+            "shift": self._shift.tolist(),
+            "zero": self._zero.tolist(),
             "starts": self._starts,
             "sticks": [stick.to_state() for stick in self.sticks],
         }
@@ -103,15 +136,9 @@ class StickFollower:
         """Go back to a noted state, exactly."""
         if state["moving"] is not None:
             self._name(int(state["moving"]))
-        self._brightness = float(state["brightness"])
+        self._brightness, self._noise = float(state["brightness"]), state["noise"]
         self._starts = [float(start) for start in state["starts"]]
+        # What is not finite is null there.
+        self._shift, self._zero = (np.array(state[key], dtype=np.float64) for key in ("shift", "zero"))
         for stick, content in zip(self.sticks, state["sticks"], strict=True):
             stick.restore(content)
-
-
-def _share_noise(readings: NDArray[np.void]) -> None:
-    """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise."""
-    seen = readings["state"] == SEEN
-    if seen.any():
-        share = (readings["residual"][seen].min() / np.maximum(readings["residual"][seen], _NO_NOISE)) ** 2
-        readings["covariance"][seen] *= share[:, None]

@@ -17,10 +17,10 @@ from torsight.core.words.wording import counted, listed
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.detect.tags import FoundTag, count_of, find_tags, in_words
+from tracker.follow.follower import DotState
 from tracker.follow.marker import given_markers
 from tracker.frames.frame import Frame
 from tracker.patches.align import Patch, cut_out
-from tracker.patches.dot_stick import DotStick
 from tracker.patches.stick import Stick
 from tracker.patches.tag_stick import TagStick
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
@@ -66,7 +66,7 @@ def _stick(first: Frame, hints: MarkerHints, stick: int) -> Stick:
     if kind == "tag" and number is not None:
         return TagStick(hints.family, number)
     if kind == "dot":
-        return DotStick(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
+        return DotState(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
     return _texture_stick(first, hints, stick)
 
 
@@ -90,7 +90,7 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     window_px = min(windows)
     looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
     (x1, y1), (x2, y2) = points
-    search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1))
+    search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1), still=stick == 0)
     return TextureStick(patches, points, search, still=stick == 0)
 
 

@@ -21,8 +21,11 @@ KEPT: Final = 0.7
 class Stick(Protocol):
     """Reads both markers of one stick, frame by frame."""
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
-        """Return what is read of both markers in the next frame (2,), records of READING with their states."""
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
+        """Return what is read of both markers in the next frame (2,), records of READING with their states.
+
+        ``shift`` (2,) is that of the picture since the start, px, as the base told it last.
+        """
 
     def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""

@@ -14,7 +14,7 @@ from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, Point, nothing, put
 from tracker.patches.tag_template import Tag
-from tracker.patches.warps import place, size_of
+from tracker.patches.warps import Floats, place, size_of
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.85
@@ -61,8 +61,9 @@ class TagStick:
         """Not told by a tag."""
         return 0.0
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of both markers in the next frame."""
+        del shift
         fit, why = (None, "lost") if self._track is None else self._track.follow(luma, time_s, self._judge)
         if why:
             again, still = self._detect(luma)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.follow.judgement import TURN_RAD
 from tracker.patches.align import Look, Patch
 from tracker.patches.warps import Floats
 
@@ -75,13 +76,15 @@ class TurnedSearch:
         Radius in which they are known.
     offset_px : Point
         From the first point to the second one, in the first frame.
+    still : bool
+        True for a stick that does not turn but with the camera: it is looked for at one turn.
     """
 
-    def __init__(self, looks: tuple[Look, Look], *, window_px: float, offset_px: Point) -> None:
+    def __init__(self, looks: tuple[Look, Look], *, window_px: float, offset_px: Point, still: bool) -> None:
         self._offset = offset_px
         half = int(window_px / math.sqrt(2.0) / _COARSE)
         self._half = half
-        self._turns = [math.tau * number / _ANGLES for number in range(_ANGLES)]
+        self._turns = [0.0] if still else [math.tau * number / _ANGLES for number in range(_ANGLES)]
         v, u = (axis.ravel() * float(_COARSE) for axis in np.mgrid[-half : half + 1, -half : half + 1])
         side = 2 * half + 1
         self._templates: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
@@ -91,8 +94,9 @@ class TurnedSearch:
             x, y = cos * u + sin * v, cos * v - sin * u
             one, two = (look(x, y).astype(np.float32).reshape(side, side) for look in looks)
             self._templates.append((one, two))
-        # How far the second point is off where the turn is wrong by half a step.
-        self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(math.pi / _ANGLES) / _COARSE) + 1
+        # How far the second point is off where the turn is wrong by half a step, or the camera is rolled.
+        wrong_rad = 3.0 * TURN_RAD if still else math.pi / _ANGLES
+        self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(wrong_rad) / _COARSE) + 1
 
     def find(self, luma: NDArray[np.uint8], *, around: tuple[Point, float] | None = None) -> list[Candidate]:
         """Return places where the stick may be, the likeliest first; ``around`` limits the first point to a square."""

@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
-from tracker.follow.axis import AXIS, arm_px, learn_axis
-from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD
+from tracker.follow.axis import arm_px, learn_axis
+from tracker.follow.innovation import passes
+from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD, circle_misfit
+from tracker.follow.records import STICK
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, Point, put
 from tracker.patches.texture import TurnedSearch
-from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
+from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.7
@@ -68,11 +70,12 @@ class TextureStick:
         ]
         self._search = search
         self._still = still
-        self._axis = np.zeros(1, AXIS)
-        self._axis["last_rad"] = math.nan
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
-        self._length_px = float(np.hypot(*self._offset))
+        self._own = np.zeros(1, STICK)
+        self._own["length"] = self._own["shortest"] = self._own["longest"] = np.hypot(*self._offset)
+        self._own["axis"]["last_rad"] = math.nan
+        self._shift = np.zeros(2)
 
     @property
     def radius_px(self) -> float:
@@ -82,15 +85,16 @@ class TextureStick:
     @property
     def length_px(self) -> float:
         """Distance of both points."""
-        return self._length_px
+        return float(self._own["length"][0])
 
     @property
     def shutter_share(self) -> float:
         """Not told by texture."""
         return 0.0
 
-    def step(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of both markers in the next frame."""
+        self._shift = shift
         # Seen from aside the distance changes as the stick turns.
         expected_px = math.dist(*(place(track.predict(time_s)) for track in self._tracks))
         found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
@@ -121,8 +125,11 @@ class TextureStick:
                 put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
         if not any(whys):
             one, two = (place(track.warp) for track in self._tracks)
-            self._length_px = math.dist(one, two)
-            learn_axis(self._axis[0], one, two)
+            own, length = self._own[0], math.dist(one, two)
+            own["length"] = length
+            own["shortest"], own["longest"] = min(own["shortest"], length), max(own["longest"], length)
+            (x1, y1), (x2, y2) = (np.array([one, two]) - shift).tolist()
+            learn_axis(own["axis"], (x1, y1), (x2, y2))
         return readings
 
     def miss(self, time_s: float) -> None:
@@ -151,6 +158,10 @@ class TextureStick:
         """Refuse what is not one rigid stick."""
         one, two = fits
         if one is None or two is None or any(whys):
+            for end, fit in enumerate(fits):
+                # While its partner is hidden nothing but its circle tells that it slides onto something else.
+                if fit is not None and not whys[end] and not passes(self._off_circle(fit, end) ** 2, 1):
+                    whys[end] = "hidden"
             return
         if not self._is_stick(one, two, lost=max(track.lost for track in self._tracks), expected_px=expected_px):
             # The one that fits less well than it usually does is the wrong one.
@@ -175,8 +186,10 @@ class TextureStick:
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
         length = float(np.hypot(*(b - a)))
         # It may have changed the more the longer the stick was not seen.
-        allowed = LENGTH_PX + LENGTH * self._length_px * (1.0 + 0.5 * min(lost, STALE_LENGTH))
-        if min(abs(length - self._length_px), abs(length - expected_px)) > allowed:
+        allowed = LENGTH_PX + LENGTH * self.length_px * (1.0 + 0.5 * min(lost, STALE_LENGTH))
+        if min(abs(length - self.length_px), abs(length - expected_px)) > allowed:
+            return False
+        if lost and not passes(self._off_circle(one, 0) ** 2 + self._off_circle(two, 1) ** 2, 2):
             return False
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
         if self._still and abs(math.remainder(turn, math.tau)) > 3.0 * TURN_RAD:
@@ -187,15 +200,19 @@ class TextureStick:
             for track, fit in zip(self._tracks, (one, two), strict=True)
         )
 
+    def _off_circle(self, fit: Fit, end: int) -> float:
+        """Return by how many standard deviations a point is off its circle about the axis; 0 while that is unknown."""
+        return float(circle_misfit(self._own[0], self._shift, place(fit.warp), end))
+
     def _find(self, luma: NDArray[np.uint8]) -> tuple[Fit, Fit] | None:
         """Look for the stick around its last place or its axis, now and then in the whole picture."""
         lost = min(track.lost for track in self._tracks) + 1
         regions: list[tuple[Point, float] | None] = []
         if lost <= _NEARBY:
             regions.append((place(self._tracks[0].warp), _NEAR_PX))
-        axis = self._axis[0]
+        axis = self._own[0]["axis"]
         if axis["known"] and lost % _OFTEN == 0:
-            x, y = axis["centre"].tolist()
+            x, y = (axis["centre"] + self._shift).tolist()
             regions.append(((x, y), arm_px(axis, 0) + _NEAR_PX))
         if lost in _WHOLE or lost % _SELDOM == 0:
             regions.append(None)
@@ -220,14 +237,12 @@ class TextureStick:
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
         return {
-            "length_px": self._length_px,
-            "axis": base64.b64encode(self._axis.tobytes()).decode(),
+            "own": base64.b64encode(self._own.tobytes()).decode(),
             "tracks": [track.to_state() for track in self._tracks],
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly."""
-        self._length_px = float(state["length_px"])
-        self._axis = np.frombuffer(base64.b64decode(state["axis"]), AXIS).copy()
+        self._own = np.frombuffer(base64.b64decode(state["own"]), STICK).copy()
         for track, content in zip(self._tracks, state["tracks"], strict=True):
             track.restore(content)

@@ -96,3 +96,18 @@ def test_one_of_many_alike_is_not_guessed() -> None:
     for scene in scenes[15:]:
         scene[2:] = [*moving(200.0), *moving(300.0)]
     assert all((row["state"][2:] != CODE["seen"]).all() for row in followed(scenes)[15:])
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_a_marker_that_slides_off_its_circle_while_its_partner_is_hidden(left: int) -> None:
+    scenes = turning(32, step=3.0)
+    for number, scene in enumerate(scenes[15:]):
+        dot = scene[2 + left]
+        # Two pixels a frame away from the axis, as by an object that is drawn over it: no step is a large one.
+        scene[2:] = [dot + 2.0 * number * (dot - AXIS) / abs(dot - AXIS)]
+    states = np.array([row["state"][2 + left] for row in followed(scenes)])
+    arm = abs(scenes[0][2 + left] - AXIS)
+    # Circles may be off by a tenth of the arm and 5 px; a frame more for the step over it.
+    assert (states[:15] == CODE["seen"]).all()
+    assert (states[15 + int((0.1 * arm + 5.0) / 2.0) + 2 :] != CODE["seen"]).all()
+    assert (states[15:18] == CODE["seen"]).all()
