@@ -1,24 +1,23 @@
 """From a film of two sticks to the angle between them, frame by frame, each with its uncertainty."""
 
-from tracker.angle.orient import orient
-from tracker.angle.plane import Orientation
-from tracker.angle.stereo import orient_pair
-from tracker.detect.marker_file import MarkerHints, read_markers
-from tracker.frames.frame import Frame, FrameSource
-from tracker.frames.source import open_source
-from tracker.quality.account import account
-from tracker.track import TrackResult, track_film
+from __future__ import annotations
 
-__all__ = [
-    "Frame",
-    "FrameSource",
-    "MarkerHints",
-    "Orientation",
-    "TrackResult",
-    "account",
-    "open_source",
-    "orient",
-    "orient_pair",
-    "read_markers",
-    "track_film",
-]
+from typing import Final
+
+from torsight.core.lazy import lazily
+
+_HOMES: Final = {
+    "Frame": "frames.frame",
+    "FrameSource": "frames.frame",
+    "MarkerHints": "detect.marker_file",
+    "Orientation": "angle.plane",
+    "TrackResult": "track",
+    "account": "quality.account",
+    "open_source": "frames.source",
+    "orient": "angle.orient",
+    "orient_pair": "angle.stereo",
+    "read_markers": "detect.marker_file",
+    "track_film": "track",
+}
+
+__getattr__, __dir__ = lazily(__name__, _HOMES)

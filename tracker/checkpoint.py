@@ -26,6 +26,7 @@ VERSION: Final = 6
 _BLOCK: Final = 512
 """Rows that wait in memory at most."""
 _SAMPLE: Final = 1 << 20
+"""Bytes of a file's either end that its fingerprint holds."""
 
 
 def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:

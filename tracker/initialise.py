@@ -16,8 +16,8 @@ from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
-from tracker.patches.follower import StickFollower
-from tracker.patches.initialise import look_for_tags, sticks_of
+from tracker.patches.initial_sticks import look_for_tags, sticks_of
+from tracker.patches.stick_follower import StickFollower
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from tracker.rows import CODE, ROW
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
-    from tracker.patches.follower import StickFollower
+    from tracker.patches.stick_follower import StickFollower
 
 _DOUBTFUL_RAD = math.radians(3.0)
 """Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
@@ -137,10 +137,11 @@ def _unseen(time_s: float) -> NDArray[np.void]:
     return row
 
 
-def _moves(table: NDArray[np.void], indices: tuple[int, int]) -> bool:
+def _moves(table: NDArray[np.void], stick: int) -> bool:
     """Return whether a stick's direction goes to and fro by more than faint dots of the background seem to."""
-    inner, outer = (table["position_px"][:, index] for index in indices)
-    seen = (table["state"][:, list(indices)] == CODE["seen"]).all(axis=1)
+    own = slice(2 * stick, 2 * stick + 2)
+    inner, outer = np.moveaxis(table["position_px"][:, own], 1, 0)
+    seen = (table["state"][:, own] == CODE["seen"]).all(axis=1)
     offset = (outer - inner)[seen]
     if not len(offset):
         return False
@@ -163,8 +164,8 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
 def _result(
     table: NDArray[np.void], start: Start, follower: Follower | StickFollower, source: FrameSource
 ) -> TrackResult:
-    moving, base = follower.moving, follower.base
-    if moving is None or base is None or (start.doubtful and not _moves(table, moving.indices)):
+    moving = follower.moving
+    if moving is None or (start.doubtful and not _moves(table, moving)):
         raise NoResultError(
             "no stick moves, so the moving one cannot be told from the base",
             where=source.name,
@@ -173,7 +174,8 @@ def _result(
             do="film a motion if these four dots are the markers; if they are not, pick the markers with 'torsight "
             "markers' and name its file with --markers",
         )
-    order = [*base.indices, *moving.indices]
+    base = 1 - moving
+    order = [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1]
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]

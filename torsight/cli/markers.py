@@ -11,8 +11,8 @@ from torsight.cli.answer import Answer
 from torsight.core.errors import ConfigError, NoResultError
 
 if TYPE_CHECKING:
-    from tracker.frames.film import FilmSource
-    from tracker.frames.pictures import PictureSource
+    from tracker.frames.film_source import FilmSource
+    from tracker.frames.image_sequence import PictureSource
 
 _OUT: Final = Path("markers.toml")
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from torsight.core.optics.camera import Camera
     from torsight.core.tracks import StickAngles
     from tracker.detect.marker_file import MarkerHints
-    from tracker.frames.film import FilmSource
-    from tracker.frames.pictures import PictureSource
+    from tracker.frames.film_source import FilmSource
+    from tracker.frames.image_sequence import PictureSource
     from tracker.track import TrackResult
 
 FILES: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
@@ -119,7 +119,6 @@ def track_to_folder(
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
     from torsight.markers.track_picture import write_track_picture
     from tracker.angle.orient import orient
-    from tracker.angle.stereo import orient_pair
     from tracker.checkpoint import drop
     from tracker.detect.marker_file import read_markers
     from tracker.quality.account import account
@@ -137,6 +136,8 @@ def track_to_folder(
         result = _tracked(source, hints, out=out, resume=resume, progress=progress)
         other = None
         if second is not None and lens is not None:
+            from tracker.angle.stereo import orient_pair
+
             # Positions that were given are of the left picture; in the right one the markers are found.
             other = track_film(second, out=kept[1], resume=resume, progress=progress)
             known_mm = {} if hints is None else hints.length_mm
@@ -171,15 +172,16 @@ def _tracked(
     progress: Progress,
 ) -> TrackResult:
     """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
-    from torsight.markers.preview import write_preview
-    from torsight.markers.track_picture import NAME as TRACK_PICTURE
-    from tracker.detect.candidates import look
-    from tracker.detect.given import first_frame
     from tracker.track import track_film
 
     try:
         return track_film(source, markers=hints, out=out / ".track", resume=resume, progress=progress)
     except NoResultError as error:
+        from torsight.markers.preview import write_preview
+        from torsight.markers.track_picture import NAME as TRACK_PICTURE
+        from tracker.detect.candidates import look
+        from tracker.detect.given import first_frame
+
         frame = first_frame(source)
         if frame.luma is not None:
             write_preview(

@@ -201,7 +201,7 @@ def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
     for frame in source:
         follower.step(frame)
         if follower.moving is not None:
-            return follower.moving.stick
+            return follower.moving
     return None
 
 

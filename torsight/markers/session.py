@@ -27,8 +27,8 @@ from torsight.markers.picks import (
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting
-    from tracker.frames.film import FilmSource
-    from tracker.frames.pictures import PictureSource
+    from tracker.frames.film_source import FilmSource
+    from tracker.frames.image_sequence import PictureSource
 
 NAMING_S: Final = 10.0
 """How much of the film is looked at to tell which of two sticks that were found moves: films begin with a rest."""

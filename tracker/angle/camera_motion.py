@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.optics.hanging import USUAL_PX
+from torsight.core.series import runs
 from torsight.core.tracks import MarkerTracks
-from tracker.angle.noise import witness
-from tracker.angle.reference_direction import steady_direction
+from tracker.angle.length_noise import witness
+from tracker.angle.reference_direction import steady_direction, steps_of_mean
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,11 @@ _START: Final = 0.1
 """Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
 _SAME: Final = 2.0
 """Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
+_BUMP_PX: Final = 3.0
+"""Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
+shaking that is asked of the tracker (see :data:`tracker.follow.judgement.SHAKE_PX`)."""
+_SIDE: Final = 10
+"""Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.6 px."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -141,10 +147,26 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
         away = place[:, axis] - start[axis]
         step[:, axis], spread = _followed(away, noise[:, axis])
         variance = np.maximum(variance, spread)
-    usual = np.maximum(np.median(noise[known], axis=0), _one_astray(base))
+    offset = base[:, 1] - base[:, 0]
+    # A quarter of its variance is what one marker that goes astray alone would give the middle.
+    usual = np.maximum(np.median(noise[known], axis=0), 0.25 * np.var(offset[_seen(offset)], axis=0))
     if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
         return None
     return Shift(step, variance, np.where(known, 0.0, variance))
+
+
+def bumps(base_px: Floats) -> list[tuple[int, float]]:
+    """Return the frames in which the base stick (n, 2, 2) has moved in the picture for good, and by how much, px.
+
+    A camera that is moved takes both base markers along. Where one of them stands still the other was misread, or has
+    come off its stick.
+    """
+    known = np.flatnonzero(_seen(base_px).all(axis=1))
+    if len(known) < 2 * _SIDE + 1:
+        return []
+    step_px = np.linalg.norm(steps_of_mean(base_px[known], _SIDE), axis=-1).min(axis=1)
+    largest = [begin + int(np.argmax(step_px[begin:end])) for begin, end in runs(step_px > _BUMP_PX)]
+    return [(int(known[at + _SIDE]), float(step_px[at])) for at in largest]
 
 
 def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
@@ -208,12 +230,6 @@ def _at_the_start(place: Floats) -> Floats:
             break
         count *= 2
     return np.asarray(np.median(place[:count], axis=0))
-
-
-def _one_astray(base: Floats) -> Floats:
-    """Return the variance of the middle along both axes (2,) that one marker alone would give it."""
-    offset = base[:, 1] - base[:, 0]
-    return np.asarray(0.25 * np.var(offset[_seen(offset)], axis=0))
 
 
 def _base_scale(base: Floats, covariance: Floats) -> float:

@@ -14,7 +14,7 @@ from torsight.core.optics.geometry import on_plane, ray_from_pixel, rotation_mat
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import Unmoved, unmoved
-from tracker.angle.noise import in_motion
+from tracker.angle.length_noise import in_motion
 from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
 

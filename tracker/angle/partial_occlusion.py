@@ -71,9 +71,9 @@ def half_covered(rows: NDArray[np.void], *, radius_px: float) -> Flags:
         near = away < _NEAR
         for marker in (0, 1):
             far = left & (away[:, marker] > _FAR) & near[:, 1 - marker]
-            for begin, end in _excursions(far, left & (away[:, marker] > _QUIET)):
+            for begin, end in runs(left & (away[:, marker] > _QUIET)):
                 run = np.arange(begin, end)[far[begin:end]]
-                if _looks_covered(rows, run, left & near.all(axis=1), marker, radius_px):
+                if len(run) and _looks_covered(rows, run, left & near.all(axis=1), marker, radius_px):
                     covered[begin:end, marker] = left[begin:end]
         left &= ~near.any(axis=1) & ~covered.any(axis=1)
     return covered
@@ -99,11 +99,6 @@ def _usual_place(position: Floats) -> Floats:
     some = position[:: max(1, len(position) // _SOME)]
     costs = [np.minimum(np.linalg.norm(some - place, axis=2), _FAR_PX).sum() for place in places]
     return np.asarray(places[int(np.argmin(costs))], dtype=np.float64)
-
-
-def _excursions(far: Flags, off: Flags) -> list[tuple[int, int]]:
-    """Return the runs of frames off the usual place that get far from it, as (begin, end)."""
-    return [(begin, end) for begin, end in runs(off) if far[begin:end].any()]
 
 
 def _looks_covered(rows: NDArray[np.void], run: NDArray[np.int64], usual: Flags, marker: int, radius_px: float) -> bool:

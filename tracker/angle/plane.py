@@ -13,9 +13,9 @@ from torsight.core.frozen import Frozen
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.shown import Shown
-from tracker.angle.noise import LengthWitness, in_motion, witness
+from tracker.angle.length_noise import LengthWitness, in_motion, witness
 from tracker.angle.reference_direction import steady_direction
-from tracker.angle.single_marker import lone_direction
+from tracker.angle.single_marker import single_marker_direction
 from tracker.angle.unwrap import unwrap
 
 Points = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -154,11 +154,11 @@ def moving_direction(
     moving_rad, bound = stick_direction(plane[2], plane[3])
     if outlier is not None:
         moving_rad[outlier] = np.nan
-    lone = lone_direction((scaled(plane[2], scale), scaled(plane[3], scale)), moving_rad)
-    one = np.isfinite(lone.angle_rad)
+    one_rad, one_rad2 = single_marker_direction((scaled(plane[2], scale), scaled(plane[3], scale)), moving_rad)
+    one = np.isfinite(one_rad)
     return Moving(
-        angle_rad=np.where(one, lone.angle_rad, moving_rad),
-        variance_rad2=np.where(one, lone.variance_rad2, bound * scale**2),
+        angle_rad=np.where(one, one_rad, moving_rad),
+        variance_rad2=np.where(one, one_rad2, bound * scale**2),
         alone=one,
         bound_rad2=usual_of(bound),
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 _LONGEST: Final = 400
 """Frames on each side that are averaged at most."""
 _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
+"""Frames over which drift is looked for: each about twice the last, up to half of what is averaged at most."""
 
 
 def steady_direction(

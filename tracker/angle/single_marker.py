@@ -7,13 +7,12 @@ where both can be had, is in the variance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.follow.axis import circle_equations
+from tracker.follow.rotation_axis import circle_equations
 
 Floats = NDArray[np.float64]
 Points = tuple[Floats, Floats]
@@ -34,22 +33,10 @@ _STEP_RAD: Final = np.deg2rad(2.0)
 """Frames closer to each other than this tell the same of the axis."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lone:
-    """Directions from one marker alone.
+def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> tuple[Floats, Floats]:
+    """Return the stick's direction (n,) in frames in which one of its markers is seen and tells it, and its variance.
 
-    Attributes
-    ----------
-    angle_rad, variance_rad2 : (n,) float64
-        Where only one marker is seen and it tells the direction; NaN elsewhere.
-    """
-
-    angle_rad: Floats
-    variance_rad2: Floats
-
-
-def lone_direction(moving: tuple[Points, Points], pair_rad: Floats) -> Lone:
-    """Return the direction of the stick in frames in which one of its markers is seen.
+    NaN elsewhere.
 
     Parameters
     ----------
@@ -60,25 +47,24 @@ def lone_direction(moving: tuple[Points, Points], pair_rad: Floats) -> Lone:
         Direction from both markers; NaN where it is not known.
     """
     n = len(pair_rad)
-    nothing = Lone(np.full(n, np.nan), np.full(n, np.nan))
+    angle, variance = np.full(n, np.nan), np.full(n, np.nan)
     seen = [np.isfinite(points[:, 0]) for points, _ in moving]
     alone = [seen[0] & ~seen[1], seen[1] & ~seen[0]]
     both = np.flatnonzero(np.isfinite(pair_rad))
     if not (alone[0].any() or alone[1].any()) or len(both) < _FEWEST:
-        return nothing
+        return angle, variance
     places = [points for points, _ in moving]
     fitted = _axis_and_arms(places, pair_rad, _spread_out(pair_rad, both))
     if fitted is None:
-        return nothing
+        return angle, variance
     values, covariance = fitted
-    angle, variance = nothing.angle_rad, nothing.variance_rad2
     for marker in (0, 1):
         direction, spread = _from_one(places[marker], moving[marker][1], values, covariance, marker)
         differs = np.angle(np.exp(1j * (direction[both] - pair_rad[both])))
         spread = np.maximum(spread, np.nanmean(differs**2))
         use = alone[marker] & (spread < _WORST_RAD**2)
         angle[use], variance[use] = direction[use], spread[use]
-    return Lone(angle, variance)
+    return angle, variance
 
 
 def _spread_out(pair_rad: Floats, both: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -21,7 +21,7 @@ from torsight.core.optics.geometry import (
 from torsight.core.optics.sights import Sight
 from torsight.core.tracks import MARKERS, MarkerTracks
 from tracker.angle.camera_motion import unmoved
-from tracker.angle.noise import in_motion
+from tracker.angle.length_noise import in_motion
 from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
 
 Floats = NDArray[np.float64]

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, hanging_errors, spread_rows
-from tracker.follow.axis import circle_equations
+from tracker.follow.rotation_axis import circle_equations
 
 Floats = NDArray[np.float64]
 

@@ -130,14 +130,8 @@ def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
     return find_dots(luma, radii_px=(0.8 * LARGEST_PX, HUGE_PX), known=known)
 
 
-def measure_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | None:
-    """Fit the dot near a place and measure the room around it; None where there is none."""
-    dot = judge_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot)
-    return None if isinstance(dot, str) else dot
-
-
 def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
-    """Return the dot near a place as :func:`measure_dot` does, or in words why there is none."""
+    """Return the dot near a place, fitted and with the room around it, or in words why there is none."""
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
@@ -182,8 +176,8 @@ def _dot_near(
     for _, x, y, radius, light_dot in _places(part, *radii_px):
         if math.hypot(x + left - x_px, y + top - y_px) > max(reach_px, 1.2 * radius) + 3.0:
             continue
-        dot = measure_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
-        if dot is None:
+        dot = judge_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
+        if isinstance(dot, str):
             continue
         distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
         if distance > max(reach_px, dot.radius_px):

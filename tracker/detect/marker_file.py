@@ -16,7 +16,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 from torsight.core.tracks import MARKERS
-from tracker.detect.tags import check_id, family_of
+from tracker.detect.fiducials import check_id, family_of
 
 STICKS: Final = ("base", "moving")
 KEYS: Final = ("base", "moving", "kind", "family", "base_id", "moving_id", "base_mm", "moving_mm")

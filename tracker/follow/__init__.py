@@ -1,10 +1,10 @@
 """Dots from frame to frame.
 
 In: a picture (uint8), its time (s), and the state of all that is known. Out: what was read of every marker, positions
-in px (y down), covariances in px², and why a marker was not read. ``frame_step`` is one frame: ``prediction``,
-``reading``, ``judgement``, ``learning``, compiled, on ``records``; ``innovation`` is the test by which what was found
-is held against what was predicted; ``redetect`` looks for what failed it; ``axis`` learns about what a stick turns;
-``marker`` is a dot as following begins, ``follower`` goes through a film.
+in px (y down), covariances in px², and why a marker was not read. ``frame_step`` is one frame: ``motion_model``,
+``reading``, ``judgement``, ``learning``, compiled, on ``state``; ``innovation`` is the test by which what was found
+is held against what was predicted; ``redetect`` looks for what failed it; ``rotation_axis`` learns about what a stick
+turns; ``marker`` is a dot as following begins, ``follower`` goes through a film.
 
 What half and twice the constants do is measured by ``benchmarks/tracking/constants.py``.
 """

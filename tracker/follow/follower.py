@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,29 +12,17 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.sticks import crossing_point
-from tracker.follow.axis import suppose_axis, turned
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip, write_row
 from tracker.follow.marker import Marker
-from tracker.follow.records import Scene, state_type
 from tracker.follow.redetect import direction, place_of, redetect
+from tracker.follow.rotation_axis import suppose_axis, turned
+from tracker.follow.state import Scene, state_type
 from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, ROW
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
-
-
-@dataclass(frozen=True, slots=True)
-class StickName:
-    """Which stick one is: its number, and the numbers of its markers."""
-
-    stick: int
-
-    @property
-    def indices(self) -> tuple[int, int]:
-        """Numbers of its markers."""
-        return 2 * self.stick, 2 * self.stick + 1
 
 
 class DotState:
@@ -143,15 +130,10 @@ class Follower:
         return row
 
     @property
-    def moving(self) -> StickName | None:
-        """The moving stick; None until it shows."""
+    def moving(self) -> int | None:
+        """Which stick moves, 0 or 1; None until it shows."""
         number = int(self._state.scene.rig["moving"][0])
-        return None if number < 0 else StickName(number)
-
-    @property
-    def base(self) -> StickName | None:
-        """The base stick; None until it shows."""
-        return None if self.moving is None else StickName(1 - self.moving.stick)
+        return None if number < 0 else number
 
     def _look_for_motion(self) -> None:
         if self._state.scene.readings["state"].any():

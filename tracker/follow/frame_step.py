@@ -22,9 +22,9 @@ from tracker.follow.judgement import (
     seen,
 )
 from tracker.follow.learning import note
-from tracker.follow.prediction import is_base, predict
+from tracker.follow.motion_model import is_base, predict
 from tracker.follow.reading import read_marker
-from tracker.follow.records import Scene
+from tracker.follow.state import Scene
 from tracker.rows import SHADOWED
 
 START, NEARBY, FIRST, SECOND, DONE = range(5)

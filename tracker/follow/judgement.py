@@ -15,10 +15,10 @@ import numpy as np
 from torsight.core.compiled import njit
 from tracker.appearance.disc import Floats, Record
 from tracker.appearance.lucas_kanade import Luma, Point
-from tracker.follow.axis import arm_px, on_circle, turned
 from tracker.follow.innovation import passes
 from tracker.follow.reading import read_marker
-from tracker.follow.records import Scene
+from tracker.follow.rotation_axis import arm_px, on_circle, turned
+from tracker.follow.state import Scene
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
 SHAKE_PX: Final = 2.0
@@ -216,20 +216,28 @@ def _stands_alone(scene: Scene, index: int, end: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
+    """Find by how much the base's readings (2,) are off their places at the start (2, 2); return whether they tell."""
+    count, x, y = 0, 0.0, 0.0
+    for end in range(2):
+        if base[end].state == SEEN:
+            x += base[end].x - zero[end, 0]
+            y += base[end].y - zero[end, 1]
+            count += 1
+    if count:
+        shift[0], shift[1] = x / count, y / count
+    return count > 0
+
+
+@njit(cache=True, nogil=True)
 def find_shift(scene: Scene) -> None:
     """Find the shift of the picture: from the base, or from the moving stick's circles while the base is not seen."""
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
-    count, x, y = 0, 0.0, 0.0
-    for end in range(2):
-        if seen(scene, i + end):
-            x += scene.readings[i + end].x - rig.zero[end, 0]
-            y += scene.readings[i + end].y - rig.zero[end, 1]
-            count += 1
-    rig.unknown = 0 if count else rig.unknown + 1
-    if count:
-        rig.shift_now[0], rig.shift_now[1] = x / count, y / count
-        return
     rig.shift_now[:] = rig.shift
+    if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
+        rig.unknown = 0
+        return
+    rig.unknown += 1
     off = np.empty((2, 2))
     # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
     if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):

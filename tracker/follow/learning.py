@@ -16,11 +16,11 @@ from torsight.core.compiled import njit
 from tracker.appearance.disc import Floats, Record
 from tracker.appearance.lucas_kanade import Luma
 from tracker.appearance.motion_blur import SHARP_PX, is_sharp, learn_shutter
-from tracker.follow.axis import learn_axis
 from tracker.follow.judgement import SOON, at, circles_off, seen
-from tracker.follow.prediction import STALE, is_base, predict, ways
+from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
-from tracker.follow.records import KEPT, Scene
+from tracker.follow.rotation_axis import learn_axis
+from tracker.follow.state import KEPT, Scene
 from tracker.rows import DARK, SEEN
 
 RATE: Final = 0.1

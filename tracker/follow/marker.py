@@ -18,7 +18,7 @@ from tracker.detect.given import given_dots
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, half_width
 from tracker.follow.reading import share_of_step
-from tracker.follow.records import MARKER
+from tracker.follow.state import MARKER
 from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15

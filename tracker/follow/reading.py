@@ -14,7 +14,7 @@ from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
 from tracker.follow.innovation import passes
-from tracker.follow.records import Scene
+from tracker.follow.state import Scene
 from tracker.rows import HIDDEN, OUTSIDE, SEEN
 
 LEAST_STEP: Final = 4.0

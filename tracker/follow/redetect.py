@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.dots import disc_picture
-from tracker.follow.axis import arm_px, turned
 from tracker.follow.frame_step import NEARBY, stick_at
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import (
@@ -32,9 +31,10 @@ from tracker.follow.judgement import (
     near_base,
     read_shifted,
 )
-from tracker.follow.prediction import is_base
+from tracker.follow.motion_model import is_base
 from tracker.follow.reading import read_at
-from tracker.follow.records import Scene
+from tracker.follow.rotation_axis import arm_px, turned
+from tracker.follow.state import Scene
 from tracker.rows import SEEN, SHADOWED
 
 Point = tuple[float, float]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from torsight.core.progress import Progress, silent
 from tracker.frames.display import luma_of
-from tracker.frames.film import FilmSource
+from tracker.frames.film_source import FilmSource
 from tracker.frames.frame import REPORT_EVERY, Damage, Frame, time_from_table
-from tracker.frames.pictures import PictureSource
+from tracker.frames.image_sequence import PictureSource
 
 _DECODED_PX: Final = 3e9
 """Pixels of a film up to which all of it is decoded to read its stamps: 10,000 frames of VGA, some four seconds at

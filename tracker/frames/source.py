@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
-from tracker.frames.film import FilmSource
-from tracker.frames.pictures import PictureSource
+from tracker.frames.film_source import FilmSource
+from tracker.frames.image_sequence import PictureSource
 
 
 def open_source(

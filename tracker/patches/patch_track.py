@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tracker.follow.judgement import SOON
 from tracker.follow.learning import RATE
-from tracker.follow.prediction import STALE
+from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
 
@@ -55,14 +55,13 @@ class PatchTrack:
     """
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
-        self.patch = patch
-        self.points = np.vstack([np.asarray(points, dtype=np.float64).T, np.ones(len(points))])
         self.warp = warp
         self.lost = 0
         self.usual = 1.0
         self._history: list[tuple[float, Floats]] = []
         self._seen: NDArray[np.uint8] | None = None
         self._corner = (0, 0)
+        self.replace(patch, points, 1.0)
 
     def predict(self, time_s: float) -> Floats:
         """Return where its last motion carries it."""
@@ -79,8 +78,9 @@ class PatchTrack:
     def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
         """Return how it is found from where it was, and why it is not taken (empty where it is)."""
         best: Fit | None = None
-        why = "lost" if self.patch.in_picture(self.predict(time_s), luma) else "outside"
-        for guess in self._guesses(luma, time_s):
+        ahead = self.predict(time_s)
+        why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
+        for guess in self._guesses(luma, ahead):
             fit = self.patch.align(luma, guess)
             if fit is None:
                 continue
@@ -91,8 +91,7 @@ class PatchTrack:
                 break
         return best, why
 
-    def _guesses(self, luma: NDArray[np.uint8], time_s: float) -> Iterator[Floats]:
-        ahead = self.predict(time_s)
+    def _guesses(self, luma: NDArray[np.uint8], ahead: Floats) -> Iterator[Floats]:
         yield ahead
         flown = self._flow(luma, ahead)
         if flown is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
-from tracker.detect.tags import FoundTag, find_tags
+from tracker.detect.fiducials import find_tags
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, Point, nothing, put
@@ -36,15 +36,14 @@ class TagStick:
     Parameters
     ----------
     family : str
-        See :func:`tracker.detect.tags.family_of`.
+        See :func:`tracker.detect.fiducials.family_of`.
     number : int
         The tag's.
     """
 
     def __init__(self, family: str, number: int) -> None:
         self.family, self.number = family, number
-        self._tag: Tag | None = None
-        self._track: PatchTrack | None = None
+        self._found: tuple[Tag, PatchTrack] | None = None
 
     @property
     def radius_px(self) -> float:
@@ -54,7 +53,7 @@ class TagStick:
     @property
     def length_px(self) -> float:
         """The tag's side."""
-        return math.nan if self._tag is None or self._track is None else self._tag.side_px * size_of(self._track.warp)
+        return math.nan if self._found is None else self._found[0].side_px * size_of(self._found[1].warp)
 
     @property
     def shutter_share(self) -> float:
@@ -64,23 +63,28 @@ class TagStick:
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of both markers in the next frame."""
         del shift
-        fit, why = (None, "lost") if self._track is None else self._track.follow(luma, time_s, self._judge)
+        fit, why = (None, "lost") if self._found is None else self._found[1].follow(luma, time_s, self._judge)
         if why:
             again, still = self._detect(luma)
             fit, why = (again, "") if again is not None else (fit, still or why)
-        if why or fit is None or self._tag is None or self._track is None:
+        if why or fit is None or self._found is None:
             self.miss(time_s)
             return nothing(CODE[why or "lost"])
-        self._track.take(luma, time_s, fit)
-        readings = _of_plane(fit, self._track.patch, self._tag.ends())
-        self._resize()
+        tag, track = self._found
+        track.take(luma, time_s, fit)
+        readings = _of_plane(fit, track.patch, tag.ends())
+        size = size_of(track.warp)
+        if not 1.0 / _GREW < size < _GREW:
+            tag = Tag(self.family, self.number, tag.side_px * size, tag.soft)
+            track.replace(tag.patch(), tag.corners(), size)
+            self._found = tag, track
         return readings
 
     def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
         del time_s
-        if self._track is not None:
-            self._track.miss()
+        if self._found is not None:
+            self._found[1].miss()
 
     def _judge(self, fit: Fit) -> str:
         if fit.gain < _STEP or fit.likeness < _ALIKE or fit.inside < _ITS_BITS:
@@ -92,43 +96,30 @@ class TagStick:
         found = [tag for tag in find_tags(luma, self.family) if tag.number == self.number]
         if not found:
             return None, ""
-        if self._track is not None and len(found) > 1:
-            x, y = place(self._track.warp)
-            found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - (x, y)))))
-        tag, track = self._tag, self._track
-        if tag is None or track is None:
-            tag, track = self._begin(found[0], luma)
+        if self._found is None:
+            tag = Tag.of(self.family, found[0], luma)
+            self._found = tag, PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found[0]))
+        tag, track = self._found
+        last_px = place(track.warp)
+        found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
         fit = track.patch.align(luma, tag.warp_of(found[0]))
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 
-    def _begin(self, found: FoundTag, luma: NDArray[np.uint8]) -> tuple[Tag, PatchTrack]:
-        self._tag = tag = Tag.of(self.family, found, luma)
-        self._track = track = PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found))
-        return tag, track
-
-    def _resize(self) -> None:
-        """Make the template anew where the tag's size in the picture has changed."""
-        if self._tag is None or self._track is None:
-            return
-        size = size_of(self._track.warp)
-        if not 1.0 / _GREW < size < _GREW:
-            self._tag = Tag(self.family, self.number, self._tag.side_px * size, self._tag.soft)
-            self._track.replace(self._tag.patch(), self._tag.corners(), size)
-
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
-        if self._tag is None or self._track is None:
+        if self._found is None:
             return {}
-        return {"side_px": self._tag.side_px, "soft": self._tag.soft, "track": self._track.to_state()}
+        tag, track = self._found
+        return {"side_px": tag.side_px, "soft": tag.soft, "track": track.to_state()}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly."""
-        self._tag = self._track = None
+        self._found = None
         if state:
-            self._tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
-            self._track = PatchTrack(self._tag.patch(), self._tag.corners(), np.eye(3))
-            self._track.restore(state["track"])
+            tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
+            self._found = tag, PatchTrack(tag.patch(), tag.corners(), np.eye(3))
+            self._found[1].restore(state["track"])
 
 
 def _of_plane(fit: Fit, patch: Patch, ends: tuple[Point, Point]) -> NDArray[np.void]:

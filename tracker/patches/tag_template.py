@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.detect.tags import FoundTag, bits_of
+from tracker.detect.fiducials import FoundTag, bits_of
 from tracker.patches.align import Look, Patch
 from tracker.patches.warps import Floats
 
@@ -84,7 +84,7 @@ class Tag:
         return brightness
 
     def corners(self) -> Floats:
-        """Return its corners in the template's plane, in the order of :class:`tracker.detect.tags.FoundTag`."""
+        """Return its corners in the template's plane, in the order of :class:`tracker.detect.fiducials.FoundTag`."""
         half = 0.5 * self.side_px
         return half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 

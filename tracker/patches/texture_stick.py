@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
-from tracker.follow.axis import arm_px, learn_axis
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD, circle_misfit
-from tracker.follow.records import STICK
+from tracker.follow.rotation_axis import arm_px, learn_axis
+from tracker.follow.state import STICK
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, Point, put

@@ -23,8 +23,12 @@ _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qt
 _COMPRESSED: Final = 1.5
 """Error over that of white noise from which compression is felt."""
 _SMALL_PX: Final = 4.0
+"""Radius from which dots of 6 px would err by a fifth less: errors go with the root of one over the radius (Cramér and
+Rao)."""
 _SHORT_PX: Final = 60.0
+"""Distance at which markers that are 0.05 px off, as in H.264 at CRF 18, make 0.07 degrees."""
 _FAINT: Final = 40.0
+"""Step at which noise of two grey levels alone puts a dot of 6 px off by 0.02 px, half of what H.264 at CRF 18 does."""
 
 
 def account(
@@ -172,11 +176,14 @@ def advice(
     if ratio is not None and ratio > _COMPRESSED and not compression["lossless"]:
         words.append(
             f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
-            "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless FFV1."
+            "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "
+            "FFV1."
         )
     words += gaps
     if radius_px is not None and radius_px < _SMALL_PX:
-        words.append(f"The dots are small (radius {radius_px:.1f} px): dots of 6 px and more halve the error.")
+        words.append(
+            f"The dots are small (radius {radius_px:.1f} px): the error falls as the root of their radius grows."
+        )
     if radius_px is not None and length_px < _SHORT_PX:
         words.append(
             f"The markers of a stick are only {length_px:.0f} px apart: the angle's error falls as their distance "

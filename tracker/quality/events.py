@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS, StickAngles
-from tracker.angle.reference_direction import steps_of_mean
+from tracker.angle.camera_motion import bumps
 from tracker.rows import CODE
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 _SHORTEST: Final = 2
 """Frames for which a marker must be away to be told, unless the angle is lost with it."""
-_BUMP_PX: Final = 3.0
-_SIDE: Final = 10
 _KINDS: Final = {
     "hidden": ("occlusion", "{name} is covered or blurred"),
     "lost": ("lost", "{name} is not found"),
@@ -64,9 +62,8 @@ def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, A
     events = [event for event in find_events(right.rows, seen, right.damage) if event["kind"] != "angle unknown"]
     for event in events:
         event["text"] = f"right film: {event['text']}"
-        for key in ("frame", "end_frame"):
-            if key in event:
-                event[key] = int(at[min(event[key], len(at) - 1)]) if len(at) else 0
+        for key in {"frame", "end_frame"} & event.keys():
+            event[key] = int(at[min(event[key], len(at) - 1)])
     return events
 
 
@@ -87,24 +84,12 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
 
 
 def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
-    """Return where the base stick has moved in the picture for good.
-
-    A camera that is moved takes both base markers along. Where one of them stands still the other was misread, or has
-    come off its stick.
-    """
-    both = (rows["state"][:, :2] == CODE["seen"]).all(axis=1)
-    known = np.flatnonzero(both)
-    if len(known) < 2 * _SIDE + 1:
-        return []
-    jump = np.linalg.norm(steps_of_mean(rows["position_px"][known, :2], _SIDE), axis=-1).min(axis=1)
-    events: list[dict[str, Any]] = []
-    for run in _runs(jump > _BUMP_PX):
-        at = run[int(np.argmax(jump[run]))]
-        frame = known[at + _SIDE]
-        events.append(
-            _event(angles, np.array([frame]), "bump", f"the camera was moved: {jump[at]:.1f} px in the picture")
-        )
-    return events
+    """Return where the camera was moved for good."""
+    base = np.where((rows["state"][:, :2] == CODE["seen"])[..., None], rows["position_px"][:, :2], np.nan)
+    return [
+        _event(angles, np.array([frame]), "bump", f"the camera was moved: {size_px:.1f} px in the picture")
+        for frame, size_px in bumps(base)
+    ]
 
 
 def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:

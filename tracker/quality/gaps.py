@@ -27,8 +27,7 @@ _DO: Final = {
     "light": "the light was off; use a steady lamp.",
     "late": (
         "the markers are found from frame {first_frame} on, {first_s:.1f} s into the film; start filming when the "
-        "rig stands "
-        "in the picture with its light on, or cut off the beginning."
+        "rig stands in the picture with its light on, or cut off the beginning."
     ),
     "marker": (
         "a marker was lost and not found again; look in track.png whether it is a dark or light dot that stands out "
@@ -36,8 +35,7 @@ _DO: Final = {
     ),
     "texture": (
         "the texture around a marker was lost: it changed, glared or left the picture; choose points with clear "
-        "structure all "
-        "around them, or stick dots or tags on."
+        "structure all around them, or stick dots or tags on."
     ),
     "picture": "a marker leaves the picture; film from further away.",
     "sticks": "the sticks pass so close to each other that their markers mix; mount them further apart.",
@@ -47,18 +45,15 @@ _DO: Final = {
     ),
     "speed": (
         "the moving stick is too fast there for the search: it turns by some {step_deg:.0f} degrees from one frame "
-        "to the next, "
-        "{usual_deg:.1f} were followed; film more frames a second, or move more slowly."
+        "to the next, {usual_deg:.1f} were followed; film more frames a second, or move more slowly."
     ),
     "focus": (
         "the picture is out of focus there; lock the focus at the sticks before filming, and keep anything nearer "
-        "out of the "
-        "picture."
+        "out of the picture."
     ),
     "interlaced": (
         "the film is interlaced without saying so: every second row shows another instant; film progressively (25p "
-        "or 30p "
-        "instead of 50i or 60i), or give one field of every frame as pictures."
+        "or 30p instead of 50i or 60i), or give one field of every frame as pictures."
     ),
 }
 _OF_STATE: Final = {"damaged": "file", "dark": "light", "outside": "picture", "shadowed": "sticks", "lost": "marker"}

@@ -14,6 +14,8 @@ from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
+from tracker.quality.account import account
+from tracker.quality.track_warnings import doubts
 from tracker.track import TrackResult, track_film
 
 INNER, OUTER = 35.0, 100.0
@@ -123,3 +125,28 @@ def test_sticks_of_two_kinds(kind: dict, sprites: tuple[Sprite, Sprite], tmp_pat
     # The dots are drawn to whole steps of an eighth of a millimetre.
     assert np.sqrt(np.nanmean(error**2)) < np.rad2deg(0.25 / (OUTER - INNER))
     assert result.report["markers"]["kind"] == kind
+
+
+class Glaring(FlatFilm):
+    """From frame 20 on the moving stick shows nothing but glare, with the same rim."""
+
+    def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
+        textured = self.moving
+        if number >= 20:
+            self.moving = [Sprite(np.full_like(one.picture, 240.0), one.along_mm, one.width_mm) for one in textured]
+        fine = super()._sharp(ground, angle_deg, number)
+        self.moving = textured
+        return fine
+
+
+def test_texture_that_is_lost_gives_no_angle_and_is_named_as_the_cause(tmp_path: Path) -> None:
+    made = Glaring([textured(1)], [textured(2)], lambda t: 60.0 + 60.0 * t, frames=50)
+    path = made.write(tmp_path / "film.mp4", codec="libx264")
+    source = open_source(path)
+    given = {"kind": "texture", "base": points(made, 0), "moving": points(made, 1)}
+    result = track_film(source, markers=read_markers(given))
+    orientation = orient(result.tracks, None)
+    assert orientation.angles.valid.tolist() == [True] * 20 + [False] * 30
+    told = account(result, orientation, doubts=doubts(result), pictures=source.pictures)
+    assert next(iter(told["frames"]["causes"])) == "texture"
+    assert any("the texture around a marker was lost" in text for text in told["advice"])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from torsight.viewer.live.frames.intake import LiveFrame
     from tracker.detect.marker_file import MarkerHints
     from tracker.follow.follower import Follower
-    from tracker.patches.follower import StickFollower
+    from tracker.patches.stick_follower import StickFollower
 
 _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
@@ -146,8 +146,8 @@ class LiveTracker:
         knew = follower.moving
         row = follower.step(Frame(frame.index, frame.time_s, frame.luma, damaged=frame.damaged or frame.dropped))
         if knew is None and follower.moving is not None:
-            self._now_moving(frame, follower.moving.stick)
-        swapped = follower.moving is not None and follower.moving.stick == 0
+            self._now_moving(frame, follower.moving)
+        swapped = follower.moving == 0
         order = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
         state = row["state"][order]
         position = np.where((state == CODE["seen"])[:, None], row["position_px"][order], np.nan)

@@ -14,7 +14,7 @@ from films import Rig
 
 from torsight.core.optics.camera import read_camera
 from torsight.core.tracks import MarkerTracks
-from tracker.angle.noise import in_motion
+from tracker.angle.length_noise import in_motion
 from tracker.angle.orient import orient
 from tracker.angle.stereo import orient_pair
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracker.follow.axis import AXIS, circle_equations, direction_from, learn_axis, on_circle
 from tracker.follow.innovation import passes
-from tracker.follow.prediction import ways
-from tracker.follow.records import KEPT, MARKER
+from tracker.follow.motion_model import ways
 from tracker.follow.redetect import direction
+from tracker.follow.rotation_axis import AXIS, circle_equations, direction_from, learn_axis, on_circle
+from tracker.follow.state import KEPT, MARKER
 
 TIMES_S = np.array([0.0, 0.03, 0.07, 0.1])
 

@@ -250,8 +250,7 @@ class FilmSource:
         part = "" if decoder.interlaced == count else f" in {decoder.interlaced} of its {count} frames"
         text = (
             f"the film is interlaced{part}: of such a frame only the field that is shown first is used, which halves "
-            f"the "
-            "resolution down the picture; film progressively (25p or 30p instead of 50i or 60i)"
+            "the resolution down the picture; film progressively (25p or 30p instead of 50i or 60i)"
         )
         self.damage.add(0, 0.0, text, kind="interlaced")
 
@@ -306,8 +305,7 @@ class FilmSource:
         sizes = [f"{one.codec_context.width} × {one.codec_context.height}" for one in streams if one.codec_context]
         text = (
             f"the film holds {len(streams)} video streams ({', '.join(sizes)}), and number {streams.index(stream)}, "
-            f"which "
-            "players show, is used; for another one write it into a file of its own"
+            "which players show, is used; for another one write it into a file of its own"
         )
         self.damage.add(0, 0.0, text, kind="streams")
 
@@ -324,8 +322,8 @@ class FilmSource:
             return
         text = (
             f"the camera filmed {capture_fps:g} frames a second (its own note in the file) and the film plays "
-            f"{self.rate_fps:.4g}: in slow motion every time is wrong by {capture_fps / self.rate_fps:.3g}; give --fps "
-            f"{capture_fps:g}"
+            f"{self.rate_fps:.4g}: in slow motion every time is wrong by {capture_fps / self.rate_fps:.3g}; give "
+            f"--fps {capture_fps:g}"
         )
         self.damage.add(0, 0.0, text, kind="slow motion")
 

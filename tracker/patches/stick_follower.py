@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.follow.axis import turned
-from tracker.follow.follower import StickName, stick_that_moves
+from tracker.follow.follower import stick_that_moves
 from tracker.follow.frame_step import DARK_SHARE, brightness_of
+from tracker.follow.judgement import base_shift
 from tracker.follow.learning import BRIGHTNESS_RATE, write_row
 from tracker.follow.redetect import direction, place_of
+from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.patches.stick import Stick, nothing
 from tracker.patches.tag_stick import TagStick
 from tracker.rows import DAMAGED, DARK, ROW, SEEN
-
-_NO_NOISE: Final = 1e-6
 
 
 class StickFollower:
@@ -34,15 +33,12 @@ class StickFollower:
 
     def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
         self.sticks = list(sticks)
-        self.moving: StickName | None = None
-        self.base: StickName | None = None
+        self.moving = moving
         self._brightness = 0.0
         self._noise: float | None = None
         self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
         self._starts: list[float] = []
         self._rows = np.zeros(1, ROW)
-        if moving is not None:
-            self._name(moving)
 
     def step(self, frame: Frame) -> NDArray[np.void]:
         """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
@@ -64,7 +60,7 @@ class StickFollower:
         parts: list[NDArray[np.void]] = []
         for number, stick in enumerate(self.sticks):
             parts.append(stick.step(frame.luma, frame.time_s, self._shift))
-            if self.base is not None and number == self.base.stick:
+            if self.moving is not None and number != self.moving:
                 self._follow_shift(parts[-1])
         readings = np.concatenate(parts)
         if all(isinstance(stick, TagStick) for stick in self.sticks):
@@ -76,11 +72,9 @@ class StickFollower:
     def _follow_shift(self, base: NDArray[np.void]) -> None:
         """Note by how much the base is off where it was seen first."""
         seen = base["state"] == SEEN
-        if not seen.any():
-            return
         at = np.stack([base["x"], base["y"]], axis=1)
         self._zero = np.where(np.isnan(self._zero) & seen[:, None], at - self._shift, self._zero)
-        self._shift = np.mean((at - self._zero)[seen], axis=0)
+        base_shift(base, self._zero, self._shift)
 
     def _share_noise(self, readings: NDArray[np.void]) -> None:
         """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise.
@@ -90,7 +84,8 @@ class StickFollower:
         seen = readings["state"] == SEEN
         if not seen.any():
             return
-        residual = np.maximum(readings["residual"][seen], _NO_NOISE)
+        # Never nought: a fit leaves a picture's rounding at least.
+        residual = readings["residual"][seen]
         noise = float(residual.min())
         if seen.all() or self._noise is None:
             self._noise = noise
@@ -105,12 +100,7 @@ class StickFollower:
         now = [direction(place_of(readings[i]), place_of(readings[i + 1])) for i in (0, 2)]
         self._starts = self._starts or now
         angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
-        moving = stick_that_moves(angles)
-        if moving is not None:
-            self._name(moving)
-
-    def _name(self, moving: int) -> None:
-        self.base, self.moving = StickName(1 - moving), StickName(moving)
+        self.moving = stick_that_moves(angles)
 
     def report(self) -> dict[str, float]:
         """Return sizes for ``track.json``: of markers and sticks, and the shutter, which only dots tell."""
@@ -123,7 +113,7 @@ class StickFollower:
     def to_state(self) -> dict[str, Any]:
         """Return everything that :meth:`restore` needs to go on in the same way."""
         return {
-            "moving": None if self.moving is None else self.moving.stick,
+            "moving": self.moving,
             "brightness": self._brightness,
             "noise": self._noise,
             "shift": self._shift.tolist(),
@@ -134,8 +124,7 @@ class StickFollower:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly."""
-        if state["moving"] is not None:
-            self._name(int(state["moving"]))
+        self.moving = state["moving"]
         self._brightness, self._noise = float(state["brightness"]), state["noise"]
         self._starts = [float(start) for start in state["starts"]]
         # What is not finite is null there.

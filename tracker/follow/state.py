@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tracker.appearance.disc import SHAPE
 from tracker.appearance.lucas_kanade import Look
 from tracker.appearance.motion_blur import SHARES
-from tracker.follow.axis import AXIS
+from tracker.follow.rotation_axis import AXIS
 
 KEPT: Final = 4
 """Readings that are kept of each marker: a parabola takes three, the mean speed over three steps four."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from torsight.core.compiled import njit
 from tracker.appearance.disc import Floats, Record
-from tracker.follow.axis import direction_from, folded, on_circle
-from tracker.follow.records import Scene
+from tracker.follow.rotation_axis import direction_from, folded, on_circle
+from tracker.follow.state import Scene
 
 STALE: Final = 15
 """Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""

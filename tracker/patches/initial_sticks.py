@@ -14,9 +14,9 @@ from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from torsight.core.words.wording import counted, listed
+from tracker.detect.fiducials import FoundTag, count_of, find_tags, in_words
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.detect.tags import FoundTag, count_of, find_tags, in_words
 from tracker.follow.follower import DotState
 from tracker.follow.marker import given_markers
 from tracker.frames.frame import Frame
