@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from torsight.core.optics.circles import common_centre
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.wording import counted
+from tracker.follow.innovation import passes
+from tracker.follow.judgement import circle_misfit
+from tracker.follow.state import STICK
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -21,6 +24,10 @@ _ARC_RAD: Final = np.deg2rad(20.0)
 _CLEAR_SIGMA: Final = 10.0
 _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
+_WANDERS: Final = 0.25
+"""Share of frames off their circles from which the axis is doubted: a marker misread now and then has less."""
+_LOOKED_AT: Final = 200
+"""Frames that tell that share to a thirtieth."""
 _FEW: Final = 2
 """Frames of both sticks that prove which one turns."""
 
@@ -34,7 +41,7 @@ def doubts(result: TrackResult) -> list[str]:
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
         found = found or _exchanged_markers(result.tracks, given=given)
-    return found + _file_faults(result)
+    return found + _moving_axis(result.tracks) + _file_faults(result)
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
@@ -95,6 +102,41 @@ def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
     do = "exchange the two positions in the marker file" if given else "give the positions with --markers MARKERS.toml"
     what = "Every angle is off by 180 degrees" if len(found) == 1 else "The angles hold, but not the markers' names"
     return [" ".join([*found, f"{what}: {do}."])]
+
+
+def _moving_axis(tracks: MarkerTracks) -> list[str]:
+    """Tell that the moving stick goes around no fixed axis: it rolls, is carried, or was not always what was read.
+
+    Its markers are held against their circles by the test that :mod:`tracker.follow` uses for a marker found again.
+    """
+    axis = axis_px(tracks)
+    if axis is None or not tracks.valid[:, :2].any(axis=0).all():
+        return []
+    places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
+    # The camera's own motion is the base's.
+    away = places[:, :2] - np.nanmedian(places[:, :2], axis=0)
+    base_seen = tracks.valid[:, :2].sum(axis=1)
+    shift = np.nansum(away, axis=1) / np.maximum(base_seen, 1)[:, None]
+    both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & (base_seen > 0))
+    points = (places[:, 2:] - shift[:, None] - axis)[both][:: max(1, len(both) // _LOOKED_AT)]
+    if not len(points):
+        return []
+    stick = np.zeros(1, STICK)
+    stick["axis"]["known"], stick["shortest"], stick["longest"] = 1, 1.0, 1.0
+    stick["axis"]["arm"][0, :, 0] = np.median(np.hypot(points[..., 0], points[..., 1]), axis=0)
+    nowhere = np.zeros(2)
+    off = 0
+    for pair in points.tolist():
+        misfits = [circle_misfit(stick[0], nowhere, (x, y), end) for end, (x, y) in enumerate(pair)]
+        off += not passes(sum(misfit**2 for misfit in misfits), 2)
+    if off < _WANDERS * len(points):
+        return []
+    words = (
+        f"The moving stick goes around no fixed axis: in {off} of {counted(len(points), 'frame')} looked at its "
+        "markers are off the circles that the others show. Angles are those of a stick on a fixed axis; look in "
+        "track.png whether the markers are what was read."
+    )
+    return [words]
 
 
 def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:

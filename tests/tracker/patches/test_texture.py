@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -150,3 +151,24 @@ def test_texture_that_is_lost_gives_no_angle_and_is_named_as_the_cause(tmp_path:
     told = account(result, orientation, doubts=doubts(result), pictures=source.pictures)
     assert next(iter(told["frames"]["causes"])) == "texture"
     assert any("the texture around a marker was lost" in text for text in told["advice"])
+
+
+class Rolling(FlatFilm):
+    """The moving stick's axis goes along by 2 mm per frame."""
+
+    def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
+        still = self.moving
+        turn = np.deg2rad(self.base_deg + angle_deg)
+        away = 2.0 * number * np.array([np.cos(turn), -np.sin(turn)])
+        self.moving = [replace(one, along_mm=one.along_mm + float(away[0]), across_mm=float(away[1])) for one in still]
+        fine = super()._sharp(ground, angle_deg, number)
+        self.moving = still
+        return fine
+
+
+@pytest.mark.parametrize("kind", [FlatFilm, Rolling])
+def test_an_axis_that_moves_is_told(kind: type[FlatFilm], tmp_path: Path) -> None:
+    made = kind([textured(1)], [textured(2)], lambda t: 60.0 + 400.0 * t, frames=40, size=(480, 320))
+    _, result = tracked(made, tmp_path / "film.mkv")
+    assert result.tracks.valid[:, 2:].all(axis=1).mean() > 0.5
+    assert any("no fixed axis" in text for text in doubts(result)) == (kind is Rolling)
