@@ -53,6 +53,17 @@ def test_ten_px_per_frame_with_half_the_frame_exposed(tmp_path: Path) -> None:
     assert result.report["markers"]["kind"] == "tag"
 
 
+def test_sigma_of_a_smeared_tag_does_not_hang_on_frames_in_which_the_base_is_hidden(tmp_path: Path) -> None:
+    # Its smear is no noise: where the base's tag is covered, the noise is that of the frames before.
+    step_deg = np.rad2deg(10.0 / ALONG)
+    made = film(angle_deg=lambda t: 60.0 + 30.0 * step_deg * t, exposure=0.5, frames=52)
+    error, sigma, result = errors_deg(made, tmp_path / "film.mp4", PAIR, codec="libx264")
+    assert not result.tracks.valid[:, :2].all()
+    known = np.isfinite(error)
+    assert known.sum() > 45
+    assert 0.7 < np.sqrt(np.mean((error[known] / sigma[known]) ** 2)) < 1.5
+
+
 def test_two_turns_past_the_base_do_not_drift_and_sigma_is_honest(tmp_path: Path) -> None:
     # The moving tag lies over the base's once a turn: the base is not seen there, and the angle is known.
     made = film(angle_deg=lambda t: 60.0 + 300.0 * t, frames=75, noise=3.0)
