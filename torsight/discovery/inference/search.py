@@ -240,10 +240,12 @@ class Search:
         self._keep(found)
 
     def _fit_parts(self, best: Explanation) -> None:
-        """Fit the parts of a set that were passed over: alone, one of two may explain less than what is like both."""
-        parts = [less(best.members, name) for name in best.members]
-        missing = [part for part in parts if part not in self._explanations]
-        found: list[Explanation] = in_parallel([(best, part) for part in missing], self._part)
+        """Fit the parts of a set from where it is: a part that was passed over, or had ended in another valley.
+
+        Alone, one of two may explain less than what is like both.
+        """
+        parts = [part for part in (less(best.members, name) for name in best.members) if part]
+        found: list[Explanation] = in_parallel([(best, part) for part in parts], self._part)
         self._keep(found)
 
     def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
