@@ -173,6 +173,12 @@ def test_a_model_that_fails_in_the_middle_of_a_fit_loses_nothing(
     assert capsys.readouterr().out == ""
 
 
+def test_what_progress_prints_is_printed_and_not_laid_to_the_model(capsys: pytest.CaptureFixture[str]) -> None:
+    found = find_missing(sensor(sensor_record()), progress=lambda step, *_: print(step))  # noqa: T201
+    assert {"starts", "unseen blocks"} <= set(capsys.readouterr().out.splitlines())
+    assert not found.warnings
+
+
 def test_the_same_question_has_the_same_answer() -> None:
     one, other = (find_missing(sensor(sensor_record(curve=0.02))).to_json() for _ in range(2))
     assert one == other

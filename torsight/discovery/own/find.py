@@ -44,8 +44,8 @@ def find_missing(
     InputError
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
+    told = aloud(progress)
     with heard() as stream, one_thread():
-        told = aloud(progress)
         notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
@@ -62,14 +62,13 @@ def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
 def _search(
     problem: ModelProblem, *, settings: Settings | None, seed: int, progress: Progress, notes: list[str]
 ) -> Findings:
-    declared = problem
-    progress("starts", 0, None)
-    prepared = prepare(problem)
-    problem, notes = prepared.problem, [*notes, *prepared.warnings]
-    evaluator = problem.evaluator
-    # Points that were only looked at may lie outside of what the model can do.
-    looked, before = len(evaluator.failures), evaluator.failed
+    declared, evaluator = problem, problem.evaluator
     with evaluator.processes(wanted=problem.processes):
+        progress("starts", 0, None)
+        prepared = prepare(problem)
+        problem, notes = prepared.problem, [*notes, *prepared.warnings]
+        # Points that were only looked at may lie outside of what the model can do.
+        looked, before = len(evaluator.failures), evaluator.failed
         found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
         notes += _missed(declared, found)
         # What the findings show of other sets is predicted while the processes are there.
@@ -100,8 +99,9 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
         if alone.cost > _MUCH_WORSE * chosen.cost:
             given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
             ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
+            ends = "does not leave it" if given == ended else f"ends elsewhere ({ended})"
             told.append(
-                f"the fit of '{name}' from its declared start ({given}) ends elsewhere ({ended}) and leaves "
+                f"the fit of '{name}' from its declared start ({given}) {ends} and leaves "
                 f"{(alone.cost / chosen.cost) ** 0.5:.3g} times more: another start was needed, so look whether "
                 "the fitted values make sense"
             )
