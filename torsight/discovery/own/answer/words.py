@@ -117,6 +117,8 @@ def what_next(found: Findings) -> list[str]:
         told = (
             "Look at the measured law over the variable on which it depends, and offer a candidate that has such a "
             "form, or a law at the place where it acts; the best fits are listed."
+            if found.drivers
+            else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
         return [told]
     return []

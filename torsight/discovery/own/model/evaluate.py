@@ -203,6 +203,10 @@ def _receive(pickled: bytes, file: str) -> None:
     _sent = cloudpickle.loads(pickled), file
 
 
+def _has_begun() -> None:
+    """Do nothing, in a process that has its model."""
+
+
 def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Called:
     if _sent is None:
         raise RuntimeError("this process has no model")
@@ -239,6 +243,7 @@ class Evaluator:
         self.failures: list[Failure] = []
         self.failed = 0
         self._pool: Any = None
+        self._ready: Future[None] | None = None
         self._lock = threading.Lock()
         self._kept: OrderedDict[bytes, Future[Called]] = OrderedDict()
         self._size = max(1, max(record.rows_ for record in model.records) * 8 * max(1, len(model.outputs)))
@@ -269,7 +274,7 @@ class Evaluator:
             self._kept[key] = future
             while len(self._kept) * self._size > _KEPT_BYTES:
                 self._kept.popitem(last=False)
-        if self._pool is None:
+        if self._pool is None or not self._is_ready():
             self._finish(future, call(self.model, record, values, curves))
         else:
             sent = self._pool.submit(_call_sent, record, values, curves)
@@ -295,7 +300,10 @@ class Evaluator:
 
     @contextlib.contextmanager
     def processes(self, *, wanted: bool | None = None) -> Iterator[bool]:
-        """Call the model in processes within the block, where that pays (or is wanted); give whether."""
+        """Call the model in processes within the block, where that pays (or is wanted); give whether.
+
+        Until the first of them has begun the model is called here, and it stays here where none can begin.
+        """
         pickled = self._pickled(wanted=wanted)
         if pickled is None:
             yield False
@@ -303,12 +311,18 @@ class Evaluator:
         from joblib.externals.loky import ProcessPoolExecutor
 
         pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
-        self._pool = pool
+        self._pool, self._ready = pool, pool.submit(_has_begun)
+        if wanted:
+            self._ready.result()
         try:
             yield True
         finally:
             self._pool = None
-            pool.shutdown(wait=True)
+            # Nothing is asked of them any more; one that is still beginning is not waited for.
+            pool.shutdown(wait=True, kill_workers=True)
+
+    def _is_ready(self) -> bool:
+        return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def _pickled(self, *, wanted: bool | None) -> bytes | None:
         """Return the model for another process; None where it stays here."""
