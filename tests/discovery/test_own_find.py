@@ -140,6 +140,26 @@ def test_an_initial_state_that_is_not_declared_is_found_out() -> None:
     assert found.effects == ("hardening",)
 
 
+def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_can_be_fixed() -> None:
+    def twice(p: Any, record: Any) -> np.ndarray:
+        return p.gain * p.boost * record.u + p.offset
+
+    gain, offset = sensor_parameters()
+    for fixed in (False, True):
+        own = [gain, parameter("boost", 1.5, fixed=fixed), offset]
+        found = find_missing(model_problem(twice, sensor_record(), own, output="y", sigma=NOISE, drivers=[]))
+        assert warned(found, "only combinations of gain, boost:") is not fixed
+        assert ("boost" in found.parameters) is not fixed
+        assert found.values["gain"] * (1.5 if fixed else found.values["boost"]) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("times", "words"), [(3.0, "is too large"), (1.0, None), (1.0 / 3.0, "is too small")])
+def test_a_noise_that_is_not_that_of_the_readings_is_told(times: float, words: str | None) -> None:
+    found = find_missing(sensor(sensor_record(curve=0.3), sigma=times * NOISE))
+    assert [one for one in found.warnings if "sigma" in one and words and words in one] or words is None
+    assert words is not None or not warned(found, "sigma that was given")
+
+
 def test_two_outputs_each_have_their_own_noise() -> None:
     def both(p: Any, record: Any) -> dict[str, np.ndarray]:
         x = move_spring(p, record)

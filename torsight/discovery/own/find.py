@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from torsight.core.progress import Progress, silent
+from torsight.core.series import scatter
 from torsight.core.threads import one_thread
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
@@ -19,6 +22,11 @@ from torsight.discovery.settings import Settings
 
 _MOST_TRACES: Final = 20
 """Failures of which the traceback is kept."""
+_MISJUDGED: Final = 1.5
+"""Ratio of the noise that is found to the one that was given, either way, that is told: with it an interval of 95 %
+holds 81 %, or 99.7 %."""
+_ROWS: Final = 64
+"""Rows from which that ratio is known to a tenth, one over the root of twice their number."""
 _MUCH_WORSE: Final = 1.25
 """Times the cost at which a fit from the declared start has missed what another start has found."""
 
@@ -70,7 +78,7 @@ def _search(
         # Points that were only looked at may lie outside of what the model can do.
         looked, before = len(evaluator.failures), evaluator.failed
         found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
-        notes += _missed(declared, found)
+        notes += [*_missed(declared, found), *_noise_given(problem, found)]
         # What the findings show of other sets is predicted while the processes are there.
         findings = Findings(problem, found, settings=settings or Settings())
         _ = findings.best_fits, findings.parameters
@@ -82,6 +90,36 @@ def _search(
         )
     traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
+
+
+def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
+    """Return a warning for every output whose given noise is not that of its readings.
+
+    What neighbouring rows of the residual differ by is noise, whatever else is missing; and noise is part of what is
+    left, whatever else is.
+    """
+    if not problem.sigma_known:
+        return []
+    left = np.full(len(problem.observed), np.nan)
+    left[problem.valid] = (found.decision.chosen.residual / np.where(problem.valid, problem.sigma, 1.0))[problem.valid]
+    told = []
+    for k, output in enumerate(problem.model.outputs):
+        pieces = [left[place][np.isfinite(left[place])] for _, own, place in problem.layout.places if own == k]
+        rows = np.concatenate(pieces)
+        if len(rows) < _ROWS:
+            continue
+        between, whole = scatter(*pieces), float(np.sqrt(np.mean(rows**2)))
+        if between > _MISJUDGED:
+            told.append(
+                f"neighbouring rows of what is left of '{output}' scatter by {between:.2g} times the sigma that was "
+                "given: it is too small, or something fast is missing; without sigma it is measured"
+            )
+        elif whole < 1.0 / _MISJUDGED:
+            told.append(
+                f"what is left of '{output}' is {whole:.2g} times the sigma that was given: it is too large, and hides "
+                "what is smaller; without sigma it is measured"
+            )
+    return told
 
 
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:

@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from torsight.core.parameter import Parameter
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import linear_change
+from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
@@ -40,6 +40,11 @@ _MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another valley, which a person should know."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
+_ALIKE: Final = 1e-3
+"""Share of its size that is left of a parameter's effect by the other ones together where they can do the same:
+central differences over the step of the fits err by less where the model bends over the whole scale."""
+_PART: Final = 0.1
+"""Share of the greatest part in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
 """Share of a parameter's scale that must be left by a value that becomes its start: a start near 0 has no scale."""
 
@@ -58,6 +63,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
     base, warnings = _base(problem, fitter)
     problem, told = _once(problem, fitter, base)
+    told += _apart(problem, fitter, base)
     started = _started(problem, base)
     candidates = tuple(_with_starts(problem, one, fitter, base) for one in problem.candidates)
     if problem.ports:
@@ -151,6 +157,32 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
                 "value the other blocks need not foretell; say so with initial=… (one for each record), or fix it"
             )
     return replace(problem, once=tuple(found)), told
+
+
+def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
+    """Return a warning where parameters without a prior can change together and the prediction stays as it is."""
+    free = [j for j, p in enumerate(base.parameters) if p.sigma is None]
+    if len(free) < 2:
+        return []
+    step = STEP_SHARE * space_of(base.parameters).scale
+    points = [base.solution.x + side * step * (np.arange(len(step)) == j) for j in free for side in (1.0, -1.0)]
+    names = [p.name for p in base.parameters]
+    found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())
+    root = np.sqrt(fitter.weight)
+    columns = np.column_stack([root * (up - down) for up, down in zip(found[::2], found[1::2], strict=True)])
+    size = np.linalg.norm(columns, axis=0)
+    if not (size > 0.0).all():
+        return []
+    left, directions = np.linalg.svd(columns / size, full_matrices=False)[1:]
+    if left[-1] > _ALIKE:
+        return []
+    part = np.abs(directions[-1])
+    alike = [names[j] for j, share in zip(free, part, strict=True) if share > _PART * part.max()]
+    told = (
+        f"the record tells only combinations of {', '.join(alike)}: they can change together and the prediction stays "
+        "as it is, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
+    )
+    return [told]
 
 
 def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
