@@ -79,6 +79,22 @@ def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:
     assert warned(found, "the fit of 'bump' from its declared start")
 
 
+def test_a_start_from_which_the_fit_gets_there_is_not_told() -> None:
+    made = sensor_record()
+    made["y"] += 0.3 * made["u"] ** 2
+
+    def bent(p: Any, record: Any) -> np.ndarray:
+        return line(p, record) + p.bend * record.u**2
+
+    found = find_missing(
+        model_problem(
+            bent, made, sensor_parameters(), [candidate("bend", parameter("bend", 0.1, null=0.0))], output="y"
+        )
+    )
+    assert found.effects == ("bend",)
+    assert not found.warnings
+
+
 def test_a_base_fit_in_the_wrong_valley_is_left_and_told() -> None:
     made = sensor_record()
     made["y"] = np.sin(1.7 * made["u"] + 0.3) + np.random.default_rng(4).normal(0.0, NOISE, 600)

@@ -125,6 +125,9 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
     """Return a warning for every named effect whose fit from its declared start alone ends far above the answer."""
     chosen, base = found.decision.chosen, found.field.base
+    at = chosen.fit.solution
+    # The weights have been taken anew since it was fitted.
+    cost = chosen.fitter.known(chosen.fit.effects, at.x, at.prediction, at.jacobian).cost
     told = []
     for name in chosen.effects:
         candidate = next(one for one in declared.candidates if one.id == name)
@@ -134,13 +137,13 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
         # Beside other effects all else is where it belongs: what is asked is whether this one finds its place.
         around = chosen.fit.values if len(chosen.members) > 1 else base.fit.values
         alone: Fit = chosen.fitter.fit(chosen.fit.effects, [{**around, **own}], keep=1)
-        if alone.cost > _MUCH_WORSE * chosen.cost:
+        if alone.cost > _MUCH_WORSE * cost:
             given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
             ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
             ends = "does not leave it" if given == ended else f"ends elsewhere ({ended})"
             told.append(
                 f"the fit of '{name}' from its declared start ({given}) {ends} and leaves "
-                f"{(alone.cost / chosen.cost) ** 0.5:.3g} times more: another start was needed, so look whether "
+                f"{(alone.cost / cost) ** 0.5:.3g} times more: another start was needed, so look whether "
                 "the fitted values make sense"
             )
     return told

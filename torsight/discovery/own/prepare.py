@@ -168,6 +168,8 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     points = [base.solution.x + side * step * (np.arange(len(step)) == j) for j in free for side in (1.0, -1.0)]
     names = [p.name for p in base.parameters]
     found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())
+    if any(np.array_equal(one, problem.far) for one in found):
+        return []
     root = np.sqrt(fitter.weight)
     columns = np.column_stack([root * (up - down) for up, down in zip(found[::2], found[1::2], strict=True)])
     size = np.linalg.norm(columns, axis=0)

@@ -138,7 +138,7 @@ class ModelProblem:
 
     def _stacked(self, called: Sequence[Called]) -> Array:
         if any(one.failure is not None for one in called):
-            return self._far
+            return self.far
         return self.layout.stack([one.outputs for one in called if one.outputs is not None], between=0.0)
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
@@ -147,7 +147,8 @@ class ModelProblem:
         return np.zeros(len(self.observed))
 
     @cached_property
-    def _far(self) -> Array:
+    def far(self) -> Array:
+        """What a call that gives no numbers predicts (n,): so far off that no fit goes there."""
         spread = float(np.nanstd(self.observed)) or 1.0
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
 
