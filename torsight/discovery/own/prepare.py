@@ -170,7 +170,7 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())
     if any(np.array_equal(one, problem.far) for one in found):
         return []
-    root = np.sqrt(fitter.weight)
+    root = np.sqrt(fitter.weight.each)
     columns = np.column_stack([root * (up - down) for up, down in zip(found[::2], found[1::2], strict=True)])
     size = np.linalg.norm(columns, axis=0)
     if not (size > 0.0).all():
