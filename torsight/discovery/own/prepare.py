@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from torsight.core.parameter import Parameter
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import STEP_SHARE, linear_change
+from torsight.discovery.inference.solver import linear_change
 from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
@@ -40,9 +40,12 @@ _MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another valley, which a person should know."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
+_NEAR: Final = 0.004
+"""Step, in parameter scales, of the central differences by which parameters are told apart ..."""
 _ALIKE: Final = 1e-3
-"""Share of its size that is left of a parameter's effect by the other ones together where they can do the same:
-central differences over the step of the fits err by less where the model bends over the whole scale."""
+"""... and share of its size that is left of a parameter's effect by the other ones where they can do the same. A value
+at a tenth of its start moves by 1 % in that step, which bends the difference by 1e-4; a solver's tolerance of 1e-6 does
+by 2e-4."""
 _PART: Final = 0.1
 """Share of the greatest part in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
@@ -164,7 +167,7 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     free = [j for j, p in enumerate(base.parameters) if p.sigma is None]
     if len(free) < 2:
         return []
-    step = STEP_SHARE * space_of(base.parameters).scale
+    step = _NEAR * space_of(base.parameters).scale
     points = [base.solution.x + side * step * (np.arange(len(step)) == j) for j in free for side in (1.0, -1.0)]
     names = [p.name for p in base.parameters]
     found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())
