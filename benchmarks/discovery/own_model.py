@@ -105,7 +105,7 @@ def problem(missing: str, rows: int) -> ModelProblem:
 def main() -> None:
     """Print the time and the calls."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rows", type=int, default=1000)
+    parser.add_argument("--rows", type=int, default=1600)
     parser.add_argument("--missing", nargs="+", choices=_MISSING, default=list(_MISSING))
     given = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
