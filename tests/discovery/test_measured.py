@@ -59,6 +59,25 @@ def relative(found: Findings, drive: Any, emps: ModuleType) -> float:
     return float(np.linalg.norm(left) / np.linalg.norm(drive.force_n))
 
 
+def test_strain_of_an_alloy_over_stress_is_a_curve_that_saturates(shared_data: Path) -> None:
+    """Four stresses, each held out once: what the other three say of it. The law alone, then with forms."""
+    example = script("examples/sma_stress.py")
+    folder = shared_data / "sma_react" / "isobaric"
+    bare = example.discover(folder, candidates=())
+    assert bare.verdict == "unknown"
+    assert [name for name, _ in bare.drivers] == ["stress"]
+    (curve,) = bare.laws
+    # It grows with the stress, and less and less.
+    rises = np.diff(curve.values)
+    assert (rises > 0.0).all()
+    assert rises[-3:].sum() < 0.5 * rises[:3].sum()
+    found = example.discover(folder)
+    assert found.verdict == "identified"
+    assert found.effects == ("saturating",)
+    before, after = found.errors["strain_pct"]
+    assert after.rmse_held_out < 0.5 * before.rmse_held_out
+
+
 def test_wire_under_constant_stress_moves_from_cycle_to_cycle(shared_data: Path) -> None:
     problem = _loops(shared_data / "sma_react" / "isobaric_7cycle.txt")
     findings = find_missing(problem)

@@ -55,6 +55,7 @@ CANDIDATE = candidate("bow", parameter("bow", 0.1, null=0.0))
         ("cannot be the name", {"laws": [law("gain", driver="u")]}),
         ("sigma is not positive", {"parameters": [parameter("gain", 1.0, sigma=0.0)]}),
         ("bounds leave no room", {"parameters": [parameter("gain", 1.0, lower=1.0, upper=1.0)]}),
+        ("'bow' is fixed", {"candidates": [candidate("bow", parameter("bow", 0.1, null=0.0, fixed=True))]}),
         ("has no free parameter", {"parameters": []}),
         ("is no parameter", {"parameters": [("gain", 1.0)]}),
         ("has no column 'z'.*time_s, u, y", {"output": "z"}),

@@ -79,6 +79,22 @@ def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:
     assert warned(found, "the fit of 'bump' from its declared start")
 
 
+def test_a_start_from_which_the_fit_gets_there_is_not_told() -> None:
+    made = sensor_record()
+    made["y"] += 0.3 * made["u"] ** 2
+
+    def bent(p: Any, record: Any) -> np.ndarray:
+        return line(p, record) + p.bend * record.u**2
+
+    found = find_missing(
+        model_problem(
+            bent, made, sensor_parameters(), [candidate("bend", parameter("bend", 0.1, null=0.0))], output="y"
+        )
+    )
+    assert found.effects == ("bend",)
+    assert not found.warnings
+
+
 def test_a_base_fit_in_the_wrong_valley_is_left_and_told() -> None:
     made = sensor_record()
     made["y"] = np.sin(1.7 * made["u"] + 0.3) + np.random.default_rng(4).normal(0.0, NOISE, 600)
@@ -140,6 +156,26 @@ def test_an_initial_state_that_is_not_declared_is_found_out() -> None:
     assert found.effects == ("hardening",)
 
 
+def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_can_be_fixed() -> None:
+    def twice(p: Any, record: Any) -> np.ndarray:
+        return p.gain * p.boost * record.u + p.offset
+
+    gain, offset = sensor_parameters()
+    for fixed in (False, True):
+        own = [gain, parameter("boost", 1.5, fixed=fixed), offset]
+        found = find_missing(model_problem(twice, sensor_record(), own, output="y", sigma=NOISE, drivers=[]))
+        assert warned(found, "only combinations of gain, boost:") is not fixed
+        assert ("boost" in found.parameters) is not fixed
+        assert found.values["gain"] * (1.5 if fixed else found.values["boost"]) == pytest.approx(2.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("times", "words"), [(3.0, "is too large"), (1.0, None), (1.0 / 3.0, "is too small")])
+def test_a_noise_that_is_not_that_of_the_readings_is_told(times: float, words: str | None) -> None:
+    found = find_missing(sensor(sensor_record(curve=0.3), sigma=times * NOISE))
+    assert [one for one in found.warnings if "sigma" in one and words and words in one] or words is None
+    assert words is not None or not warned(found, "sigma that was given")
+
+
 def test_two_outputs_each_have_their_own_noise() -> None:
     def both(p: Any, record: Any) -> dict[str, np.ndarray]:
         x = move_spring(p, record)
@@ -171,6 +207,12 @@ def test_a_model_that_fails_in_the_middle_of_a_fit_loses_nothing(
     # What it prints is told once.
     assert warned(found, "the model prints ('stepping")
     assert capsys.readouterr().out == ""
+
+
+def test_what_progress_prints_is_printed_and_not_laid_to_the_model(capsys: pytest.CaptureFixture[str]) -> None:
+    found = find_missing(sensor(sensor_record()), progress=lambda step, *_: print(step))  # noqa: T201
+    assert {"starts", "unseen blocks"} <= set(capsys.readouterr().out.splitlines())
+    assert not found.warnings
 
 
 def test_the_same_question_has_the_same_answer() -> None:

@@ -28,6 +28,11 @@ NOTEBOOKS = {
     # The rig has the declared 0.79 mN·m; the film is known to 0.2° of some 410°.
     "own_film": (r"tau_c_mnm\s*0\.(7|8)\d+ mN·m", 3),
     "missing_effect": (r"(?s)The model lacks an effect: sensor lag.*lag (5\.[5-9]|6\.[0-5])\d s, 95 %", 2),
+    # The boat's drag is 5 v|v|: unknown as a curve, then one of two powers, then, with a record that differs, the one.
+    "own_model": (
+        r"(?s)more_n is missing, in a form.*square or cube: this record cannot.*square is missing.*report\.html",
+        1,
+    ),
 }
 """What the page of each notebook has to say, and how many pictures it holds."""
 

@@ -52,9 +52,9 @@ def folder(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_example_is_run_here() -> None:
-    """The other two run with the tests of what they show: the renderer, and discovery on measured data."""
+    """The others run with the tests of what they show: the renderer, and discovery on measured data."""
     here = {"track_a_film", "fit_friction", "find_what_is_missing", "own_model", "tanks", "watch_a_campaign"}
-    assert {path.stem for path in (ROOT / "examples").glob("*.py")} == here | {"film_a_rig", "emps"}
+    assert {path.stem for path in (ROOT / "examples").glob("*.py")} == here | {"film_a_rig", "emps", "sma_stress"}
 
 
 def test_track_a_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,6 @@ relaxed linearly, less would be left than from the declared start. That costs a 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
-from torsight.discovery.inference.fitting import Fit, Fitter, space_of
+from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import linear_change
 from torsight.discovery.inference.validate import block_labels
@@ -41,6 +40,14 @@ _MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another valley, which a person should know."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
+_NEAR: Final = 0.004
+"""Step, in parameter scales, of the central differences by which parameters are told apart ..."""
+_ALIKE: Final = 1e-3
+"""... and share of its size that is left of a parameter's effect by the other ones where they can do the same. A value
+at a tenth of its start moves by 1 % in that step, which bends the difference by 1e-4; a solver's tolerance of 1e-6 does
+by 2e-4."""
+_PART: Final = 0.1
+"""Share of the greatest part in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
 """Share of a parameter's scale that must be left by a value that becomes its start: a start near 0 has no scale."""
 
@@ -59,8 +66,9 @@ def prepare(problem: ModelProblem) -> Prepared:
     fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
     base, warnings = _base(problem, fitter)
     problem, told = _once(problem, fitter, base)
+    told += _apart(problem, fitter, base)
     started = _started(problem, base)
-    candidates = tuple(_with_starts(one, fitter, base) for one in problem.candidates)
+    candidates = tuple(_with_starts(problem, one, fitter, base) for one in problem.candidates)
     if problem.ports:
         problem = with_nodes(problem, base.values)
     candidates = usual_forms(problem, base, candidates)
@@ -80,8 +88,9 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
         return own, []
     start = {p.name: p.value for p in problem.parameters}
     points = [{**start, **point} for point in _spread(free, _BASE_POINTS)]
-    looked = sorted(points, key=lambda point: _cost(fitter, point, ()))[:_BASE_FITS]
-    others = [fitter.fit((), [point], keep=1) for point in looked]
+    left = [_left(fitter, at) for at in problem.predict_many(points, ())]
+    looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_BASE_FITS]
+    others = in_parallel(looked.tolist(), lambda place: fitter.fit((), [points[place]], keep=1))
     best = min([own, *others], key=lambda fit: fit.cost)
     if best.cost >= _MUCH_BETTER * own.cost:
         return min([own, best], key=lambda fit: fit.cost), []
@@ -95,9 +104,8 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
     return best, [told]
 
 
-def _cost(fitter: Fitter, values: Mapping[str, float], effects: tuple[str, ...]) -> float:
-    left = fitter.problem.observed - fitter.problem.predict(values, effects)
-    return fitter.weight.square(np.where(fitter.weight.each > 0.0, left, 0.0))
+def _left(fitter: Fitter, at: Array) -> Array:
+    return np.where(fitter.weight.each > 0.0, fitter.problem.observed - at, 0.0)
 
 
 def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
@@ -154,6 +162,34 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
     return replace(problem, once=tuple(found)), told
 
 
+def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
+    """Return a warning where parameters without a prior can change together and the prediction stays as it is."""
+    free = [j for j, p in enumerate(base.parameters) if p.sigma is None]
+    if len(free) < 2:
+        return []
+    step = _NEAR * space_of(base.parameters).scale
+    points = [base.solution.x + side * step * (np.arange(len(step)) == j) for j in free for side in (1.0, -1.0)]
+    names = [p.name for p in base.parameters]
+    found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())
+    if any(np.array_equal(one, problem.far) for one in found):
+        return []
+    root = np.sqrt(fitter.weight.each)
+    columns = np.column_stack([root * (up - down) for up, down in zip(found[::2], found[1::2], strict=True)])
+    size = np.linalg.norm(columns, axis=0)
+    if not (size > 0.0).all():
+        return []
+    left, directions = np.linalg.svd(columns / size, full_matrices=False)[1:]
+    if left[-1] > _ALIKE:
+        return []
+    part = np.abs(directions[-1])
+    alike = [names[j] for j, share in zip(free, part, strict=True) if share > _PART * part.max()]
+    told = (
+        f"the record tells only combinations of {', '.join(alike)}: they can change together and the prediction stays "
+        "as it is, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
+    )
+    return [told]
+
+
 def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
     """Return the base parameters with the fitted values as starts, where nothing was measured beforehand."""
     made = []
@@ -164,24 +200,20 @@ def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
     return tuple(made)
 
 
-def _with_starts(one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
+def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
     """Return a candidate with the further starts that promise more than its own."""
     if one.propose is not None:
         return one
-    own = _relaxed_cost(fitter, base, one, {p.name: p.value for p in one.parameters})
-    points = [
-        (_relaxed_cost(fitter, base, one, point), i, point)
-        for i, point in enumerate(_spread(list(one.parameters), _POINTS))
-    ]
-    better = sorted(item for item in points if item[0] < _BETTER * own)[:_STARTS]
-    return replace(one, starts=(*one.starts, *(point for _, _, point in better)))
+    points = [{p.name: p.value for p in one.parameters}, *_spread(list(one.parameters), _POINTS)]
+    found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
+    own, *costs = [_relaxed_cost(fitter, base, _left(fitter, at)) for at in found]
+    better = sorted((cost, i) for i, cost in enumerate(costs, start=1) if cost < _BETTER * own)[:_STARTS]
+    return replace(one, starts=(*one.starts, *(points[i] for _, i in better)))
 
 
-def _relaxed_cost(fitter: Fitter, base: Fit, one: Candidate, point: Mapping[str, float]) -> float:
-    """Return the cost of a candidate at a point, the base parameters having given way linearly."""
-    problem, weight, space = fitter.problem, fitter.weight, space_of(base.parameters)
-    at = problem.predict({**base.values, **point}, (one.id,))
-    left = np.where(weight.each > 0.0, problem.observed - at, 0.0)
+def _relaxed_cost(fitter: Fitter, base: Fit, left: Array) -> float:
+    """Return the cost of what a prediction leaves, the base parameters having given way linearly."""
+    weight, space = fitter.weight, space_of(base.parameters)
     columns = base.solution.jacobian
     back = np.where(np.isfinite(space.prior_sigma), space.prior_mean - base.solution.x, 0.0)
     moved = linear_change(

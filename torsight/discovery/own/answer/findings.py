@@ -248,7 +248,7 @@ class Findings(Shown):
     def best_fits(self) -> tuple[FittedSet, ...]:
         """The plain model, what was chosen and the best sets of each size, by their size and their evidence."""
         listed = [one for size in self._sizes for one in self.ranked(size)[: _SHOWN if size == 1 else 2]]
-        if all(one is not self._chosen for one in listed):
+        if all(one.members != self._chosen.members for one in listed):
             listed.append(self._chosen)
         return tuple(self._fitted(one) for one in listed)
 

@@ -23,7 +23,6 @@ from torsight.discovery.inference.measure import Measured
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
 from torsight.discovery.own.model.declare import LawPort
-from torsight.discovery.own.model.evaluate import Evaluator
 from torsight.discovery.own.model.layout import Layout
 from torsight.discovery.settings import Settings
 
@@ -151,10 +150,7 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
                 do=f"call p.{port.name}({port.driver}) in it",
             )
         nodes[port.name] = nodes_of(port, low, high)
-    model = replace(problem.model, laws=nodes)
-    evaluator = Evaluator(model)
-    evaluator.take_over(problem.evaluator)
-    made = replace(problem, model=model, evaluator=evaluator)
+    made = replace(problem, nodes=nodes)
     return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
 
 

@@ -24,6 +24,7 @@ from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Model, Predict, call
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
 
 Array = NDArray[np.float64]
@@ -103,8 +104,8 @@ class SavedModel:
         Of the values that are uncertain.
     noise : tuple of float
         Error of each output on blocks that the fit did not see.
-    nodes : mapping of str to (k,) float64
-        Nodes of every declared law.
+    ports : tuple of str
+        Names of the declared laws.
     laws : tuple of LawOn
         Laws that are on; the forms' parameters are among ``values``.
     """
@@ -119,7 +120,7 @@ class SavedModel:
     names: tuple[str, ...]
     covariance: Array
     noise: tuple[float, ...]
-    nodes: Mapping[str, Array]
+    ports: tuple[str, ...]
     laws: tuple[LawOn, ...] = ()
     time_name: str | None = None
 
@@ -134,7 +135,7 @@ class SavedModel:
             own |= one.own(values) if one.id in effects else one.null_point()
         own |= {name: values[name] for item in chosen.laws for name in item.form.names}
         laws = tuple(
-            LawOn(item.form, None if item.law.id in problem.model.laws else item.law.port, item.law.driver,
+            LawOn(item.form, None if item.law.id in problem.nodes else item.law.port, item.law.driver,
                   item.law.time_like)
             for item in chosen.laws
         )  # fmt: skip
@@ -151,7 +152,7 @@ class SavedModel:
             names=tuple(fitted[i] for i in kept),
             covariance=covariance[np.ix_(kept, kept)],
             noise=noise,
-            nodes=problem.model.laws,
+            ports=problem.model.laws,
             laws=laws,
             time_name=problem.time_name,
         )
@@ -165,7 +166,7 @@ class SavedModel:
             When the record cannot be read, or the model fails on it.
         """
         (own,) = read_records(record)
-        model = Model(self.predict_function, (own,), self.outputs, self.nodes)
+        model = Model(self.predict_function, (own,), self.outputs, self.ports)
         values = self._begun(model, own, initial or {})
 
         def at(x: Array) -> Array:
@@ -195,7 +196,7 @@ class SavedModel:
         return Parameter(name, value, "") if found is None else found.at(value)
 
     def _called(self, model: Model, values: Mapping[str, float]) -> Array:
-        curves = {law.form.id: law.curve(values) for law in self.laws if law.output is None}
+        curves = {law.form.id: Curve(law.form.nodes, law.curve(values)) for law in self.laws if law.output is None}
         done = call(model, 0, {name: value for name, value in values.items() if RESERVED not in name}, curves)
         if done.failure is not None:
             raise done.failure.error("predict")
@@ -248,7 +249,7 @@ class SavedModel:
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "noise": dict(zip(self.outputs, self.noise, strict=True)),
-            "nodes": {name: nodes.tolist() for name, nodes in self.nodes.items()},
+            "ports": list(self.ports),
             "laws": [law.to_json() for law in self.laws],
         }
 
@@ -268,7 +269,7 @@ class SavedModel:
             values = {str(name): float(value) for name, value in content["values"].items()}
             noise = tuple(float(content["noise"][name]) for name in outputs)
             laws = tuple(LawOn.from_json(one) for one in content["laws"])
-            nodes = {str(name): np.array(one, np.float64) for name, one in content["nodes"].items()}
+            ports = tuple(str(name) for name in content["ports"])
             effects = tuple(str(name) for name in content["effects"])
             initial = tuple(str(name) for name in content["initial"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -295,7 +296,7 @@ class SavedModel:
             names,
             covariance,
             noise,
-            nodes,
+            ports,
             laws,
             declared.time,
         )

@@ -56,7 +56,8 @@ def lines(found: Findings) -> list[tuple[str, str]]:
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
     made += [(curve.id, curve.told()) for curve in found.laws if curve.chosen]
     if found.verdict == "unknown" or found.predicts_better:
-        made.append(("Best fits", "error on all samples, on unseen blocks, gain in log evidence"))
+        unit = " (errors of all outputs together, each in its resolution)" if len(found.errors) > 1 else ""
+        made.append(("Best fits", f"error on all samples, on unseen blocks, gain in log evidence{unit}"))
         made += [("", fitted_words(one)) for one in found.best_fits]
     made += [("Larger", larger_words(one)) for one in found.predicts_better[:1]]
     made += [("What to do", text) for text in what_next(found)]
@@ -117,6 +118,8 @@ def what_next(found: Findings) -> list[str]:
         told = (
             "Look at the measured law over the variable on which it depends, and offer a candidate that has such a "
             "form, or a law at the place where it acts; the best fits are listed."
+            if found.drivers
+            else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
         return [told]
     return []

@@ -24,6 +24,7 @@ def parameter(
     upper: float = math.inf,
     sigma: float | None = None,
     null: float | None = None,
+    fixed: bool = False,
 ) -> Parameter:
     """Declare a parameter.
 
@@ -41,8 +42,10 @@ def parameter(
         Standard deviation of the value that was measured beforehand; without it nothing is known.
     null : float, optional
         For a parameter of a candidate: the value at which the effect vanishes.
+    fixed : bool
+        For a parameter of the model: its value is known exactly.
     """
-    return Parameter(name, float(start), unit, float(lower), float(upper), sigma, null)
+    return Parameter(name, float(start), unit, float(lower), float(upper), sigma, null, fixed)
 
 
 def candidate(
@@ -184,7 +187,12 @@ def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
     if not one.name or (RESERVED in one.name and not numbered):
         raise InputError("is no name for a parameter", where=where, value=repr(one.name), limit=f"no '{RESERVED}'")
     if not one.lower < one.upper and not one.fixed:
-        raise InputError("bounds leave no room", where=where, value=f"{one.lower:g} to {one.upper:g}")
+        raise InputError(
+            "bounds leave no room",
+            where=where,
+            value=f"{one.lower:g} to {one.upper:g}",
+            do="give fixed=True for a value that is known exactly, or wider bounds",
+        )
     for told, value in (("start", one.value), ("null value", one.null)):
         if value is not None and not (one.lower <= value <= one.upper and math.isfinite(value)):
             raise InputError(
@@ -216,6 +224,11 @@ def _check_candidate(one: Candidate, *, where: str) -> None:
             where=here,
             value=", ".join(f"{p.name} {p.value:g}" for p in one.parameters),
             do="let one parameter start where the effect would be seen",
+        )
+    fixed = [p.name for p in one.parameters if p.fixed]
+    if fixed:
+        raise InputError(
+            f"'{fixed[0]}' is fixed", where=here, do="declare it among the model's parameters, or write it into predict"
         )
     known = {p.name: p for p in one.parameters}
     for point in one.starts:

@@ -28,6 +28,8 @@ from torsight.discovery.own.records import Record
 
 Array = NDArray[np.float64]
 Predict = Callable[[Any, Any], Any]
+Curves = Mapping[str, Curve]
+"""Laws that are on, by their names."""
 
 _KEPT_BYTES: Final = 256_000_000
 """Predictions that are kept; the oldest are forgotten beyond that."""
@@ -50,14 +52,14 @@ class Model:
         The records.
     outputs : tuple of str
         Names of the outputs, in the order in which they are given back; empty where that is not known yet.
-    laws : mapping of str to (k,) array
-        Nodes of each law by its name.
+    laws : tuple of str
+        Names of the laws that it calls.
     """
 
     predict: Predict
     records: tuple[Record, ...]
     outputs: tuple[str, ...]
-    laws: Mapping[str, Array] = field(default_factory=dict)
+    laws: tuple[str, ...] = ()
 
 
 class ModelError(InputError):
@@ -117,14 +119,13 @@ class Called:
     asked: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def call(model: Model, record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Called:
-    """Call the model; whatever it raises is kept, but for what ends the program by a signal."""
+def call(model: Model, record: int, values: Mapping[str, float], curves: Curves) -> Called:
+    """Call the model with the laws that are on; whatever it raises is kept, but for what ends the program."""
     of = model.records[record]
     off = {name: Off() for name in model.laws if name not in curves}
-    functions = {name: Curve(nodes, curves[name]) for name, nodes in model.laws.items() if name in curves}
     begun = time.thread_time()
     try:
-        given = model.predict(Values({**values, **functions, **off}), of)
+        given = model.predict(Values({**values, **curves, **off}), of)
         outputs = outputs_of(given, of, model.outputs)
         failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the model is somebody else's
@@ -202,7 +203,11 @@ def _receive(pickled: bytes, file: str) -> None:
     _sent = cloudpickle.loads(pickled), file
 
 
-def _call_sent(record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Called:
+def _has_begun() -> None:
+    """Do nothing, in a process that has its model."""
+
+
+def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Called:
     if _sent is None:
         raise RuntimeError("this process has no model")
     out = io.StringIO()
@@ -238,32 +243,28 @@ class Evaluator:
         self.failures: list[Failure] = []
         self.failed = 0
         self._pool: Any = None
+        self._ready: Future[None] | None = None
         self._lock = threading.Lock()
         self._kept: OrderedDict[bytes, Future[Called]] = OrderedDict()
         self._size = max(1, max(record.rows_ for record in model.records) * 8 * max(1, len(model.outputs)))
 
-    def __call__(self, values: Sequence[Mapping[str, float]], curves: Mapping[str, Array]) -> list[Called]:
+    def __call__(self, values: Sequence[Mapping[str, float]], curves: Curves) -> list[Called]:
         """Return the calls for every record, each with values of its own."""
         return self.many([(values, curves)])[0]
 
-    def many(self, asked: Sequence[tuple[Sequence[Mapping[str, float]], Mapping[str, Array]]]) -> list[list[Called]]:
+    def many(self, asked: Sequence[tuple[Sequence[Mapping[str, float]], Curves]]) -> list[list[Called]]:
         """Return the calls for every record at several points, all begun before one is waited for."""
         waiting = [[self._begin(record, own, curves) for record, own in enumerate(one)] for one, curves in asked]
         return [[future.result() for future in one] for one in waiting]
-
-    def take_over(self, other: Evaluator) -> None:
-        """Go on with the counts of another evaluator, whose model differs in its laws only."""
-        self.calls, self.seconds, self.printed = other.calls, other.seconds, other.printed
-        self.failures, self.failed = other.failures, other.failed
 
     def forget(self) -> None:
         """Forget what is kept: the next call is a new one."""
         with self._lock:
             self._kept.clear()
 
-    def _begin(self, record: int, values: Mapping[str, float], curves: Mapping[str, Array]) -> Future[Called]:
-        numbers = np.array([*values.values(), *(one for curve in curves.values() for one in curve.tolist())])
-        key = f"{record} {' '.join(values)} {' '.join(curves)}".encode() + numbers.tobytes()
+    def _begin(self, record: int, values: Mapping[str, float], curves: Curves) -> Future[Called]:
+        numbers = [np.array(list(values.values())), *(one for c in curves.values() for one in (c.nodes, c.values))]
+        key = f"{record} {' '.join(values)} {' '.join(curves)}".encode() + np.concatenate(numbers).tobytes()
         with self._lock:
             known = self._kept.get(key)
             if known is not None:
@@ -273,7 +274,7 @@ class Evaluator:
             self._kept[key] = future
             while len(self._kept) * self._size > _KEPT_BYTES:
                 self._kept.popitem(last=False)
-        if self._pool is None:
+        if self._pool is None or not self._is_ready():
             self._finish(future, call(self.model, record, values, curves))
         else:
             sent = self._pool.submit(_call_sent, record, values, curves)
@@ -299,7 +300,10 @@ class Evaluator:
 
     @contextlib.contextmanager
     def processes(self, *, wanted: bool | None = None) -> Iterator[bool]:
-        """Call the model in processes within the block, where that pays (or is wanted); give whether."""
+        """Call the model in processes within the block, where that pays (or is wanted); give whether.
+
+        Until the first of them has begun the model is called here, and it stays here where none can begin.
+        """
         pickled = self._pickled(wanted=wanted)
         if pickled is None:
             yield False
@@ -307,12 +311,18 @@ class Evaluator:
         from joblib.externals.loky import ProcessPoolExecutor
 
         pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
-        self._pool = pool
+        self._pool, self._ready = pool, pool.submit(_has_begun)
+        if wanted:
+            self._ready.result()
         try:
             yield True
         finally:
             self._pool = None
-            pool.shutdown(wait=True)
+            # Nothing is asked of them any more; one that is still beginning is not waited for.
+            pool.shutdown(wait=True, kill_workers=True)
+
+    def _is_ready(self) -> bool:
+        return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def _pickled(self, *, wanted: bool | None) -> bytes | None:
         """Return the model for another process; None where it stays here."""

@@ -25,6 +25,7 @@ from torsight.discovery.own.model.declare import LawPort, check_declarations, na
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
 from torsight.discovery.own.model.layout import Layout, PerOutput
 from torsight.discovery.own.model.signals import drivers_of, rest_of
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import Record, Table, read_records, time_of
 
 Array = NDArray[np.float64]
@@ -58,8 +59,8 @@ class ModelProblem:
         How records and outputs lie in the engine's row.
     parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms, once
         As in the protocol.
-    law_scales : mapping of str to float
-        Size of each declared law that matters, by its name.
+    nodes, law_scales : mapping of str to (k,) float64, mapping of str to float
+        Nodes of each declared law by its name, and the size of it that matters.
     sigma_known : bool
         Whether the noise was given for every output, and not estimated.
     warnings : tuple of str
@@ -83,6 +84,7 @@ class ModelProblem:
     drivers: Mapping[str, Array]
     resolution: float
     forms: tuple[LawForm, ...] = ()
+    nodes: Mapping[str, Array] = field(default_factory=dict)
     law_scales: Mapping[str, float] = field(default_factory=dict)
     once: tuple[str, ...] = ()
     elsewhere: tuple[Mapping[str, float], ...] = ()
@@ -104,9 +106,7 @@ class ModelProblem:
     @cached_property
     def laws(self) -> tuple[Law, ...]:
         """Laws that may be missing: the declared ones, and what is added to an output over a driver without one."""
-        ports = tuple(
-            port_law(one, self.model.laws[one.name], self.law_scales.get(one.name, 1.0)) for one in self.ports
-        )
+        ports = tuple(port_law(one, self.nodes[one.name], self.law_scales.get(one.name, 1.0)) for one in self.ports)
         return (*ports, *(law for law, _ in self.added.values()))
 
     @cached_property
@@ -138,7 +138,7 @@ class ModelProblem:
 
     def _stacked(self, called: Sequence[Called]) -> Array:
         if any(one.failure is not None for one in called):
-            return self._far
+            return self.far
         return self.layout.stack([one.outputs for one in called if one.outputs is not None], between=0.0)
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
@@ -147,7 +147,8 @@ class ModelProblem:
         return np.zeros(len(self.observed))
 
     @cached_property
-    def _far(self) -> Array:
+    def far(self) -> Array:
+        """What a call that gives no numbers predicts (n,): so far off that no fit goes there."""
         spread = float(np.nanstd(self.observed)) or 1.0
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
 
@@ -164,12 +165,12 @@ class ModelProblem:
             made.append({**own, **switched})
         return made
 
-    def curves(self, values: Mapping[str, float], effects: Sequence[str]) -> dict[str, Array]:
-        """Return the values on their nodes of the laws that are on."""
+    def curves(self, values: Mapping[str, float], effects: Sequence[str]) -> dict[str, Curve]:
+        """Return the declared laws that are on."""
         return {
-            form.id: form.values([values[name] for name in form.names])
+            form.id: Curve(form.nodes, form.values([values[name] for name in form.names]))
             for form in self.forms
-            if form.id in self.model.laws and form.id in effects
+            if form.id in self.nodes and form.id in effects
         }
 
     def _value(self, one: Parameter, values: Mapping[str, float], record: int) -> float:
@@ -296,7 +297,7 @@ def model_problem(
     at_rest, warnings = rest_of(rest, records, outputs, measured, noise)
     warnings += lay.check_blocks(block, valid)
     found, more = drivers_of(drivers, records, outputs, times, time_name=time, block_name=blocks)
-    model = Model(predict, records, outputs, {one.name: nodes_of(one) for one in ports})
+    model = Model(predict, records, outputs, tuple(one.name for one in ports))
     free = tuple(p for p in declared if not p.fixed)
     once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
     # One output without a given noise: the engine measures it from the residual, which holds less of the motion.
@@ -319,6 +320,7 @@ def model_problem(
         rest=layout.spread([own.astype(np.float64) for own in at_rest]) > 0.5,
         drivers={name: layout.spread(own) for name, own in found.items()},
         resolution=float(size[0] / layout.scale[0]),
+        nodes={one.name: nodes_of(one) for one in ports},
         once=once,
         sigma_known=known,
         processes=processes,

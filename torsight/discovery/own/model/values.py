@@ -37,7 +37,7 @@ class Values(Mapping[str, Any]):
 
 
 def _missing(name: str, known: Mapping[str, Any]) -> str:
-    return f"the model has no parameter or law '{name}'; it has {', '.join(known)}"
+    return f"the model has no parameter or law '{name}'; it has {', '.join(known)}; declare it, or its candidate"
 
 
 class Curve:
@@ -68,6 +68,9 @@ class Off:
 
     def __call__(self, at: Any) -> Any:
         """Return zero, in the shape of what is given."""
+        if isinstance(at, float):  # once per step of an integrator in plain Python
+            self.low, self.high = min(self.low, at), max(self.high, at)
+            return 0.0
         values = np.asarray(at, np.float64)
         if values.size:
             self.low = min(self.low, float(np.min(values)))

@@ -1,0 +1,124 @@
+"""How long a discovery takes on a model in plain Python of about 6 ms per call.
+
+    python benchmarks/discovery/own_model.py
+
+Two tanks in a row behind a pump, stepped by a plain loop; the record is made by SciPy's solver. In one the second tank
+runs over, which is among the candidates; in the other its pipe narrows with the level, which is not, so that the law at
+the port has to say it. Base values are four, candidates four, drivers three and a port. Wanted: under 60 s on two cores
+that do nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from torsight.discovery import candidate, find_missing, law, model_problem, parameter
+from torsight.discovery.own.model.problem import ModelProblem
+
+Array = NDArray[np.float64]
+_TRUTH: Final = {"pump": 0.09, "out_1": 0.05, "out_2": 0.045, "offset_v": 0.1, "brim": 5.5, "over": 0.5}
+_MISSING: Final = ("overflow", "narrow_pipe")
+_NOISE_V: Final = 0.02
+
+
+def pump_voltage(time_s: Array) -> Array:
+    """Return the pump's voltage (n,): a sum of slow waves, never below zero."""
+    return np.maximum(0.0, 2.6 + 1.4 * np.sin(time_s / 55.0) + 1.0 * np.sin(time_s / 23.0 + 1.0))
+
+
+def record(missing: str, *, rows: int, seed: int = 3) -> dict[str, Array]:
+    """Return a record by SciPy's solver: time, what drives, level of the second tank with noise."""
+    time_s = np.arange(float(rows))
+    true = _TRUTH
+    over = true["over"] if missing == "overflow" else 0.0
+    narrow = 0.02 if missing == "narrow_pipe" else 0.0
+
+    def rhs(t: float, x: Array) -> list[float]:
+        between = true["out_1"] * math.sqrt(max(x[0], 0.0))
+        out = true["out_2"] * math.sqrt(max(x[1], 0.0)) + over * max(x[1] - true["brim"], 0.0)
+        out -= narrow * math.exp(-((x[1] - 4.0) ** 2))
+        return [true["pump"] * float(pump_voltage(np.array([t]))[0]) / 2.0 - between, between - out]
+
+    found = solve_ivp(rhs, (0.0, time_s[-1]), [4.0, 4.0], t_eval=time_s, rtol=1e-8, atol=1e-8, max_step=5.0)
+    noise = np.random.default_rng(seed).normal(0.0, _NOISE_V, rows)
+    return {
+        "time_s": time_s,
+        "pump_v": pump_voltage(time_s),
+        "room_c": 21.0 + np.sin(time_s / 400.0),
+        "valve": np.sin(time_s / 31.0),
+        "level_v": found.y[1] + true["offset_v"] + noise,
+    }
+
+
+def levels(p: Any, record: Any) -> Array:
+    """Return the level (n,) of the second tank: the midpoint rule, one step per row, the pump as at its middle."""
+    time_s, drive = record.time_s.tolist(), record.pump_v.tolist()
+    high, low, found = 4.0, 4.0, [4.0]
+    for k in range(1, len(time_s)):
+        step, voltage = time_s[k] - time_s[k - 1], 0.5 * (drive[k - 1] + drive[k])
+        flow = 0.5 * p.pump * voltage * (1.0 - p.weaker * voltage)
+        up, down = _rates(p, flow, high, low)
+        up, down = _rates(p, flow, high + 0.5 * step * up, low + 0.5 * step * down)
+        high, low = high + step * up, low + step * down
+        found.append(low)
+    return np.array(found) + p.offset_v + p.warm * (record.room_c - 21.0)
+
+
+def _rates(p: Any, flow: float, high: float, low: float) -> tuple[float, float]:
+    between = p.out_1 * math.sqrt(max(high, 0.0))
+    out = p.out_2 * math.sqrt(max(low, 0.0)) + p.leak * low + p.over * max(low - p.brim, 0.0) + p.pipe(low)
+    return flow - between, between - out
+
+
+def problem(missing: str, rows: int) -> ModelProblem:
+    """Return the model before the engine."""
+    return model_problem(
+        levels,
+        record(missing, rows=rows),
+        [
+            parameter("pump", 0.08, lower=0.01, upper=0.5),
+            parameter("out_1", 0.06, lower=0.005, upper=0.5),
+            parameter("out_2", 0.04, lower=0.005, upper=0.5),
+            parameter("offset_v", 0.0, lower=-2.0, upper=2.0),
+        ],
+        [
+            candidate("overflow", parameter("over", 0.2, null=0.0, lower=0.0, upper=5.0),
+                      parameter("brim", 5.0, lower=3.0, upper=9.0)),
+            candidate("leak", parameter("leak", 0.002, null=0.0, lower=0.0, upper=0.1)),
+            candidate("weaker_pump", parameter("weaker", 0.02, null=0.0, lower=-0.1, upper=0.1)),
+            candidate("warm_sensor", parameter("warm", 0.02, null=0.0)),
+        ],
+        laws=[law("pipe", driver="level")],
+        output="level_v",
+        sigma=_NOISE_V,
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Print the time and the calls."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=1600)
+    parser.add_argument("--missing", nargs="+", choices=_MISSING, default=list(_MISSING))
+    given = parser.parse_args()
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
+    for missing in given.missing:
+        began_s = time.perf_counter()
+        found = find_missing(problem(missing, given.rows))
+        took_s = time.perf_counter() - began_s
+        seconds = found.problem.evaluator.seconds
+        print(
+            f"{missing}: {took_s:.1f} s, {found.calls} calls of {1e3 * seconds / found.calls:.1f} ms: {found.verdict}, "
+            f"{', '.join(found.effects) or '-'}"
+        )
+
+
+if __name__ == "__main__":
+    main()
