@@ -30,12 +30,15 @@ class KeyRule:
         Bounds of a number (of each, in a list).
     choices : tuple of str
         Allowed texts; empty where any is.
+    constant : str
+        The integrator's constant that a key of an effect sets; empty where it sets none by itself.
     """
 
     help: str
     lower: float = -math.inf
     upper: float = math.inf
     choices: tuple[str, ...] = ()
+    constant: str = ""
 
 
 def key(
@@ -45,9 +48,10 @@ def key(
     lower: float = -math.inf,
     upper: float = math.inf,
     choices: tuple[str, ...] = (),
+    constant: str = "",
 ) -> T:
-    """Declare one key of a section: its default, one line of help, and what it may hold."""
-    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices)})
+    """Declare one key of a section: its default, one line of help, what it may hold, and the constant that it sets."""
+    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices, constant)})
     return declared
 
 

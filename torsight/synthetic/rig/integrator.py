@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,28 @@ _OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
 _OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
 _RATE_FOLLOWS_S: Final = 2.0
 """A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
+
+
+class Course(NamedTuple):
+    """What is done at every sample.
+
+    Attributes
+    ----------
+    command : (n,) int64
+        0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
+    reference_c, cycle : (n,) float64
+        Temperature reference; number of the spring's earlier cycles, for fatigue.
+    share : (n,) float64
+        What laws leave of the recoverable angle.
+    noise_c : (n, 2) float64
+        Noise of the two readings.
+    """
+
+    command: NDArray[np.int64]
+    reference_c: Floats
+    cycle: Floats
+    share: Floats
+    noise_c: Floats
 
 
 @njit(cache=True)
@@ -165,18 +187,7 @@ def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Fl
 
 @njit(cache=True)
 def integrate(
-    pair: Pair,
-    start: Floats,
-    s: Floats,
-    weight: Floats,
-    cooler_c: Floats,
-    command: NDArray[np.int64],
-    reference_c: Floats,
-    cycle: Floats,
-    share: Floats,
-    noise_c: Floats,
-    sample_s: float,
-    substeps: int,
+    pair: Pair, start: Floats, s: Floats, zones: tuple[Floats, Floats], course: Course, sample_s: float, substeps: int
 ) -> Floats:
     """Run the rig and return one row of :data:`SIGNALS` per sample.
 
@@ -188,20 +199,16 @@ def integrate(
         Angle, and temperatures of wire A, wire B and the body.
     s : (2, columns) float64
         States of both springs; changed in place.
-    weight, cooler_c : (z,) float64
+    zones : two (z,) float64
         Zones of the wire: weights, and how much cooler than the middle.
-    command : (n,) int64
-        Per sample: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
-    reference_c, cycle : (n,) float64
-        Temperature reference; number of the spring's earlier cycles, for fatigue.
-    share : (n,) float64
-        What laws leave of the recoverable angle.
-    noise_c : (n, 2) float64
-        Noise of the two readings.
+    course : Course
+        What is done at every sample.
     sample_s, substeps
         Sampling time; steps per sample.
     """
     c = pair[0]
+    command, reference_c, cycle, share, noise_c = course
+    weight, cooler_c = zones
     out = np.empty((command.size, 12))
     step_s = sample_s / substeps
     springs = (s, np.ones((2, weight.size)), np.ones((2, weight.size)), weight, cooler_c)
