@@ -100,9 +100,9 @@ def play(values: Mapping[str, float]) -> Played:
     return Played(drive, model.simulate(drive), log)
 
 
-def spring_logs(*, seed: int = 0, rows: int = 1200) -> SpringTests:
+def spring_logs(*, seed: int = 0) -> SpringTests:
     """Return logs of the four tests of the reference rig's spring, with the paper's scatter."""
-    rng = np.random.default_rng(seed)
+    rng, rows = np.random.default_rng(seed), 1200
     values = dict(REFERENCE_VALUES)
     temp = np.linspace(_ROOM_C, 66.0, rows)
     window = {"start_c": values["A_s_c"], "finish_c": values["A_f_c"], "influence": 1.0}
