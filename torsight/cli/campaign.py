@@ -144,7 +144,7 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
         recorded = read_json(path)
     except InputError:
         return False
-    now = provenance(command="torsight run", inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
+    now = provenance(inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
     keys = ("inputs", "configuration", "versions")
     return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
 

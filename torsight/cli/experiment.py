@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.config import get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import missing_file
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
@@ -198,7 +198,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         actuator=actuator,
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
-        seed=_seed(tables["discovery"], where=places["discovery"]),
+        seed=get_whole(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0, upper=2**53),
         together=_together(tables["discovery"], where=places["discovery"], folder=folder),
         angle=angle,
         **_log_columns(tables["temperature"], where=places["temperature"]),
@@ -224,13 +224,6 @@ def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str,
 def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
     if "file" in markers and len(markers) > 1:
         raise ConfigError("has both a file and its content", where=where, value=", ".join(markers), limit="one of them")
-
-
-def _seed(table: Mapping[str, Any], *, where: str) -> int:
-    seed = get_number(table, "seed", where=where, default=0, lower=0, upper=2**53)
-    if seed != int(seed):
-        raise ConfigError("'seed' is no whole number", where=where, value=f"{seed:g}", limit="0, 1, 2, …")
-    return int(seed)
 
 
 def _together(table: Mapping[str, Any], *, where: str, folder: Path) -> bool | tuple[Path, ...]:

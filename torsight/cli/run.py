@@ -127,7 +127,6 @@ def run_experiment(
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
     origin = provenance(
-        command="torsight run",
         inputs=experiment.inputs(),
         configuration=experiment.to_configuration(),
         seed=experiment.seed,

@@ -87,35 +87,38 @@ def page(
     drawn : Drawing, optional
         The same figures for a browser with scripts.
     """
-    import jinja2
-
     from torsight.report.figures.export import FOLDER, data_link
     from torsight.report.plots.interactive import library
     from torsight.report.plots.palette import LIGHT, at_night
     from torsight.report.plots.still import picture_data
 
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    names = {value: name for name, value in LIGHT.items()}
-    environment.globals |= {"data_link": data_link, "figure_folder": FOLDER, "colour_name": names.__getitem__}
-    scripts = "" if drawn is None else library()
-    text = environment.get_template("report.html").render(
-        **shown,
+    return from_template(
+        "report.html",
+        shown,
         pictures={name: picture_data(svg) for name, svg in pictures.items()},
         drawn=drawn,
         at_night=json.dumps(at_night()),
-        bokeh=scripts,
+        bokeh="" if drawn is None else library(),
         draw=(TEMPLATES / "draw.js").read_text(encoding="utf-8"),
+        data_link=data_link,
+        figure_folder=FOLDER,
+        colour_name={value: name for name, value in LIGHT.items()}.__getitem__,
     )
-    return text + "\n"
 
 
-def page_style() -> str:
-    """Return the style sheet of a page, colours first."""
+def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
+    """Return the text of a page: a template filled with what it shows, in the style of all pages."""
+    import jinja2
+
     from torsight.report.plots.palette import style_variables
 
-    return style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    style = style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    # As globals, what is not the page's own is at hand inside macros, too.
+    environment.globals |= more
+    return environment.get_template(name).render(**shown, style=style) + "\n"
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
@@ -125,7 +128,6 @@ def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, A
     from torsight.report.sections.next_steps import next_steps
 
     shown: dict[str, Any] = {
-        "style": page_style(),
         "name": results.folder.resolve().name,
         "headline": headline(results),
         "lead": tables.lead(results),

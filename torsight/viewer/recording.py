@@ -293,7 +293,7 @@ def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> 
         degrees = np.where(known, results.angle["angle_deg"].to_numpy(dtype=np.float64), np.nan)
         rows = min(len(degrees), len(angle_rad))
         angle_rad[:rows] = degrees[:rows] * DEG
-    return [overlay(position_px[k], float(angle_rad[k]), names=MARKERS, scale=scale) for k in frame.tolist()]
+    return [overlay(position_px[k], float(angle_rad[k]), scale=scale) for k in frame.tolist()]
 
 
 def _positions(table: pd.DataFrame, name: str) -> NDArray[np.float64]:

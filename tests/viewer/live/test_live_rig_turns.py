@@ -17,6 +17,7 @@ from torsight.cli.run import run_experiment
 from torsight.core.units import DEG
 from torsight.synthetic.experiment import Record, make_record
 from torsight.viewer.live.frames.sources import open_pictures
+from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.measure.model import ModelWatch
 from torsight.viewer.live.record.live_report import write_experiment
 from torsight.viewer.live.screen.latency import Latency
@@ -85,19 +86,11 @@ def rig(made: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def record(rig: Path, made: Record) -> tuple[Path, Session, Kept]:
     declared = made.played.scene.declared
-    kept, watch = Kept(), ModelWatch(ActuatorSpec(declared.flat(), dict(declared.uncertainty)))
+    # As long as a busy machine may take: the time is not what is tested.
+    kept, watch = Kept(), ModelWatch(ActuatorSpec(declared.flat(), dict(declared.uncertainty)), last_fit_s=300.0)
     pictures = open_pictures(str(rig / "film.mkv"), speed=SPEED)
     try:
-        session = Session(
-            pictures,
-            log=rig / "temps.csv",
-            folder=rig / "live",
-            feed=kept,
-            model=watch,
-            offset_s=0.0,
-            # As long as a busy machine may take: the time is not what is tested.
-            last_fit_s=300.0,
-        )
+        session = Session(pictures, WatchedLog(rig / "temps.csv", 0.0), folder=rig / "live", feed=kept, model=watch)
         write_experiment(rig / "live", film=None, actuator=rig / "actuator.toml", offset_s=None)
         session.run(threading.Event())
     finally:
