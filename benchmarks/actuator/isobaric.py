@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.characterising.curves import CurveFit, fit_curve
+from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.figures import Line, draw
 from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.stepping.phase import COOLING_LAWS, HEATING_LAWS

@@ -28,12 +28,12 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.screen.feed import Feed
 from torsight.viewer.live.screen.latency import Latency
-from torsight.viewer.live.session import Session
-from torsight.viewer.pictures import viewer_without_screen
 from torsight.viewer.program import free_port
+from torsight.viewer.screenshots import viewer_without_screen
 from tracker.frames.source import open_source
 
 SAMPLE_S: Final = 2.0
@@ -179,7 +179,7 @@ def main() -> None:
 def model_of(actuator: Path, stack: contextlib.ExitStack) -> Any:
     """Return a model that is computed beside; it ends with the stack."""
     from torsight.actuator.spec import read_actuator
-    from torsight.viewer.live.measure.model import ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelWatch
 
     watch = ModelWatch(read_actuator(actuator))
     stack.callback(watch.close)

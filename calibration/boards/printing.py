@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import inch, milli
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from torsight.core.errors import ConfigError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import atomic_path

@@ -17,7 +17,7 @@ from tests.command_line import leave
 from tests.made_up_run import write_made_up_run
 from torsight.cli import campaign, limited
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment_file import read_experiment
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.provenance import provenance
 from torsight.core.files.storage import is_running, write_json

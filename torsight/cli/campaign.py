@@ -110,7 +110,7 @@ def _name(path: Path) -> str:
 
 def run_task(task: Task) -> dict[str, Any]:
     """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.limited import run_limited
     from torsight.cli.run import run_experiment
 
@@ -191,7 +191,7 @@ def explain_campaign(
         When the records of one rig cannot be explained together.
     """
     from torsight.cli.discover import explain_together
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.run import TOGETHER
     from torsight.core.files.provenance import file_hash
 

@@ -123,27 +123,27 @@ def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.report.sections import parameter_table, tables
+    from torsight.report.sections import page_content, parameter_table
     from torsight.report.sections.limitations import doubts
     from torsight.report.sections.next_steps import next_steps
 
     shown: dict[str, Any] = {
         "name": results.folder.resolve().name,
         "headline": headline(results),
-        "lead": tables.lead(results),
-        "tiles": tables.tiles(results),
-        "facts": tables.facts(results),
+        "lead": page_content.lead(results),
+        "tiles": page_content.tiles(results),
+        "facts": page_content.facts(results),
         "next_steps": next_steps(results),
-        "missing": tables.missing(results),
+        "missing": page_content.missing(results),
         "figures": _figures(results, progress=progress),
         "parameters": parameter_table.parameter_table(results),
         "fit": parameter_table.fit_lines(results),
-        "tracking": tables.tracking(results),
-        "track_picture": tables.track_picture(results),
-        "clocks": tables.clocks(results),
+        "tracking": page_content.tracking(results),
+        "track_picture": page_content.track_picture(results),
+        "clocks": page_content.clocks(results),
         "unsure": doubts(results),
-        "origin": tables.origin(results),
-        "files": tables.files(results.folder),
+        "origin": page_content.origin(results),
+        "files": page_content.files(results.folder),
     }
     return shown | {"parts": _parts(shown)}
 
@@ -240,7 +240,7 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
     from torsight.report.figures import evidence, planned
-    from torsight.report.sections.priors import priors
+    from torsight.report.sections.prior_pulls import priors
 
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}

@@ -20,7 +20,7 @@ from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import key, read_section
 from torsight.synthetic.rig.moving_rig import Mechanics, Sensor, Thermal
 from torsight.synthetic.rig.protocol import Protocol, read_protocol
-from torsight.synthetic.rig.values import Declared, RigValues, declared_from, draw_values
+from torsight.synthetic.rig.rig_values import Declared, RigValues, declared_from, draw_values
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from calibration.boards.printed_tags import draw_tags, tag_pair
 from calibration.boards.printing import raster
-from calibration.boards.tags import draw_tags, tag_pair
 from torsight.cli.main import app
 from torsight.core.errors import ConfigError
 from tracker.detect.marker_file import read_markers

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.boards.printing import PAGES_MM, draw_board, raster, usual_board, write_board
 from torsight.core.errors import ConfigError
 

@@ -19,15 +19,15 @@ from live_rig import FPS, log_text, picture_angles_deg, write_film
 from rerun.experimental import ViewerClient
 
 from torsight.core.errors import NoResultError, OutputError
-from torsight.viewer import layout
+from torsight.viewer import view_layout
 from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.frames.sources import open_pictures
+from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.screen.feed import MOST_WAITING, Feed
-from torsight.viewer.live.session import Session
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR, overlay
-from torsight.viewer.pictures import WHOLE, patiently, pictures_of, viewer_without_screen
 from torsight.viewer.program import free_port
+from torsight.viewer.screenshots import WHOLE, patiently, pictures_of, viewer_without_screen
 
 FRAMES = 120
 
@@ -318,7 +318,7 @@ def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.nda
     for colour in (BASE_COLOUR, MOVING_COLOUR, ARC_COLOUR):
         assert share("Film", colour) > 0.0005
     assert share("Film", (90, 90, 90)) > 0.2
-    styles = {series.entity: series.colour for series in layout.SERIES}
+    styles = {series.entity: series.colour for series in view_layout.SERIES}
     for pane, entity in (
         ("Angle (°)", "angle/measured"),
         ("Angle (°)", "angle/plain"),

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.characterising.blocked import blocked_modulus
 from torsight.actuator.characterising.characterised import Characterisation, Step
-from torsight.actuator.characterising.curves import CurveFit, fit_curve
+from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
 from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.record.conditioning import condition

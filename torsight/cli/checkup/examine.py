@@ -11,11 +11,11 @@ import numpy as np
 
 from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
-from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
-from torsight.cli.experiment import experiment_file, read_experiment
+from torsight.cli.experiment_file import experiment_file, read_experiment
 from torsight.core.errors import ConfigError, TorsightError
 from torsight.core.files.paths import missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml

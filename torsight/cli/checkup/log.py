@@ -32,7 +32,7 @@ _FEW: Final = 4
 
 @dataclass(slots=True)
 class LogCheck:
-    """What was found about a log; see :class:`torsight.cli.checkup.film.FilmCheck`."""
+    """What was found about a log; see :class:`torsight.cli.checkup.film_check.FilmCheck`."""
 
     findings: list[Finding] = field(default_factory=list)
     content: dict[str, Any] = field(default_factory=dict)

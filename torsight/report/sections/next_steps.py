@@ -13,10 +13,10 @@ from torsight.core.files.results import RunResults
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number
 from torsight.report.figures.motion import column
-from torsight.report.plots.symbols import symbol, with_symbols
+from torsight.report.plots.formulas import symbol, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
-from torsight.report.sections.priors import priors
+from torsight.report.sections.prior_pulls import priors
 
 if TYPE_CHECKING:
     from torsight.actuator.fitted import FittedModel

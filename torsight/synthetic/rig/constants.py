@@ -13,7 +13,7 @@ from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
 from torsight.synthetic.effects.random_laws import NODES, SLOTS, RigLaw
-from torsight.synthetic.rig.values import RigValues
+from torsight.synthetic.rig.rig_values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG
 """Torques that grow past an onset are given at this distance from it."""

@@ -17,8 +17,8 @@ from torsight.synthetic.keys import key
 from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
 from torsight.synthetic.rig.integrator import SIGNALS, Course, integrate
 from torsight.synthetic.rig.protocol import Commands, Protocol, commands
+from torsight.synthetic.rig.rig_values import RigValues
 from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
-from torsight.synthetic.rig.values import RigValues
 
 
 @dataclass(frozen=True, slots=True)

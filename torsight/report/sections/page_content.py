@@ -15,7 +15,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
 from torsight.report.figures.planned import segments, worth
-from torsight.report.plots.symbols import equation_pictures, symbol
+from torsight.report.plots.formulas import equation_pictures, symbol
 
 FILES: Final = {
     "angle.csv": "angle of every frame",

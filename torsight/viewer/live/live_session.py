@@ -16,7 +16,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.files.storage import write_json
 from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
-from torsight.viewer import layout
+from torsight.viewer import view_layout
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
 from torsight.viewer.live.measure.growing_log import LogFollower, WatchedLog
 from torsight.viewer.live.measure.log_clock import LogClock
@@ -32,7 +32,7 @@ from tracker.detect.dots import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.measure.model import ModelNews, ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
     from torsight.viewer.live.screen.feed import Feed
     from tracker.detect.marker_file import MarkerHints
 
@@ -222,7 +222,7 @@ class Session:
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
             drawn = overlay(seen.position_px, seen.angle_rad, scale=1.0 / stride)
             self._feed.put("picture", frame.time_s, frame.index, luma, drawn)
-            for side, entity in layout.BAND.items():
+            for side, entity in view_layout.BAND.items():
                 band_deg = side * seen.sigma_rad / DEG
                 self._feed.put("series", entity, np.array([frame.time_s]), np.array([band_deg]))
 
@@ -313,7 +313,7 @@ class Session:
             self._tell(begin.time_s, self._frame, "half-cycle", words)
             if self._feed is not None and math.isfinite(begin.angle_rad):
                 entry = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
-                self._feed.put("series", layout.HALF_CYCLE, *entry)
+                self._feed.put("series", view_layout.HALF_CYCLE, *entry)
 
     def _words(self) -> str:
         return standing(
