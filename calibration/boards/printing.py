@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import inch, milli
 
 from calibration.boards.board_file import Board
@@ -185,15 +184,6 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
     bar = min(LAYOUT.bar_mm, float(np.floor((width_mm - 2.0 * LAYOUT.margin_mm) / 10.0) * 10.0))
     left = width_mm - LAYOUT.margin_mm - bar
     return Rectangle(left, foot - 1.0, bar, 1.0), Text(left, foot - 2.0, f"{bar:g} mm: measure it on the print")
-
-
-def raster(drawing: Drawing, *, dpi: float) -> NDArray[np.uint8]:
-    """Return the page as a grey picture (h, w); a pixel that is covered in part is grey in proportion."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    canvas: Any = FigureCanvasAgg(_page(drawing, dpi=dpi))
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba(), np.uint8)[..., 0].copy()
 
 
 def _page(drawing: Drawing, *, dpi: float) -> Figure:

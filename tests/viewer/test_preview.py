@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import NoResultError
-from torsight.viewer import encoding
+from torsight.viewer import encoding, film_preview
 from torsight.viewer.film_preview import write_preview
 
 LEVELS = (30, 90, 150, 210)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
@@ -31,8 +30,6 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
-
-Array = NDArray[np.float64]
 
 KIND: Final = "torsight actuator model"
 _MOST_CYCLES: Final = 1_000_000

@@ -12,11 +12,16 @@ import pytest
 from PIL import Image
 
 from calibration.boards.board_file import Board
-from calibration.boards.printing import PAGES_MM, draw_board, raster, usual_board, write_board
+from calibration.boards.printing import PAGES_MM, draw_board, usual_board, write_board
 from torsight.core.errors import ConfigError
 
 CHARUCO = Board("charuco", 8, 6, 25.0, 18.0, "DICT_6X6_250")
 CHESSBOARD = Board("chessboard", 9, 6, 25.0)
+
+
+def raster(drawing, *, dpi, folder):
+    write_board(folder / "page.png", drawing, dpi=dpi)
+    return cv2.imread(str(folder / "page.png"), cv2.IMREAD_GRAYSCALE)
 
 
 @pytest.mark.parametrize(
@@ -28,10 +33,10 @@ CHESSBOARD = Board("chessboard", 9, 6, 25.0)
         Board("charuco", 7, 5, 30.0, 22.5, "DICT_4X4_50", legacy=True),
     ],
 )
-def test_charuco_is_the_picture_that_opencv_draws(board):
+def test_charuco_is_the_picture_that_opencv_draws(board, tmp_path):
     pixels = 80
     theirs = board.charuco().generateImage((board.columns * pixels, board.rows * pixels), marginSize=0)
-    ours = raster(draw_board(board), dpi=25.4 * pixels / board.square_mm)
+    ours = raster(draw_board(board), dpi=25.4 * pixels / board.square_mm, folder=tmp_path)
     left = round((297 - board.columns * board.square_mm) / 2 * pixels / board.square_mm)
     top = round((200 - board.rows * board.square_mm) / 2 * pixels / board.square_mm)
     ours = ours[top : top + theirs.shape[0], left : left + theirs.shape[1]]
@@ -45,10 +50,10 @@ def test_charuco_is_the_picture_that_opencv_draws(board):
 @pytest.mark.parametrize(
     "board", [CHESSBOARD, CHARUCO, usual_board("charuco"), usual_board("chessboard", page="letter")]
 )
-def test_detector_finds_all_corners_where_they_were_drawn(board):
+def test_detector_finds_all_corners_where_they_were_drawn(board, tmp_path):
     page = "letter" if board.square_mm == 25 and board == usual_board("chessboard", page="letter") else "a4"
     scale = 150 / 25.4
-    grey = raster(draw_board(board, page=page), dpi=150)
+    grey = raster(draw_board(board, page=page), dpi=150, folder=tmp_path)
     if board.kind == "chessboard":
         found, corners = cv2.findChessboardCorners(grey, board.corners)
         assert found
@@ -91,10 +96,10 @@ def _sizes_mm(corners_pt):
     return np.ptp(np.array(corners_pt, float).reshape(-1, 4, 2), axis=1) * 25.4 / 72
 
 
-def test_pixel_that_is_covered_in_part_is_grey_in_proportion():
+def test_pixel_that_is_covered_in_part_is_grey_in_proportion(tmp_path):
     drawing = replace(draw_board(Board("chessboard", 3, 3, 10.0)), texts=())
     # 20 dpi: 0.787 px per mm, so nearly no edge falls on a pixel's edge; the ink must be that of the shapes.
-    ink = (255.0 - raster(drawing, dpi=20).astype(float)).sum() / 255.0 * (25.4 / 20) ** 2
+    ink = (255.0 - raster(drawing, dpi=20, folder=tmp_path).astype(float)).sum() / 255.0 * (25.4 / 20) ** 2
     area = sum(item.width_mm * item.height_mm for item in drawing.rectangles)
     # Rounding to 256 levels: a quarter of a level on each of some hundred edge pixels.
     assert ink == pytest.approx(area, rel=2e-3)

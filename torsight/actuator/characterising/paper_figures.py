@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.characterising.characterisation import blocked_force, characterise
 from torsight.actuator.characterising.characterised import Characterisation
@@ -38,8 +37,6 @@ from torsight.core.files.storage import write_json, write_table
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG, MM, MNM, MPA
-
-Array = NDArray[np.float64]
 
 SCATTER: Final[Mapping[str, float]] = {
     "recovery_deg": 9.5752, "small_n": 0.0105, "large_n": 0.0113, "heating_n": 0.0227, "cooling_n": 0.0125,

@@ -23,7 +23,6 @@ from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
-_HARMLESS: Final = ("decimal_comma", "separator", "comment", "header", "units", "encoding")
 _SLOW_S: Final = 1.0
 _NOISY_C: Final = 0.3
 _FEW: Final = 4
