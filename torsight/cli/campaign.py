@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError, refused_by_system
+from torsight.core.files.paths import matching
 from torsight.core.progress import Progress, silent
 
 RESULT_COLUMNS: Final = (
@@ -75,19 +76,13 @@ def find_experiments(sources: Iterable[str]) -> list[Path]:
         elif path.exists():
             files = [path]
         else:
-            files = [item / "experiment.toml" if item.is_dir() else item for item in _glob(path)]
+            files = [item / "experiment.toml" if item.is_dir() else item for item in matching(path)]
         if not files:
             raise InputError(
                 "holds no experiment", where=source, do="name folders with an experiment.toml, or the files themselves"
             )
         found += files
     return sorted({item.resolve() for item in found})
-
-
-def _glob(path: Path) -> list[Path]:
-    anchor = Path(path.anchor) if path.is_absolute() else Path()
-    pattern = str(path.relative_to(path.anchor)) if path.is_absolute() else str(path)
-    return sorted(anchor.glob(pattern))
 
 
 def tasks(experiments: Sequence[Path], out: Path, *, limit_s: float | None = None) -> list[Task]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.config import get_number, get_table, get_text, get_whole
-from torsight.core.files.paths import missing_file
+from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 
@@ -86,7 +86,7 @@ class Experiment(Frozen):
         for source in (self.video, self.video_right):
             if source is not None:
                 path = Path(source)
-                found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
+                found += sorted(path.parent.glob(path.name)) if is_glob(path.name) else [path]
         light = Path(self.sync["led_events"]) if "led_events" in self.sync else None
         optional = (self.angle, self.timestamps, self.camera, self.markers_file, light)
         others = self.together if isinstance(self.together, tuple) else ()
@@ -254,7 +254,7 @@ def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, 
     found: list[str] = []
     for name in names:
         path = folder / name
-        if not any(character in path.name for character in "*?["):
+        if not is_glob(path.name):
             _existing(path, named=f"{where} path")
         found.append(str(path))
     return found[0], found[1] if len(found) == 2 else None
