@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -57,15 +57,7 @@ class ScaleCheck(Frozen):
     def to_json(self) -> dict[str, Any]:
         """Return the form that stands in the JSON outputs."""
         return {
-            "sticks": {
-                name: {
-                    "length_mm": stick.length_mm,
-                    "sigma_mm": stick.sigma_mm,
-                    "misfit": stick.misfit,
-                    "known_mm": stick.known_mm,
-                }
-                for name, stick in self.sticks.items()
-            },
+            "sticks": {name: asdict(stick) for name, stick in self.sticks.items()},
             "complaints": list(self.complaints),
         }
 
