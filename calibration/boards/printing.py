@@ -6,6 +6,7 @@ below the board shows whether the printer has kept the scale.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -226,10 +227,13 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
         raise ConfigError(
             "is no format for a board", where=str(path), value=suffix or "no suffix", limit=".svg, .pdf, .png"
         )
-    with atomic_path(path) as temporary, mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "torsight"}):
+    drawn = io.BytesIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "torsight"}):
         # Drawings have no pixels: the page is as large as it is to a thousandth of a point.
         figure = _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0)
-        figure.savefig(temporary, format=suffix[1:], metadata=undated[suffix])
+        figure.savefig(drawn, format=suffix[1:], metadata=undated[suffix])
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(drawn.getvalue())
 
 
 def usual_board(kind: str, *, page: str = "a4") -> Board:
