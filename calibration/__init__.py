@@ -13,8 +13,8 @@ from typing import Final
 from torsight.core.lazy import lazily
 
 _HOMES: Final = {
-    "Board": "boards.board",
-    "read_board": "boards.board",
+    "Board": "boards.board_file",
+    "read_board": "boards.board_file",
     "Calibration": "stage",
     "calibrate_one": "stage",
     "calibrate_two": "stage",

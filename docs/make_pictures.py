@@ -19,7 +19,7 @@ import numpy as np
 
 from torsight.core.files.storage import read_json, read_table
 from torsight.core.words.wording import effect_name
-from torsight.viewer.pictures import WHOLE, take_pictures
+from torsight.viewer.screenshots import WHOLE, take_pictures
 
 HERE = Path(__file__).parent
 PICTURES = HERE / "pictures"

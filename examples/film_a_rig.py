@@ -12,8 +12,8 @@ import numpy as np
 
 from torsight.core.units import DEG
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
+from torsight.synthetic.scene_files import render_scene
 
 SCENE = {
     "seed": 5,

@@ -20,7 +20,7 @@ import numpy as np
 from ways import angles_by_way, error_deg
 
 from calibration.axis.board_on_disk import pose_on_disk
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.cameras.lens import calibrate_lens
 from calibration.cameras.stereo_pair import calibrate_pair
 from calibration.views.detect import View

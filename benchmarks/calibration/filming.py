@@ -21,8 +21,8 @@ from ways import error_deg
 from torsight.core.errors import NoResultError
 from torsight.core.files.storage import read_table
 from torsight.synthetic.filming import optics
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
+from torsight.synthetic.scene_files import render_scene
 
 REFERENCE: dict[str, dict[str, Any]] = {
     "motion": {"kind": "turn", "start_deg": 40.0, "rate_deg_s": 12.0, "duration_s": 10.0},

@@ -24,8 +24,8 @@ from torsight.core.optics.geometry import rotation_vector
 from torsight.core.tracks import MarkerTracks
 from torsight.synthetic.filming import optics
 from torsight.synthetic.filming.camera_work import marker_points
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
+from torsight.synthetic.scene_files import render_scene
 from tracker.detect.marker_file import MarkerHints
 from tracker.frames.source import open_source
 from tracker.track import track_film

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.core.optics.axis import axis_in_picture, pose_from_axis, stick_angle
+from torsight.core.optics.axis import axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose
+from torsight.core.optics.circles import axis_basis
 from torsight.core.optics.geometry import on_plane, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.stereo import orient_pair
@@ -77,7 +78,5 @@ def _on_planes(position_px: np.ndarray, intrinsics: Intrinsics, pose: Pose) -> n
 
 
 def _about(position_mm: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    base, moving = (
-        stick_angle(position_mm[:, place], position_mm[:, place + 1], direction=direction)[0] for place in (0, 2)
-    )
-    return moving - base
+    sticks = (position_mm[:, 1::2] - position_mm[:, ::2]) @ np.stack(axis_basis(direction), axis=1)
+    return np.diff(np.arctan2(sticks[..., 1], sticks[..., 0]), axis=1)[:, 0]

@@ -13,7 +13,7 @@ from shown import shown
 
 from torsight.core.units import DEG, MNM
 from torsight.synthetic.effects.random_laws import RigLaw, draw_law, factor_for
-from torsight.synthetic.rig.values import declared_from, rig_values
+from torsight.synthetic.rig.rig_values import declared_from, rig_values
 
 Key = tuple[str, str]
 

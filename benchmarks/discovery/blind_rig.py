@@ -17,7 +17,7 @@ from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.effects.random_laws import RigLaw
 from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import HalfCycle, Protocol
-from torsight.synthetic.rig.values import REFERENCE, RigValues, declared_from, draw_values
+from torsight.synthetic.rig.rig_values import REFERENCE, RigValues, declared_from, draw_values
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from torsight.synthetic.effects.hidden import HIDDEN, ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import HalfCycle, Protocol
-from torsight.synthetic.rig.values import RigValues, declared_from, draw_values
+from torsight.synthetic.rig.rig_values import RigValues, declared_from, draw_values
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator], dict[str, object]]

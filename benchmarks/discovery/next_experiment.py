@@ -44,7 +44,7 @@ from torsight.discovery.settings import Settings
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.plots.still import still
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.rig.values import declared_from
+from torsight.synthetic.rig.rig_values import declared_from
 
 ROOM_C = 23.4
 

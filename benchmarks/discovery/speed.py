@@ -18,7 +18,7 @@ import time
 from torsight.actuator.spec import actuator_from
 from torsight.discovery.discover import discover
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.rig.values import declared_from
+from torsight.synthetic.rig.rig_values import declared_from
 
 _RATES_C_PER_S = (0.1, 0.15, 0.2, 0.12)
 _EFFECTS: dict[str, dict[str, float | str]] = {

@@ -28,11 +28,12 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.live_session import Session
+from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.screen.feed import Feed
 from torsight.viewer.live.screen.latency import Latency
-from torsight.viewer.live.session import Session
-from torsight.viewer.pictures import viewer_without_screen
 from torsight.viewer.program import free_port
+from torsight.viewer.screenshots import viewer_without_screen
 from tracker.frames.source import open_source
 
 SAMPLE_S: Final = 2.0
@@ -156,7 +157,7 @@ def main() -> None:
         plain = stack.enter_context(yardstick(chosen.film, chosen.fps))
         model = None if chosen.actuator is None else model_of(chosen.actuator, stack)
         log = write_log(Path(scratch) / "temps.csv", seconds=chosen.minutes * 60.0)
-        session = Session(pictures, log=log, folder=Path(scratch) / "live", feed=feed, model=model, offset_s=0.0)
+        session = Session(pictures, WatchedLog(log, 0.0), folder=Path(scratch) / "live", feed=feed, model=model)
         memory = Memory({"measuring": os.getpid(), "feeding the viewers": feed.process_id})
         with watched(session, memory):
             outcome = session.run(threading.Event())
@@ -178,7 +179,7 @@ def main() -> None:
 def model_of(actuator: Path, stack: contextlib.ExitStack) -> Any:
     """Return a model that is computed beside; it ends with the stack."""
     from torsight.actuator.spec import read_actuator
-    from torsight.viewer.live.measure.model import ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelWatch
 
     watch = ModelWatch(read_actuator(actuator))
     stack.callback(watch.close)

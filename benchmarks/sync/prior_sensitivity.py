@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from clock_coverage import light_of, pair_of, records
 
 from sync import LogReading, find_clock
-from sync.clock.priors import PRIORS, Priors
+from sync.clock.clock_priors import PRIORS, Priors
 
 Answer = tuple[float, float, float]
 

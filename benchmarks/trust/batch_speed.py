@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from kills import SCENE, TORSIGHT
 
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
+from torsight.synthetic.scene_files import render_scene
 
 
 def campaign(folder: Path, *, records: int, rigs: int) -> Path:

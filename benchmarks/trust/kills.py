@@ -32,8 +32,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.recordings import same_recording
 from tests.small_picture import SMALL_PICTURE
 from torsight.core.files.results import DOCUMENTS
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
+from torsight.synthetic.scene_files import render_scene
 
 SCENE = (
     """

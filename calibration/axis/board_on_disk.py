@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.views.detect import View
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.minimise import least_squares

@@ -6,19 +6,21 @@ below the board shows whether the printer has kept the scale.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
-from xml.sax.saxutils import escape
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import inch, milli
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from torsight.core.errors import ConfigError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import atomic_path, write_text
+from torsight.core.files.storage import atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAGES_MM: Final = {
     "a5": (210.0, 148.0),
@@ -185,78 +187,26 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
     return Rectangle(left, foot - 1.0, bar, 1.0), Text(left, foot - 2.0, f"{bar:g} mm: measure it on the print")
 
 
-def svg_text(drawing: Drawing) -> str:
-    """Return the page as SVG, sized in mm."""
-    width, height = drawing.page_mm
-    shapes = "".join(
-        f'<rect x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" width="{item.width_mm:.5g}" height="{item.height_mm:.5g}"/>\n'
-        for item in drawing.rectangles
-    )
-    words = "".join(
-        f'<text x="{item.x_mm:.5g}" y="{item.y_mm:.5g}" font-family="sans-serif" font-size="{LAYOUT.text_mm}">'
-        f"{escape(item.words)}</text>\n"
-        for item in drawing.texts
-    )
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" '
-        f'viewBox="0 0 {width:g} {height:g}">\n<rect width="{width:g}" height="{height:g}" fill="white"/>\n'
-        f'<g shape-rendering="crispEdges">\n{shapes}</g>\n{words}</svg>\n'
-    )
+def _page(drawing: Drawing, *, dpi: float) -> Figure:
+    """Return the page as a figure of whole pixels, one unit of its axes a millimetre."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
 
-
-def pdf_bytes(drawing: Drawing) -> bytes:
-    """Return the page as a PDF with vector shapes at true scale."""
-    width, height = (side * _POINTS_PER_MM for side in drawing.page_mm)
-    lines = [f"{_POINTS_PER_MM:.6f} 0 0 {-_POINTS_PER_MM:.6f} 0 {height:.4f} cm"]
-    lines += [
-        f"{item.x_mm:.4f} {item.y_mm:.4f} {item.width_mm:.4f} {item.height_mm:.4f} re" for item in drawing.rectangles
-    ]
-    lines.append("f")
+    size_px = np.round(np.array(drawing.page_mm) / _MM_PER_INCH * dpi)
+    figure = Figure(figsize=tuple(size_px / dpi), dpi=dpi, facecolor="white")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    width_mm, height_mm = size_px / dpi * _MM_PER_INCH
+    axes.set(xlim=(0.0, width_mm), ylim=(height_mm, 0.0))
+    axes.axis("off")
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+    places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in drawing.rectangles]
+    codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
+    # One outline: between two shapes that touch no seam shows. And to scale, not moved to whole pixels.
+    axes.add_patch(PathPatch(Outline(np.concatenate(places), codes), facecolor="black", linewidth=0.0, snap=False))
     for item in drawing.texts:
-        words = item.words.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
-        # The page's y axis points down here: text is turned back upright.
-        lines.append(f"BT /F1 {LAYOUT.text_mm} Tf 1 0 0 -1 {item.x_mm:.4f} {item.y_mm:.4f} Tm ({words}) Tj ET")
-    stream = "\n".join(lines).encode("cp1252", "replace")
-    objects = [
-        b"<< /Type /Catalog /Pages 2 0 R >>",
-        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.4f} {height:.4f}] /Contents 4 0 R "
-        "/Resources << /Font << /F1 5 0 R >> >> >>".encode(),
-        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream),
-        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
-    ]
-    content = b"%PDF-1.4\n"
-    offsets = []
-    for number, body in enumerate(objects, start=1):
-        offsets.append(len(content))
-        content += b"%d 0 obj\n%s\nendobj\n" % (number, body)
-    table = b"".join(b"%010d 00000 n \n" % offset for offset in offsets)
-    return (
-        content
-        + b"xref\n0 %d\n0000000000 65535 f \n%s" % (len(objects) + 1, table)
-        + b"trailer\n<< /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (len(objects) + 1, len(content))
-    )
-
-
-def raster(drawing: Drawing, *, dpi: float) -> NDArray[np.uint8]:
-    """Return the page as a grey picture; a pixel that a shape covers in part is grey in proportion."""
-    scale = dpi / _MM_PER_INCH
-    width, height = (round(side * scale) for side in drawing.page_mm)
-    ink = np.zeros((height, width))
-    for item in drawing.rectangles:
-        columns = _covered(item.x_mm * scale, (item.x_mm + item.width_mm) * scale, width)
-        rows = _covered(item.y_mm * scale, (item.y_mm + item.height_mm) * scale, height)
-        (first_row, row_shares), (first_column, column_shares) = rows, columns
-        part = ink[first_row : first_row + len(row_shares), first_column : first_column + len(column_shares)]
-        part += np.outer(row_shares, column_shares)
-    return np.asarray(np.round(255.0 * (1.0 - np.minimum(ink, 1.0))), np.uint8)
-
-
-def _covered(start: float, end: float, size: int) -> tuple[int, NDArray[np.float64]]:
-    """Return the first pixel that an interval touches, and the share of each pixel from there that it covers."""
-    first, last = max(int(np.floor(start)), 0), min(int(np.ceil(end)), size)
-    edges = np.arange(first, last + 1, dtype=np.float64)
-    return first, np.diff(np.clip(edges, start, end))
+        axes.text(item.x_mm, item.y_mm, item.words, size=LAYOUT.text_mm * _POINTS_PER_MM)
+    return figure
 
 
 def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
@@ -267,22 +217,23 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
     ConfigError
         For another suffix.
     """
+    import matplotlib as mpl
+
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix == ".svg":
-        write_text(path, svg_text(drawing))
-    elif suffix == ".pdf":
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(pdf_bytes(drawing))
-    elif suffix == ".png":
-        from PIL import Image
-
-        with atomic_path(path) as temporary:
-            Image.fromarray(raster(drawing, dpi=dpi)).save(temporary, format="PNG", dpi=(dpi, dpi))
-    else:
+    # The same board makes the same bytes.
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
+    if suffix not in undated:
         raise ConfigError(
             "is no format for a board", where=str(path), value=suffix or "no suffix", limit=".svg, .pdf, .png"
         )
+    drawn = io.BytesIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "torsight"}):
+        # Drawings have no pixels: the page is as large as it is to a thousandth of a point.
+        figure = _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0)
+        figure.savefig(drawn, format=suffix[1:], metadata=undated[suffix])
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(drawn.getvalue())
 
 
 def usual_board(kind: str, *, page: str = "a4") -> Board:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.cameras.lens import PARAMETERS, SetAside, spread_deg
+from calibration.cameras.lens import PARAMETERS, spread_deg
 from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
 from calibration.stage import Calibration, Side, views_of
@@ -158,12 +158,8 @@ def _pair(pair: PairCalibration) -> dict[str, Any]:
         "error_rms_px": pair.rms_px,
         "epipolar_mean_px": float(pair.epipolar_px.mean()),
         "epipolar_px": pair.epipolar_px.tolist(),
-        "set_aside": [_aside(item) for item in pair.aside],
+        "set_aside": [{"pair": item.view, "why": item.why} for item in pair.aside],
     }
-
-
-def _aside(item: SetAside) -> dict[str, Any]:
-    return {"pair": item.view, "why": item.why}
 
 
 def _axis(calibration: Calibration, seen: Seen) -> dict[str, Any]:

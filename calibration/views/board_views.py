@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.views.detect import View, board_normals, find_board, goes_on, other_boards_seen
 from calibration.views.picture_files import (
     MOST_FILM_VIEWS,

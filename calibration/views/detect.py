@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.boards.board import DICTIONARIES, Board
+from calibration.boards.board_file import DICTIONARIES, Board
 
 Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, is_glob, matching, missing_file
 from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
@@ -65,8 +65,8 @@ def expand(sources: Sequence[AnyPath]) -> list[Path]:
             found = sorted(item for item in source.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
         elif source.exists():
             found = [source]
-        elif any(character in str(source) for character in "*?["):
-            found = sorted(Path(source.anchor).glob(str(source.relative_to(source.anchor))))
+        elif is_glob(source):
+            found = matching(source)
         else:
             raise missing_file(source)
         if not found:

@@ -13,12 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Z95, ClockEstimate, Gaussian, value_and_interval
+from sync.clock.lag_likelihood import SHORT_LAG_S
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
-from sync.clock.priors import PRIORS
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
-from sync.clock.sensor_lag import SHORT_LAG_S
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from torsight.core.errors import NoResultError

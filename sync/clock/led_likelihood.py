@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Z95, Gaussian
-from sync.clock.priors import PRIORS
 from sync.clock.unknown_gaps import UnknownGap
 from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError

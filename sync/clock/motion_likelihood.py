@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian
+from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
-from sync.clock.priors import PRIORS
-from sync.clock.sensor_lag import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan
 from sync.clock.unknown_gaps import UnknownGap

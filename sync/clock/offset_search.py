@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.clock.priors import PRIORS
+from sync.clock.clock_priors import PRIORS
 from sync.signals.heating_segments import WINDOW_S, HeatingSegment, LogSignals
 from sync.signals.strokes import Stroke
 from torsight.core.series import runs

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.clock.priors import PRIORS
+from sync.clock.clock_priors import PRIORS
 from sync.signals.heating_segments import HeatingSegment
 from sync.signals.strokes import Stroke
 from torsight.core.units import DEG

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 _NEAR_PX: Final = 6
 """How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels."""
 _AROUND_PX: Final = 3 * _NEAR_PX
-"""How far the picture around it reaches: nine times the area, so that the median is not the LED's."""
+"""How far the picture around it reaches: eight times the area, so that the median is not the LED's."""
 _BRIGHTEST: Final = 9
-"""Pixels of which the mean is taken: three by three, the smallest LED that a film shows."""
+"""Pixels of which the mean is taken: as many as three by three."""
 _LEAST_STEP: Final = 8.0
 """Least change of brightness, grey levels: 3 % of what eight bits hold."""
 _NOISES: Final = 6.0

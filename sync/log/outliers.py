@@ -19,12 +19,12 @@ from torsight.core.series import constant_runs, robust_sigma, scatter
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
-"""A smaller spike is within the ±1.5 °C to which a thermocouple of class 1 is made (IEC 60584-1)."""
+"""A smaller spike stays, whatever the noise."""
 _STUCK_S: Final = 2.0
 _STUCK_ROWS: Final = 8
 """A reading that stands still for less time or for fewer rows may be a slow instrument's."""
 _ALIKE_SHARE: Final = 0.4
-"""Of readings that noise moves less than this share equal the one before."""
+"""Less than this share of readings equal the one before where normal noise is 0.65 of their last digit or more."""
 _FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
 """Thirty such readings in a row: 0.4³⁰ = 10⁻¹², no chance in any log."""
 _FROZEN_RUNS: Final = 4

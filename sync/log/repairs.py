@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from torsight.core.frozen import Frozen
@@ -34,7 +34,7 @@ class Repair:
 
     def to_json(self) -> dict[str, object]:
         """Return the form that stands in ``sync.json``."""
-        return {"kind": self.kind, "count": self.count, "text": self.text}
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)

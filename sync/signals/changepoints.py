@@ -23,7 +23,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
-"""Longest lag that is looked for: a thermocouple in a thick sleeve in still air."""
+"""Longest lag that is looked for."""
 SPLITS: Final = (0.0, 0.2, 0.45)
 """Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
 _POINTS: Final = 160

@@ -110,7 +110,8 @@ def even_signal(
         slope=slope,
         value_sigma=scale * value_gain,
         slope_sigma=scale * slope_gain,
-        known=_eroded(bridged),
+        # Beside a gap the smoothing reached into it.
+        known=np.asarray(binary_erosion(bridged, np.ones(3, np.bool_), border_value=1)),
         noise=noise,
         point_sigma=scale,
     )
@@ -145,8 +146,3 @@ def _noise(value: NDArray[np.float64]) -> float:
     step = np.abs(np.diff(value))
     # Coarsely rounded numbers: the error of rounding.
     return float(np.median(step[step > 0]) / np.sqrt(12.0)) if (step > 0).any() else 0.0
-
-
-def _eroded(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Take the points beside a gap out too: the smoothing reached into it."""
-    return np.asarray(binary_erosion(known, np.ones(3, np.bool_), border_value=1))

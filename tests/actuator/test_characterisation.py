@@ -10,7 +10,7 @@ from actuator_programmes import programme
 from spring_bench import Spring, true_values, write_bench
 
 from torsight.actuator.characterising.characterisation import characterise
-from torsight.actuator.characterising.curves import fit_curve
+from torsight.actuator.characterising.curve_fit import fit_curve
 from torsight.actuator.characterising.spring_tests import read_tests
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import read_actuator

@@ -9,7 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.views.detect import View
 from torsight.core.optics.camera import Intrinsics
 

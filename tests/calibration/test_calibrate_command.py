@@ -176,7 +176,7 @@ def test_board_command_makes_what_calibrate_reads(tmp_path, capsys):
     found, _ = cv2.findChessboardCorners(grey, (9, 6))
     assert found
     run("board", tmp_path / "board.toml", "--out", tmp_path / "again.svg", "--page", "a3", "--dpi", 60)
-    assert (tmp_path / "again.svg").read_text().startswith("<svg")
+    assert "<svg" in (tmp_path / "again.svg").read_text()
     assert "print" in capsys.readouterr().err.lower()
     with pytest.raises(ConfigError, match="a4, a3"):
         run("board", "--out", tmp_path / "x.svg", "--page", "a9")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.stage import calibrate_two
 
 PUBLISHED_RMS_PX, PUBLISHED_FOCAL_PX = 0.3926, 535.92

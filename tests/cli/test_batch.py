@@ -17,7 +17,7 @@ from tests.command_line import leave
 from tests.made_up_run import write_made_up_run
 from torsight.cli import campaign, limited
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment_file import read_experiment
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.provenance import provenance
 from torsight.core.files.storage import is_running, write_json
@@ -34,7 +34,6 @@ def made(tmp_path: Path) -> Path:
         write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
         experiment = read_experiment(tmp_path / "rigs" / name / "experiment.toml")
         origin = provenance(
-            command="torsight run",
             inputs=experiment.inputs(),
             configuration=experiment.to_configuration(),
             seed=experiment.seed,
@@ -240,7 +239,6 @@ def test_records_of_one_actuator_file_are_explained_together(
         path.write_text(path.read_text() + "\n[discover]\ntogether = true\n")
         experiment = read_experiment(path)
         origin = provenance(
-            command="torsight run",
             inputs=experiment.inputs(),
             configuration=experiment.to_configuration(),
             seed=experiment.seed,

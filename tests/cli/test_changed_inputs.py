@@ -9,7 +9,7 @@ import pytest
 
 from tests.cli.bad_inputs import make_world
 from torsight.cli import run
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment_file import read_experiment
 from torsight.core.errors import InputError
 
 

@@ -11,7 +11,7 @@ import pytest
 from tests.cli.bad_inputs import ACTUATOR, make_world
 from tests.tracker.films import Rig, write_film
 from torsight.actuator.spec import reference_spec
-from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by
 from torsight.cli.checkup.rig import distinct_rates, half_cycles_of, limits_of

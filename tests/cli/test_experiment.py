@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from torsight.cli.experiment import experiment_from, read_experiment
+from torsight.cli.experiment_file import experiment_from, read_experiment
 from torsight.core.errors import ConfigError, InputError
 
 WHOLE = """

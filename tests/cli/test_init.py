@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from torsight.actuator.spec import read_actuator
-from torsight.cli.experiment import KEYS
+from torsight.cli.experiment_file import KEYS
 from torsight.cli.init import init
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import read_toml

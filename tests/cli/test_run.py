@@ -19,8 +19,8 @@ from tests.few_effects import try_few
 from tests.recordings import fingerprint
 from torsight.cli.run import other_versions
 from torsight.core.files.storage import read_json, read_table
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import demo_scene, scene_from
+from torsight.synthetic.scene_files import render_scene
 
 FILES = (
     "angle.csv",

@@ -15,7 +15,7 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.stage import Calibration
 from sync import Found, LightEvents, LogReading
 from sync.log.repairs import Repair, Restart

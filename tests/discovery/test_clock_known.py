@@ -18,7 +18,7 @@ from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.discovery.settings import Settings
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.rig.values import declared_from
+from torsight.synthetic.rig.rig_values import declared_from
 
 
 def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None:

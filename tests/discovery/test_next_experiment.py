@@ -25,7 +25,7 @@ from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.discovery.inference.weight import Weight
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.rig.values import declared_from
+from torsight.synthetic.rig.rig_values import declared_from
 
 NAMES = ("a", "b", "c")
 PRIOR = (1.0, 0.5, 2.0)

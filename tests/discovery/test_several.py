@@ -27,7 +27,7 @@ from torsight.discovery.discover import discover
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.together import discover_together
 from torsight.synthetic.experiment import make_record
-from torsight.synthetic.rig.values import declared_from
+from torsight.synthetic.rig.rig_values import declared_from
 
 VISCOUS = "viscous_mnm_s_per_rad"
 TRUE = 3.0

@@ -18,8 +18,8 @@ from tests.docs.documented import ROOT
 from tests.small_picture import SMALL_PICTURE
 from tests.tracker.films import Rig, write_film
 from tests.tracker.flat_films import FlatFilm, Sprite, tag
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import Scene, scene_from
+from torsight.synthetic.scene_files import render_scene
 
 SCENE = (
     """

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from calibration.axis.marker_circles import _read as read_circles
-from calibration.boards.board import read_board
+from calibration.boards.board_file import read_board
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS
 from torsight.actuator.characterising.spring_tests import read_tests
@@ -24,7 +24,7 @@ from torsight.actuator.fitted import End, FittedModel, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.logs import read_log
 from torsight.actuator.spec import actuator_from, read_actuator
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment_file import read_experiment
 from torsight.cli.run import again
 from torsight.core.files.results import read_results
 from torsight.core.files.storage import read_json

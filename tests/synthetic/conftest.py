@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from torsight.synthetic.rig.values import REFERENCE, RigValues, rig_values
+from torsight.synthetic.rig.rig_values import REFERENCE, RigValues, rig_values
 
 
 @pytest.fixture(scope="session")

@@ -15,8 +15,8 @@ from torsight.core.errors import OutputError
 from torsight.core.files.tables import require_increasing
 from torsight.core.optics.camera import read_camera
 from torsight.core.units import DEG
-from torsight.synthetic.render import render_scene
 from torsight.synthetic.scene import scene_from
+from torsight.synthetic.scene_files import render_scene
 
 
 def frames(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:

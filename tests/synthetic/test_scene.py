@@ -10,7 +10,7 @@ import pytest
 from torsight.core.errors import ConfigError, InputError
 from torsight.synthetic.experiment import log_columns, make_record, play_scene
 from torsight.synthetic.keys import describe
-from torsight.synthetic.rig.values import UNCERTAINTY
+from torsight.synthetic.rig.rig_values import UNCERTAINTY
 from torsight.synthetic.scene import SECTIONS, demo_scene, read_scene, scene_from
 
 ROOT = Path(__file__).parents[2]

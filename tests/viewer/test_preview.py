@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import NoResultError
-from torsight.viewer import encoding, preview
-from torsight.viewer.preview import write_preview
+from torsight.viewer import encoding, film_preview
+from torsight.viewer.film_preview import write_preview
 
 LEVELS = (30, 90, 150, 210)
 
@@ -107,12 +107,12 @@ def test_an_encoder_that_hangs_ends_itself_and_the_next_one_does_the_work(
 ) -> None:
     stuck = tmp_path / "stuck.py"
     stuck.write_text(STUCK.format(encoder=encoding.__file__), encoding="utf-8")
-    monkeypatch.setattr(preview, "_ENCODER", stuck)
-    monkeypatch.setattr(preview, "STUCK_S", 0.3)
+    monkeypatch.setattr(film_preview, "_ENCODER", stuck)
+    monkeypatch.setattr(film_preview, "STUCK_S", 0.3)
     made = write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
     assert codec_of(made.path) == "h264"
     np.testing.assert_allclose(levels_in(made.path), LEVELS, atol=4.0)
-    monkeypatch.setattr(preview, "_CODECS", ("libsvtav1", "libsvtav1"))
+    monkeypatch.setattr(film_preview, "_CODECS", ("libsvtav1", "libsvtav1"))
     with pytest.raises(NoResultError, match=r"could not be encoded.*0\.3 s.*--resume"):
         write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
 

@@ -17,11 +17,11 @@ from made_up_run import SIZE_PX, documents, write_made_up_run
 
 from torsight.core.errors import InputError, OutputError
 from torsight.core.tracks import MARKERS
-from torsight.viewer import layout, write_recording
+from torsight.viewer import view_layout, write_recording
+from torsight.viewer.film_preview import write_preview
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
-from torsight.viewer.pictures import WHOLE, take_pictures
-from torsight.viewer.preview import write_preview
 from torsight.viewer.recording import _written
+from torsight.viewer.screenshots import WHOLE, take_pictures
 
 
 def film_of(markers: pd.DataFrame, path: Path) -> Path:
@@ -72,7 +72,7 @@ def test_every_curve_is_in_the_recording_sample_by_sample(run: Path) -> None:
     ):
         values = [row[0] for row in found[entity]["Scalars:scalars"] if row]
         np.testing.assert_allclose(values, table[column])
-        stamps = [stamp.total_seconds() for stamp in found[entity][layout.TIME] if stamp is not None]
+        stamps = [stamp.total_seconds() for stamp in found[entity][view_layout.TIME] if stamp is not None]
         np.testing.assert_allclose(stamps, table["time_s"], atol=1e-6)
 
 
@@ -84,7 +84,7 @@ def test_film_markers_and_sticks_are_in_the_recording_frame_by_frame(run: Path) 
     whole = [name for name in MARKERS if markers[f"{name}_valid"][10]]
     expected = [[markers[f"{name}_x_px"][10], markers[f"{name}_y_px"][10]] for name in whole]
     np.testing.assert_allclose(positions[10], expected, rtol=1e-5)
-    frames = [frame for frame in found["/film/picture"][layout.FRAME] if frame is not None]
+    frames = [frame for frame in found["/film/picture"][view_layout.FRAME] if frame is not None]
     assert frames == list(range(len(markers)))
     assert any(found["/film/picture"]["AssetVideo:blob"])
 
@@ -149,7 +149,7 @@ def test_the_preview_holds_the_films_pictures_in_order(tmp_path: Path) -> None:
 def test_the_viewers_settings_do_not_make_this_process_import_it_early() -> None:
     import subprocess
 
-    code = "import sys, torsight.viewer, torsight.viewer.layout; sys.exit('rerun' in sys.modules)"
+    code = "import sys, torsight.viewer, torsight.viewer.view_layout; sys.exit('rerun' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == 0
 
@@ -200,7 +200,7 @@ def test_every_pane_is_there(panes: dict[str, np.ndarray]) -> None:
 @pytest.mark.parametrize("pane", ["angle", "residual", "temperature"])
 def test_every_curve_is_drawn_across_its_pane(panes: dict[str, np.ndarray], pane: str) -> None:
     picture = next(image for name, image in panes.items() if name.lower().startswith(pane))
-    for series in layout.SERIES:
+    for series in view_layout.SERIES:
         if series.entity.startswith(pane):
             # Where two curves coincide one covers the other; in the strokes, a quarter of the width, both show.
             assert columns_with(picture, series.colour) > 0.15, series.name

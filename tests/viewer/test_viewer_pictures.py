@@ -13,8 +13,8 @@ from made_up_run import discovery, made_up_law, write_made_up_run
 from torsight.cli.main import main
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.storage import write_table
-from torsight.viewer import layout, save_pictures, write_recording
-from torsight.viewer.pictures import file_name
+from torsight.viewer import save_pictures, view_layout, write_recording
+from torsight.viewer.screenshots import file_name
 
 LAW = "Law: friction (mN·m) against the angle"
 
@@ -45,7 +45,7 @@ def test_a_law_is_in_the_recording_value_by_value_apart_where_the_record_was_not
                 )
                 for part in ("abscissa", "values")
             ]
-    assert set(found) == set(layout.LAW_COLOURS)
+    assert set(found) == set(view_layout.LAW_COLOURS)
     for part, rows in (("reached", law.covered), ("not_reached", ~law.covered)):
         np.testing.assert_allclose(found[part][0], law.driver_values[rows])
         np.testing.assert_allclose(found[part][1], law.value[rows], rtol=1e-6)
@@ -53,7 +53,7 @@ def test_a_law_is_in_the_recording_value_by_value_apart_where_the_record_was_not
 
 def test_the_summary_of_the_recording_says_first_that_the_record_is_not_explained(run: Path) -> None:
     from torsight.core.files.results import read_results
-    from torsight.viewer.words import summary_document
+    from torsight.viewer.run_words import summary_document
 
     text = summary_document(read_results(run))
     assert text.startswith("### This record is not explained: 0.44° rms are left, 7.3 times the noise floor.")
@@ -76,7 +76,7 @@ def test_every_pane_is_saved_and_nothing_is_written_beside_the_recording(run: Pa
     # Bars of both colours, BGR in OpenCV.
     bars = pictures[file_name(LAW)]
     assert bars is not None
-    for colour in layout.LAW_COLOURS.values():
+    for colour in view_layout.LAW_COLOURS.values():
         near = np.linalg.norm(bars[..., ::-1].astype(float) - np.array(colour, float), axis=2) < 60.0
         assert near.mean() > 0.005
     assert {path: path.stat().st_mtime_ns for path in run.iterdir()} == before

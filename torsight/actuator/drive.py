@@ -160,15 +160,15 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
     if not np.isfinite(table.angle_rad).any():
         raise InputError("has no angle", where=f"{where}, column angle_deg", do="track the film again")
-    base = _driven(
-        table.time_s, table.temp_a_c, table.temp_b_c, table.heat_a, table.heat_b, row_rate_hz=row_rate_hz, where=where
-    )
-    angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, base.rows)
     start, _ = start_angle(table.angle_rad, table.angle_sigma_rad)
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
-    drive = replace(base.drive(angle - ahead_rad, sigma, start - ahead_rad), turns=turns)
-    return replace(drive, cycles=begun_with_a_jump(drive.cycles, drive.time_s, drive.angle_rad, base.temps))
+    drive = _driven(table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
+    angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, drive.sensors.rows)
+    angle = np.where(drive.known, angle - ahead_rad, np.nan)
+    temps = (drive.temp_a_c, drive.temp_b_c)
+    cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
+    return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles)
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
@@ -179,9 +179,7 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
     InputError, NoResultError
         As :func:`prepare_table`.
     """
-    base = _driven(log.time_s, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b, row_rate_hz=math.inf, where=where)
-    nothing = np.full(len(log), np.nan)
-    return base.drive(nothing, nothing, start_angle_rad)
+    return _driven(log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 
 
 def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
@@ -214,72 +212,33 @@ def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
     return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Base:
-    rows: NDArray[np.int64]
-    time_s: Array
-    temps: tuple[Array, Array]
-    rates: tuple[Array, Array]
-    sigma_c: Array
-    noise_c: float
-    cycles: HalfCycles
-    room_c: float
-    known: NDArray[np.bool_]
-    sensors: Sensors
-    understated: float
-
-    def drive(self, angle: Array, sigma: Array, start: float) -> Drive:
-        return Drive(
-            time_s=self.time_s,
-            temp_a_c=self.temps[0],
-            temp_b_c=self.temps[1],
-            rate_a_c_s=self.rates[0],
-            rate_b_c_s=self.rates[1],
-            temp_sigma_c=self.sigma_c,
-            noise_c=self.noise_c,
-            cycles=self.cycles,
-            angle_rad=np.where(self.known, angle, np.nan),
-            angle_sigma_rad=sigma,
-            start_angle_rad=start,
-            room_c=self.room_c,
-            known=self.known,
-            sensors=self.sensors,
-            understated=self.understated,
-        )
-
-
-def _driven(
-    time_s: Array,
-    temp_a_c: Array,
-    temp_b_c: Array,
-    heat_a: NDArray[np.bool_] | None,
-    heat_b: NDArray[np.bool_] | None,
-    *,
-    row_rate_hz: float,
-    where: str,
-) -> _Base:
-    filled_a, known_a = _bridge(time_s, temp_a_c, where=f"{where}, column temp_a_c")
-    filled_b, known_b = _bridge(time_s, temp_b_c, where=f"{where}, column temp_b_c")
-    smooth = condition(time_s, filled_a), condition(time_s, filled_b)
-    noise = max(smooth[0].noise_c, smooth[1].noise_c)
-    cycles = half_cycles(smooth[0].temp_c, smooth[1].temp_c, heat_a=heat_a, heat_b=heat_b, noise_c=noise, where=where)
-    fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in smooth)
+def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angle_rad: float, where: str) -> Drive:
+    """Return the drive of a record's temperatures and switches, without an angle."""
+    time_s = log.time_s
+    filled_a, known_a = _bridge(time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
+    filled_b, known_b = _bridge(time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
+    a, b = condition(time_s, filled_a), condition(time_s, filled_b)
+    noise = max(a.noise_c, b.noise_c)
+    cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
+    fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
     rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
-    thinned = replace(cycles, active=cycles.active[rows], half=cycles.half[rows])
-    sigma = np.where(cycles.active == 0, smooth[0].sigma_c, smooth[1].sigma_c)
-    coldest = [float(np.quantile(item.temp_c, 0.02)) for item in smooth]
-    return _Base(
-        rows=rows,
+    nothing = np.full(len(rows), np.nan)
+    return Drive(
         time_s=time_s[rows],
-        temps=(smooth[0].temp_c[rows], smooth[1].temp_c[rows]),
-        rates=(smooth[0].rate_c_s[rows], smooth[1].rate_c_s[rows]),
-        sigma_c=sigma[rows],
+        temp_a_c=a.temp_c[rows],
+        temp_b_c=b.temp_c[rows],
+        rate_a_c_s=a.rate_c_s[rows],
+        rate_b_c_s=b.rate_c_s[rows],
+        temp_sigma_c=np.where(cycles.active == 0, a.sigma_c, b.sigma_c)[rows],
         noise_c=noise,
-        cycles=thinned,
-        room_c=min(coldest),
+        cycles=replace(cycles, active=cycles.active[rows], half=cycles.half[rows]),
+        angle_rad=nothing,
+        angle_sigma_rad=nothing,
+        start_angle_rad=start_angle_rad,
+        room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
         sensors=Sensors(time_s, (filled_a, filled_b), rows),
-        understated=max(item.understated for item in smooth),
+        understated=max(a.understated, b.understated),
     )
 
 

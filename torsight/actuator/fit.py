@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fitting.estimates import covariance_of, estimates_of, quiet
+from torsight.actuator.fitting.estimates import covariance_of, estimates_of, quiet, share_explained
 from torsight.actuator.fitting.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.record.weights import correlation_rows, noisy_drives, spikes
@@ -182,7 +182,7 @@ def fit_model(
     if use is not None:
         counted &= use
     scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
-    problem = Problem(model, drive, parameters, scale, counted, noisy_drives(drive))
+    problem = Problem(parameters, scale, model, drive, counted, noisy_drives(drive))
     u, weight, converged = _solve(problem, list(starts or default_starts(model, drive)), progress)
     return _result(problem, u, weight, converged=converged)
 
@@ -279,31 +279,28 @@ def _spread(problem: Problem, angle: Array, sigma: Array) -> tuple[float, float]
 
 
 def _result(problem: Problem, u: Array, weight: Array, *, converged: bool) -> FitResult:
-    model, drive = problem.model, problem.drive
+    model, drive, counted = problem.model, problem.drive, problem.counted
     values = {**model.nominal(), **problem.values(u)}
     simulation = model.simulate(drive, values)
-    residual = np.where(problem.counted, drive.angle_rad - simulation.angle_rad, np.nan)
+    residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
     sigma = problem.row_sigma(u)
     ratio, rows = _spread(problem, simulation.angle_rad, sigma)
     covariance, known = covariance_of(problem, u, weight)
-    measured = drive.angle_rad[problem.counted]
-    error = residual[problem.counted]
-    total = float(np.sum((measured - measured.mean()) ** 2))
     estimates = estimates_of(model, values, problem, covariance, known)
     says_nothing_of = quiet(problem.parameters, np.where(known, np.sqrt(np.diag(covariance)), np.nan))
     return FitResult(
         model=model,
         values=values,
         estimates=estimates,
-        free=tuple(problem.names),
+        free=problem.names,
         covariance=covariance,
         simulation=simulation,
         residual_rad=residual,
         sigma_rad=sigma,
         correlation_rows=rows,
         variance_ratio=ratio,
-        rmse_deg=float(np.sqrt(np.mean(error**2))) / DEG,
-        r2=1.0 - float(np.sum(error**2)) / total if total > 0.0 else float("nan"),
+        rmse_deg=float(np.sqrt(np.mean(residual[counted] ** 2))) / DEG,
+        r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
         converged=converged,
         silent_about=says_nothing_of,

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
@@ -22,7 +21,7 @@ from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.spec import actuator_from
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError, InputError, TorsightError
-from torsight.core.files.config import get_names, get_number, get_table, get_text
+from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
@@ -31,8 +30,6 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
-
-Array = NDArray[np.float64]
 
 KIND: Final = "torsight actuator model"
 _MOST_CYCLES: Final = 1_000_000
@@ -333,7 +330,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
     model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
     cycles = get_table(content, "cycles", where=where, required=True)
-    counts = tuple(_whole(cycles, name, 0, _MOST_CYCLES, where="cycles") for name in ("a", "b"))
+    counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_CYCLES) for name in ("a", "b"))
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
@@ -350,7 +347,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         values=_values(get_table(content, "values", where=where, required=True), model),
         cycles=(counts[0], counts[1]),
         account=get_table(content, "account", where=where),
-        turns=_whole(content, "turns", -_MOST_TURNS, _MOST_TURNS, where=where),
+        turns=get_whole(content, "turns", where=where, lower=-_MOST_TURNS, upper=_MOST_TURNS),
         start_angle_rad=start_rad,
         duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
         end=end,
@@ -384,10 +381,3 @@ def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
         slack = 1e-6 * max(abs(bound) for bound in (lower, upper, 1.0) if isfinite(bound))
         values[name] = get_number(table, name, where="values", lower=lower - slack, upper=upper + slack)
     return values
-
-
-def _whole(table: Mapping[str, Any], key: str, lower: int, upper: int, *, where: str) -> int:
-    value = get_number(table, key, where=where, lower=lower, upper=upper)
-    if value != int(value):
-        raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
-    return int(value)

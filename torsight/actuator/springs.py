@@ -86,13 +86,10 @@ class Rig:
         return self.k_austenite + xi * (self.k_martensite - self.k_austenite)
 
     def loading_torque(self, theta_rad: float) -> float:
-        """Return the torque of cold martensite that is being wound to ``theta_rad``, N·m."""
-        return loading_torque(
-            theta_rad,
-            k_martensite=self.k_martensite,
-            k_stress_induced=self.k_stress_induced,
-            theta_cr_rad=self.theta_cr_rad,
-        )
+        """Return the torque of cold martensite being wound: K_M up to the critical angle, K_S beyond it, N·m."""
+        if theta_rad <= self.theta_cr_rad:
+            return self.k_martensite * theta_rad
+        return self.k_martensite * self.theta_cr_rad + self.k_stress_induced * (theta_rad - self.theta_cr_rad)
 
     def recoverable_angle(self, theta_max_rad: float) -> float:
         """Return θ_L, the torque-free angle that winding to ``theta_max_rad`` leaves, rad."""
@@ -131,36 +128,9 @@ def stress_per_torque(wire_diameter_m: float) -> float:
     return 32.0 / (math.pi * wire_diameter_m**3)
 
 
-def loading_torque(theta_rad: float, *, k_martensite: float, k_stress_induced: float, theta_cr_rad: float) -> float:
-    """Return the loading curve: K_M up to the critical angle, K_S beyond it, N·m."""
-    if theta_rad <= theta_cr_rad:
-        return k_martensite * theta_rad
-    return k_martensite * theta_cr_rad + k_stress_induced * (theta_rad - theta_cr_rad)
-
-
 def torsional_stiffness(rig: Rig, theta_rad: NDArray[np.float64], *, xi: float) -> NDArray[np.float64]:
     """Return the stiffness of figure 5: K(ξ) up to the critical angle (16), K_S beyond it (17), N·m/rad."""
     return np.where(theta_rad <= rig.theta_cr_rad, rig.stiffness(xi), rig.k_stress_induced)
-
-
-def normal_strain(
-    theta_rad: NDArray[np.float64], *, wire_diameter_m: float, wire_length_m: float
-) -> NDArray[np.float64]:
-    """Return ε = C1 θ (7): the strain from winding; the one from shaping is annealed away."""
-    return strain_per_angle(wire_diameter_m, wire_length_m) * theta_rad
-
-
-def shear_strain(
-    theta_rad: NDArray[np.float64],
-    *,
-    wire_diameter_m: float,
-    wire_length_m: float,
-    active_coils: float,
-    compression_m: float,
-) -> NDArray[np.float64]:
-    """Return γ = (N0 + θ/2π) π d L_δ / L_s² (4) for an axial pre-compression L_δ, Wahl factor one."""
-    coils = active_coils + theta_rad / (2.0 * math.pi)
-    return coils * math.pi * wire_diameter_m * compression_m / wire_length_m**2
 
 
 def strain_ratio(
@@ -171,12 +141,11 @@ def strain_ratio(
     active_coils: float,
     compression_m: float,
 ) -> NDArray[np.float64]:
-    """Return γ / ε of figure 4; it falls with θ and is why only bending strain is modelled."""
-    shear = shear_strain(
-        theta_rad,
-        wire_diameter_m=wire_diameter_m,
-        wire_length_m=wire_length_m,
-        active_coils=active_coils,
-        compression_m=compression_m,
-    )
-    return shear / normal_strain(theta_rad, wire_diameter_m=wire_diameter_m, wire_length_m=wire_length_m)
+    """Return γ / ε of figure 4 for an axial pre-compression L_δ; it falls with θ: only bending strain is modelled.
+
+    Shear strain γ = (N0 + θ/2π) π d L_δ / L_s² (4), Wahl factor one; normal strain ε = C1 θ (7), from winding alone:
+    the strain from shaping is annealed away.
+    """
+    coils = active_coils + theta_rad / (2.0 * math.pi)
+    shear = coils * math.pi * wire_diameter_m * compression_m / wire_length_m**2
+    return shear / (strain_per_angle(wire_diameter_m, wire_length_m) * theta_rad)

@@ -43,7 +43,7 @@ def board(
     """
     import tomli_w
 
-    from calibration.boards.board import KINDS, read_board
+    from calibration.boards.board_file import KINDS, read_board
     from calibration.boards.printing import PAGES_MM, draw_board, usual_board
     from torsight.cli.console import say
 
@@ -68,7 +68,7 @@ def _tags(
     """Write a pair of tags."""
     import tomli_w
 
-    from calibration.boards.tags import draw_tags, tag_pair
+    from calibration.boards.printed_tags import draw_tags, tag_pair
     from torsight.cli.console import say
 
     if description is not None:

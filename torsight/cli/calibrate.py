@@ -14,7 +14,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from calibration.boards.board import Board
+    from calibration.boards.board_file import Board
     from calibration.stage import Calibration
     from torsight.core.optics.camera import Camera
 
@@ -136,9 +136,9 @@ def calibrate_to_file(
 
     import tomli_w
 
-    from calibration.boards.board import read_board
+    from calibration.boards.board_file import read_board
     from calibration.quality.camera_report import account, summary
-    from calibration.quality.coverage import draw_coverage
+    from calibration.quality.view_coverage import draw_coverage
     from calibration.stage import camera_of
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import write_text

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError, refused_by_system
+from torsight.core.files.paths import matching
 from torsight.core.progress import Progress, silent
 
 RESULT_COLUMNS: Final = (
@@ -75,19 +76,13 @@ def find_experiments(sources: Iterable[str]) -> list[Path]:
         elif path.exists():
             files = [path]
         else:
-            files = [item / "experiment.toml" if item.is_dir() else item for item in _glob(path)]
+            files = [item / "experiment.toml" if item.is_dir() else item for item in matching(path)]
         if not files:
             raise InputError(
                 "holds no experiment", where=source, do="name folders with an experiment.toml, or the files themselves"
             )
         found += files
     return sorted({item.resolve() for item in found})
-
-
-def _glob(path: Path) -> list[Path]:
-    anchor = Path(path.anchor) if path.is_absolute() else Path()
-    pattern = str(path.relative_to(path.anchor)) if path.is_absolute() else str(path)
-    return sorted(anchor.glob(pattern))
 
 
 def tasks(experiments: Sequence[Path], out: Path, *, limit_s: float | None = None) -> list[Task]:
@@ -110,7 +105,7 @@ def _name(path: Path) -> str:
 
 def run_task(task: Task) -> dict[str, Any]:
     """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.limited import run_limited
     from torsight.cli.run import run_experiment
 
@@ -144,7 +139,7 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
         recorded = read_json(path)
     except InputError:
         return False
-    now = provenance(command="torsight run", inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
+    now = provenance(inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
     keys = ("inputs", "configuration", "versions")
     return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
 
@@ -191,7 +186,7 @@ def explain_campaign(
         When the records of one rig cannot be explained together.
     """
     from torsight.cli.discover import explain_together
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.run import TOGETHER
     from torsight.core.files.provenance import file_hash
 

@@ -20,11 +20,11 @@ def demo(
     Example: torsight demo --out demo
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.run import answer_of, run_experiment
     from torsight.cli.summary import summary
-    from torsight.synthetic.render import render_scene
     from torsight.synthetic.scene import demo_scene
+    from torsight.synthetic.scene_files import render_scene
 
     film = out / "rig"
     say(f"Filming a synthetic rig into {film}")

@@ -18,7 +18,7 @@ from torsight.core.errors import InputError
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
     from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.measure.model import ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelWatch
     from torsight.viewer.live.record.outcome import Outcome
     from torsight.viewer.live.screen.feed import Feed
     from tracker.detect.marker_file import MarkerHints
@@ -73,9 +73,10 @@ def live(
     from torsight.cli.console import say
     from torsight.core.files.storage import read_json
     from torsight.viewer.live.frames.sources import film_of, open_pictures
+    from torsight.viewer.live.live_session import Session
+    from torsight.viewer.live.measure.growing_log import WatchedLog
     from torsight.viewer.live.record.live_report import write_experiment
     from torsight.viewer.live.screen.feed import Feed
-    from torsight.viewer.live.session import Session
     from torsight.viewer.program import chosen_port
 
     named = said(columns, units)
@@ -89,14 +90,12 @@ def live(
     with _ended_by(stop), _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
         session = Session(
             pictures,
-            log=temperature,
+            WatchedLog(temperature, offset_s, chosen_columns(**named)),
             folder=folder,
             hints=hints,
             camera=lens,
             feed=feed,
             model=model,
-            offset_s=offset_s,
-            columns=chosen_columns(**named),
             say=say,
         )
         write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s, **named)
@@ -130,7 +129,7 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
     if spec is None:
         yield None
         return
-    from torsight.viewer.live.measure.model import ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelWatch
 
     with contextlib.closing(ModelWatch(spec)) as watch:
         yield watch

@@ -19,7 +19,7 @@ def paper(
 
     Example: torsight paper --out paper
     """
-    from torsight.actuator.characterising.paper import make_paper
+    from torsight.actuator.characterising.paper_figures import make_paper
     from torsight.cli.console import progress_bar, say
 
     with progress_bar() as progress:

@@ -26,8 +26,8 @@ def render(
     from torsight.cli.console import progress_bar, say
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import read_toml
-    from torsight.synthetic.render import record_scene, render_scene
     from torsight.synthetic.scene import scene_from
+    from torsight.synthetic.scene_files import record_scene, render_scene
 
     texts = ("experiment.toml", "actuator.toml", "camera.toml", "markers.toml", "truth.toml")
     require_apart([out / name for name in texts], [scene])

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.coverage import is_no_result
+from torsight.cli.frame_coverage import is_no_result
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from torsight.cli.experiment import Experiment
+    from torsight.cli.experiment_file import Experiment
 
 
 def run(
@@ -35,7 +35,7 @@ def run(
     Example: torsight run experiment.toml --out results
     """
     from torsight.cli.console import progress_bar, say
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.summary import summary
 
     if (experiment is None) == (from_ is None):
@@ -74,7 +74,7 @@ def again(path: Path) -> Experiment:
     InputError
         When the file is no provenance, or an input is missing or has other bytes.
     """
-    from torsight.cli.experiment import experiment_from
+    from torsight.cli.experiment_file import experiment_from
     from torsight.core.files.provenance import file_hash
     from torsight.core.files.storage import read_json
 
@@ -127,7 +127,6 @@ def run_experiment(
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
     origin = provenance(
-        command="torsight run",
         inputs=experiment.inputs(),
         configuration=experiment.to_configuration(),
         seed=experiment.seed,

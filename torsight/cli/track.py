@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.coverage import few_angles, is_no_result
+from torsight.cli.frame_coverage import few_angles, is_no_result
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,10 @@ class Parameter:
         return replace(self, value=value)
 
 
+REACH: Final = 1.96
+"""Standard deviations from the value to either end of a 95 % interval of a normal distribution."""
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """A fitted value with its standard deviation and 95 % interval, all in ``unit``.
@@ -54,6 +59,13 @@ class Estimate:
     ci95: tuple[float, float]
     unit: str
     fixed: bool = False
+
+    @classmethod
+    def normal(
+        cls, value: float, sigma: float, unit: str, *, lower: float = -math.inf, upper: float = math.inf
+    ) -> Estimate:
+        """Return the estimate of a value with normal errors, its interval cut at the value's bounds."""
+        return cls(value, sigma, (max(value - REACH * sigma, lower), min(value + REACH * sigma, upper)), unit)
 
     def to_json(self) -> dict[str, object]:
         """Return the form that stands in the JSON outputs (non-finite numbers become null)."""

@@ -28,22 +28,12 @@ def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
     Path
         The page; it needs the experiments' folders only for its links.
     """
-    import jinja2
+    from torsight.report.write import from_template
 
-    from torsight.report.write import TEMPLATES, page_style
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    cards = [_card(row, out) for row in rows]
-    text = environment.get_template("gallery.html").render(
-        style=page_style(),
-        name=out.resolve().name,
-        cards=cards,
-        done=sum(row["status"] == "done" for row in rows),
-    )
+    done = sum(row["status"] == "done" for row in rows)
+    shown = {"name": out.resolve().name, "cards": [_card(row, out) for row in rows], "done": done}
     path = out / "index.html"
-    write_text(path, text + "\n")
+    write_text(path, from_template("gallery.html", shown))
     return path
 
 

@@ -23,21 +23,11 @@ def write_own_report(found: Findings, folder: Path, *, model: Path, records: Seq
     OutputError
         When it cannot be written.
     """
-    import jinja2
+    from torsight.report.write import from_template
 
-    from torsight.report.write import TEMPLATES, page_style
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    text = environment.get_template("own_report.html").render(
-        style=page_style(),
-        name=model.stem,
-        records=[path.name for path in records],
-        **contents(found),
-    )
+    shown = {"name": model.stem, "records": [path.name for path in records], **contents(found)}
     path = folder / "report.html"
-    write_text(path, text + "\n")
+    write_text(path, from_template("own_report.html", shown))
     return path
 
 

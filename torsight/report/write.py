@@ -87,61 +87,63 @@ def page(
     drawn : Drawing, optional
         The same figures for a browser with scripts.
     """
-    import jinja2
-
     from torsight.report.figures.export import FOLDER, data_link
     from torsight.report.plots.interactive import library
     from torsight.report.plots.palette import LIGHT, at_night
     from torsight.report.plots.still import picture_data
 
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    names = {value: name for name, value in LIGHT.items()}
-    environment.globals |= {"data_link": data_link, "figure_folder": FOLDER, "colour_name": names.__getitem__}
-    scripts = "" if drawn is None else library()
-    text = environment.get_template("report.html").render(
-        **shown,
+    return from_template(
+        "report.html",
+        shown,
         pictures={name: picture_data(svg) for name, svg in pictures.items()},
         drawn=drawn,
         at_night=json.dumps(at_night()),
-        bokeh=scripts,
+        bokeh="" if drawn is None else library(),
         draw=(TEMPLATES / "draw.js").read_text(encoding="utf-8"),
+        data_link=data_link,
+        figure_folder=FOLDER,
+        colour_name={value: name for name, value in LIGHT.items()}.__getitem__,
     )
-    return text + "\n"
 
 
-def page_style() -> str:
-    """Return the style sheet of a page, colours first."""
+def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
+    """Return the text of a page: a template filled with what it shows, in the style of all pages."""
+    import jinja2
+
     from torsight.report.plots.palette import style_variables
 
-    return style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    style = style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    # As globals, what is not the page's own is at hand inside macros, too.
+    environment.globals |= more
+    return environment.get_template(name).render(**shown, style=style) + "\n"
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.report.sections import parameter_table, tables
+    from torsight.report.sections import page_content, parameter_table
     from torsight.report.sections.limitations import doubts
     from torsight.report.sections.next_steps import next_steps
 
     shown: dict[str, Any] = {
-        "style": page_style(),
         "name": results.folder.resolve().name,
         "headline": headline(results),
-        "lead": tables.lead(results),
-        "tiles": tables.tiles(results),
-        "facts": tables.facts(results),
+        "lead": page_content.lead(results),
+        "tiles": page_content.tiles(results),
+        "facts": page_content.facts(results),
         "next_steps": next_steps(results),
-        "missing": tables.missing(results),
+        "missing": page_content.missing(results),
         "figures": _figures(results, progress=progress),
         "parameters": parameter_table.parameter_table(results),
         "fit": parameter_table.fit_lines(results),
-        "tracking": tables.tracking(results),
-        "track_picture": tables.track_picture(results),
-        "clocks": tables.clocks(results),
+        "tracking": page_content.tracking(results),
+        "track_picture": page_content.track_picture(results),
+        "clocks": page_content.clocks(results),
         "unsure": doubts(results),
-        "origin": tables.origin(results),
-        "files": tables.files(results.folder),
+        "origin": page_content.origin(results),
+        "files": page_content.files(results.folder),
     }
     return shown | {"parts": _parts(shown)}
 
@@ -238,7 +240,7 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
     from torsight.report.figures import evidence, planned
-    from torsight.report.sections.priors import priors
+    from torsight.report.sections.prior_pulls import priors
 
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}

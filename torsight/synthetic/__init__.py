@@ -18,7 +18,7 @@ _HOMES: Final = {
     "scene_from": "scene",
     "Record": "experiment",
     "make_record": "experiment",
-    "render_scene": "render",
+    "render_scene": "scene_files",
 }
 
 __getattr__, __dir__ = lazily(__name__, _HOMES)

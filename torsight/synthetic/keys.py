@@ -7,12 +7,11 @@ refuses what the section does not know; :func:`describe` lists the keys for the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_text
+from torsight.core.files.config import get_number, get_numbers, get_switch, get_text, get_whole
 from torsight.core.files.storage import check_keys
 
 T = TypeVar("T")
@@ -30,12 +29,15 @@ class KeyRule:
         Bounds of a number (of each, in a list).
     choices : tuple of str
         Allowed texts; empty where any is.
+    constant : str
+        The integrator's constant that a key of an effect sets; empty where it sets none by itself.
     """
 
     help: str
     lower: float = -math.inf
     upper: float = math.inf
     choices: tuple[str, ...] = ()
+    constant: str = ""
 
 
 def key(
@@ -45,9 +47,10 @@ def key(
     lower: float = -math.inf,
     upper: float = math.inf,
     choices: tuple[str, ...] = (),
+    constant: str = "",
 ) -> T:
-    """Declare one key of a section: its default, one line of help, and what it may hold."""
-    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices)})
+    """Declare one key of a section: its default, one line of help, what it may hold, and the constant that it sets."""
+    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices, constant)})
     return declared
 
 
@@ -77,26 +80,13 @@ def read_section(kind: type[T], table: Mapping[str, Any], *, where: str) -> T:
 def _value(item: Field[Any], table: Mapping[str, Any], *, where: str) -> Any:
     rule, name, default = rule_of(item), item.name, item.default
     if isinstance(default, bool):
-        value = table[name]
-        if not isinstance(value, bool):
-            raise ConfigError(f"'{name}' is not a switch", where=where, value=repr(value), limit="true or false")
-        return value
+        return get_switch(table, name, where=where)
     if isinstance(default, str):
         return get_text(table, name, where=where, choices=rule.choices)
     if isinstance(default, tuple):
-        return _list(table[name], name, rule, count=len(default), where=where)
-    number = get_number(table, name, where=where, lower=rule.lower, upper=rule.upper)
-    if isinstance(default, int):
-        if number != round(number):
-            raise ConfigError(f"'{name}' is not a whole number", where=where, value=f"{number:g}")
-        return int(number)
-    return number
-
-
-def _list(value: Any, name: str, rule: KeyRule, *, count: int, where: str) -> tuple[float, ...]:
-    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
-        raise ConfigError(f"'{name}' is not a list", where=where, value=repr(value), limit=f"{count} numbers")
-    return tuple(get_number({name: item}, name, where=where, lower=rule.lower, upper=rule.upper) for item in value)
+        return get_numbers(table, name, len(default), where=where, lower=rule.lower, upper=rule.upper)
+    get = get_whole if isinstance(default, int) else get_number
+    return get(table, name, where=where, lower=rule.lower, upper=rule.upper)
 
 
 def describe(kind: type[Any]) -> list[tuple[str, str, str]]:

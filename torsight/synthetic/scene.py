@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_table
+from torsight.core.files.config import get_number, get_switch, get_table, get_tables
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
@@ -20,7 +20,7 @@ from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import key, read_section
 from torsight.synthetic.rig.moving_rig import Mechanics, Sensor, Thermal
 from torsight.synthetic.rig.protocol import Protocol, read_protocol
-from torsight.synthetic.rig.values import Declared, RigValues, declared_from, draw_values
+from torsight.synthetic.rig.rig_values import Declared, RigValues, declared_from, draw_values
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +235,9 @@ def scene_from(content: Mapping[str, Any], *, where: str = "scene", seed: int | 
         values=_true_values(get_table(content, "rig", where=where), declared, seed, where=where),
         protocol=read_protocol(get_table(content, "protocol", where=where), where=where),
         effects=read_hidden(get_table(content, "effects", where=where), where=where),
-        events=_events(content.get("event", ()), where=where),
+        events=tuple(
+            read_section(FilmEvent, item, where=place) for item, place in get_tables(content, "event", where=where)
+        ),
         source=content,
         **sections,
     )
@@ -246,24 +248,11 @@ def scene_from(content: Mapping[str, Any], *, where: str = "scene", seed: int | 
 def _true_values(table: Mapping[str, Any], declared: Declared, seed: int, *, where: str) -> RigValues:
     place = f"{where}, [rig]"
     check_keys(table, ("as_declared", "true"), where=place)
-    as_declared = table.get("as_declared", False)
-    if not isinstance(as_declared, bool):
-        raise ConfigError("'as_declared' is not a switch", where=place, value=repr(as_declared), limit="true or false")
     given = get_table(table, "true", where=place)
     check_keys(given, tuple(declared.flat()), where=f"{where}, [rig.true]")
     numbers = {name: get_number(given, name, where=f"{where}, [rig.true]") for name in given}
-    rng = None if as_declared else np.random.default_rng([seed, *b"values"])
+    rng = None if get_switch(table, "as_declared", where=place) else np.random.default_rng([seed, *b"values"])
     return draw_values(declared, given=numbers, rng=rng)
-
-
-def _events(value: Any, *, where: str) -> tuple[FilmEvent, ...]:
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        raise ConfigError("'event' is not a list of tables", where=where, do="write [[event]]")
-    found = []
-    for number, item in enumerate(value):
-        place = f"{where}, [[event]] {number + 1}"
-        found.append(read_section(FilmEvent, get_table({"event": item}, "event", where=place), where=place))
-    return tuple(found)
 
 
 def _check(scene: Scene, *, where: str) -> None:

@@ -39,8 +39,8 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 def save_pictures(
     recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
 ) -> list[Path]:
-    """Save a recording's panes as PNG pictures without a screen; see :func:`torsight.viewer.pictures.save_pictures`."""
-    from torsight.viewer.pictures import save_pictures as save
+    """Save a recording's panes as PNG without a screen; see :func:`torsight.viewer.screenshots.save_pictures`."""
+    from torsight.viewer.screenshots import save_pictures as save
 
     return save(recording, out, time_s=time_s, size_px=size_px)
 

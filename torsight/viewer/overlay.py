@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.tracks import MARKERS
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
 ARC_COLOUR: Final[Colour] = (240, 228, 66)
@@ -60,7 +61,7 @@ def colour_of(name: str) -> Colour:
     return BASE_COLOUR if name.startswith("base") else MOVING_COLOUR
 
 
-def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[str, ...], scale: float) -> Overlay:
+def overlay(position_px: NDArray[np.float64], angle_rad: float, *, scale: float) -> Overlay:
     """Return what is drawn on one frame.
 
     Parameters
@@ -69,8 +70,6 @@ def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[
         Markers in the film's pixels, in the order of ``torsight.core.tracks.MARKERS``; NaN where not found.
     angle_rad : float
         Angle, positive counter-clockwise as displayed; NaN where not known.
-    names : tuple of str
-        Names of the markers.
     scale : float
         Pixels of the picture that is shown per pixel of the film.
     """
@@ -82,7 +81,7 @@ def overlay(position_px: NDArray[np.float64], angle_rad: float, *, names: tuple[
     degrees = f"{np.rad2deg(angle_rad):.1f}°".replace("-", "−") if np.isfinite(angle_rad) else "angle not known"
     return Overlay(
         points_px=shown[found],
-        names=tuple(name for name, good in zip(names, found.tolist(), strict=True) if good),
+        names=tuple(name for name, good in zip(MARKERS, found.tolist(), strict=True) if good),
         sticks_px=tuple(ends for _, ends in whole),
         sticks=tuple(stick for stick, _ in whole),
         arc_px=arc,

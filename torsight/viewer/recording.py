@@ -23,10 +23,10 @@ from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.words.wording import effect_name, variable_name
-from torsight.viewer import layout
+from torsight.viewer import view_layout
+from torsight.viewer.film_preview import MOST_FRAMES, Preview, trouble_of, write_preview
 from torsight.viewer.overlay import Overlay, colour_of, overlay
-from torsight.viewer.preview import MOST_FRAMES, Preview, trouble_of, write_preview
-from torsight.viewer.words import half_cycle_begins, run_events, span_s, summary_document
+from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,10 +128,10 @@ def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
 
     results = read_results(folder)
     # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
-    stream = rr.RecordingStream(layout.APPLICATION, recording_id=folder.resolve().name)
+    stream = rr.RecordingStream(view_layout.APPLICATION, recording_id=folder.resolve().name)
     laws = laws_of(results)
-    stream.save(target, default_blueprint=layout.blueprint(span_s(results), laws=list(laws)))
-    layout.log_styles(stream)
+    stream.save(target, default_blueprint=view_layout.blueprint(span_s(results), laws=list(laws)))
+    view_layout.log_styles(stream)
     log_curves(stream, results)
     log_band(stream, results)
     log_half_cycles(stream, results)
@@ -182,7 +182,7 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
             continue
         stream.send_columns(
             entity,
-            indexes=[rr.TimeColumn(layout.TIME, duration=time_s)],
+            indexes=[rr.TimeColumn(view_layout.TIME, duration=time_s)],
             columns=rr.Scalars.columns(scalars=values),
         )
 
@@ -196,10 +196,10 @@ def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
         return
     time_s, sigma_deg = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", "angle_sigma_deg"))
     known = np.isfinite(sigma_deg)
-    for side, entity in layout.BAND.items():
+    for side, entity in view_layout.BAND.items():
         stream.send_columns(
             entity,
-            indexes=[rr.TimeColumn(layout.TIME, duration=time_s[known])],
+            indexes=[rr.TimeColumn(view_layout.TIME, duration=time_s[known])],
             columns=rr.Scalars.columns(scalars=side * sigma_deg[known]),
         )
 
@@ -232,9 +232,9 @@ def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> Non
                     law.value[rows],
                     abscissa=law.driver_values[rows],
                     widths=np.full(int(rows.sum()), step),
-                    color=layout.LAW_COLOURS[part],
+                    color=view_layout.LAW_COLOURS[part],
                 )
-                stream.log(f"{layout.law_entity(name)}/{part}", bars, static=True)
+                stream.log(f"{view_layout.law_entity(name)}/{part}", bars, static=True)
 
 
 def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
@@ -244,8 +244,8 @@ def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
     begins = half_cycle_begins(results)
     if begins:
         stream.send_columns(
-            layout.HALF_CYCLE,
-            indexes=[rr.TimeColumn(layout.TIME, duration=[one.time_s for one in begins])],
+            view_layout.HALF_CYCLE,
+            indexes=[rr.TimeColumn(view_layout.TIME, duration=[one.time_s for one in begins])],
             columns=rr.Scalars.columns(scalars=[one.angle_deg for one in begins]),
         )
 
@@ -278,7 +278,7 @@ def times(frame: NDArray[np.int64], time_s: NDArray[np.float64]) -> list[rr.Time
     """Return both timelines for frames of the film."""
     import rerun as rr
 
-    return [rr.TimeColumn(layout.TIME, duration=time_s[frame]), rr.TimeColumn(layout.FRAME, sequence=frame)]
+    return [rr.TimeColumn(view_layout.TIME, duration=time_s[frame]), rr.TimeColumn(view_layout.FRAME, sequence=frame)]
 
 
 def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> list[Overlay]:
@@ -293,7 +293,7 @@ def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> 
         degrees = np.where(known, results.angle["angle_deg"].to_numpy(dtype=np.float64), np.nan)
         rows = min(len(degrees), len(angle_rad))
         angle_rad[:rows] = degrees[:rows] * DEG
-    return [overlay(position_px[k], float(angle_rad[k]), names=MARKERS, scale=scale) for k in frame.tolist()]
+    return [overlay(position_px[k], float(angle_rad[k]), scale=scale) for k in frame.tolist()]
 
 
 def _positions(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
@@ -326,7 +326,7 @@ def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: 
         lengths.append(len(lines))
     columns = rr.LineStrips2D.columns(strips=strips, colors=colours, labels=labels)
     stream.send_columns("film/sticks", indexes=indexes, columns=columns.partition(lengths))
-    layout.log_sizes(stream)
+    view_layout.log_sizes(stream)
 
 
 def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
@@ -338,6 +338,6 @@ def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
     if events:
         stream.send_columns(
             "events",
-            indexes=[rr.TimeColumn(layout.TIME, duration=[event.time_s for event in events])],
+            indexes=[rr.TimeColumn(view_layout.TIME, duration=[event.time_s for event in events])],
             columns=rr.TextLog.columns(text=[event.text for event in events], level=[event.level for event in events]),
         )

@@ -15,7 +15,7 @@ import signal
 import sys
 from pathlib import Path
 
-from torsight.viewer.preview import Preview
+from torsight.viewer.film_preview import Preview
 from torsight.viewer.recording import log_recording
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calibration.boards.board import Board, board_from, read_board
+from calibration.boards.board_file import Board, board_from, read_board
 from torsight.core.errors import ConfigError, InputError
 
 CHESSBOARD = {"kind": "chessboard", "columns": 9, "rows": 6, "square_mm": 25.0}

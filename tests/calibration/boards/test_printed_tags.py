@@ -10,18 +10,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calibration.boards.printing import raster
-from calibration.boards.tags import draw_tags, tag_pair
+from calibration.boards.printed_tags import draw_tags, tag_pair
+from calibration.boards.printing import write_board
 from torsight.cli.main import app
 from torsight.core.errors import ConfigError
 from tracker.detect.marker_file import read_markers
 
 
 @pytest.mark.parametrize(("family", "ids", "page"), [("4X4_50", (0, 1), "a4"), ("APRILTAG_36h11", (8, 500), "a5")])
-def test_tags_are_found_at_true_size_with_their_border(family: str, ids: tuple[int, int], page: str) -> None:
+def test_tags_are_found_at_true_size_with_their_border(
+    family: str, ids: tuple[int, int], page: str, tmp_path: Path
+) -> None:
     pair = tag_pair(family, base_id=ids[0], moving_id=ids[1], side_mm=40.0)
     dpi = 127.0
-    grey = raster(draw_tags(pair, page=page), dpi=dpi)
+    write_board(tmp_path / "tags.png", draw_tags(pair, page=page), dpi=dpi)
+    grey = cv2.imread(str(tmp_path / "tags.png"), cv2.IMREAD_GRAYSCALE)
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{family}")))
     corners, numbers, _ = detector.detectMarkers(grey)
     assert sorted(np.ravel(numbers)) == sorted(ids)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from made_up_views import CHARUCO, CHESSBOARD, corners_px, picture
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.views.detect import find_board, goes_on, other_boards_seen
 
 FACING = np.array([0.25, -0.1, 0.05, 3.0, -2.0, 150.0])

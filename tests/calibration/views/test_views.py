@@ -20,7 +20,7 @@ from made_up_views import (
 )
 from PIL import Image
 
-from calibration.boards.board import Board
+from calibration.boards.board_file import Board
 from calibration.stage import calibrate_one, calibrate_two
 from calibration.views.board_views import find_views
 from calibration.views.picture_files import expand

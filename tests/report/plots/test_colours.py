@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from torsight.report.plots.palette import DARK, LIGHT, PAPER
-from torsight.viewer.layout import SERIES
+from torsight.viewer.view_layout import SERIES
 
 MEANING = ("measured", "before", "after", "spring-a", "spring-b", "held")
 CLEAR = 10.0

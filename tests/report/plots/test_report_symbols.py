@@ -9,7 +9,7 @@ import pytest
 from torsight.actuator.effects import load_effects
 from torsight.actuator.spec import reference_spec
 from torsight.core.words.symbols import SYMBOLS, plain_symbol
-from torsight.report.plots.symbols import equation, equation_picture, symbol, with_symbols
+from torsight.report.plots.formulas import equation, equation_picture, symbol, with_symbols
 
 
 def test_every_characterised_value_has_its_symbol() -> None:

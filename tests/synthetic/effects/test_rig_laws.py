@@ -11,7 +11,7 @@ from torsight.synthetic.effects.hidden import HIDDEN
 from torsight.synthetic.effects.random_laws import OUTSIDE, SLOTS, RigLaw, draw_law, factor_for
 from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import read_protocol
-from torsight.synthetic.rig.values import RigValues, rig_values
+from torsight.synthetic.rig.rig_values import RigValues, rig_values
 
 EXACT = Sensor(noise_c=0.0, quantum_c=0.0)
 PROTOCOL = {

@@ -10,7 +10,7 @@ from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import HIDDEN
 from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, Thermal, play, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import read_protocol
-from torsight.synthetic.rig.values import RigValues, rig_values
+from torsight.synthetic.rig.rig_values import RigValues, rig_values
 
 EXACT = Sensor(noise_c=0.0, quantum_c=0.0)
 PAPER = {"half_cycle": [{"spring": "a", "peak_c": 90.0}, {"spring": "b", "peak_c": 90.0}]}

@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 from live_rig import FPS, log_text, write_film
 
-from torsight.cli.experiment import read_experiment
+from torsight.cli.experiment_file import read_experiment
 from torsight.cli.main import main
 from torsight.cli.view import recording_of
 from torsight.core.errors import ConfigError, InputError, NoResultError

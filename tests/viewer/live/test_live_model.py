@@ -13,7 +13,7 @@ import pytest
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.core.records import SyncedTable
-from torsight.viewer.live.measure.model import STEP_S, ModelWatch, model_of
+from torsight.viewer.live.measure.model_watch import STEP_S, ModelWatch, model_of
 
 ACTUATOR = """
 [geometry]

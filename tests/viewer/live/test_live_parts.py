@@ -28,7 +28,7 @@ from torsight.viewer.live.frames.sources import open_pictures
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.growing_log import LogFollower
 from torsight.viewer.live.measure.log_clock import LogClock
-from torsight.viewer.live.measure.model import STEP_S, Thinned
+from torsight.viewer.live.measure.model_watch import STEP_S, Thinned
 from torsight.viewer.live.record.live_files import LineFile, Recorder
 from torsight.viewer.live.record.outcome import Outcome
 from torsight.viewer.live.record.status_table import standing

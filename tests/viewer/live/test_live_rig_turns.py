@@ -17,10 +17,11 @@ from torsight.cli.run import run_experiment
 from torsight.core.units import DEG
 from torsight.synthetic.experiment import Record, make_record
 from torsight.viewer.live.frames.sources import open_pictures
-from torsight.viewer.live.measure.model import ModelWatch
+from torsight.viewer.live.live_session import Session
+from torsight.viewer.live.measure.growing_log import WatchedLog
+from torsight.viewer.live.measure.model_watch import ModelWatch
 from torsight.viewer.live.record.live_report import write_experiment
 from torsight.viewer.live.screen.latency import Latency
-from torsight.viewer.live.session import Session
 
 FPS = 5.0
 SPEED = 40.0
@@ -85,19 +86,11 @@ def rig(made: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def record(rig: Path, made: Record) -> tuple[Path, Session, Kept]:
     declared = made.played.scene.declared
-    kept, watch = Kept(), ModelWatch(ActuatorSpec(declared.flat(), dict(declared.uncertainty)))
+    # As long as a busy machine may take: the time is not what is tested.
+    kept, watch = Kept(), ModelWatch(ActuatorSpec(declared.flat(), dict(declared.uncertainty)), last_fit_s=300.0)
     pictures = open_pictures(str(rig / "film.mkv"), speed=SPEED)
     try:
-        session = Session(
-            pictures,
-            log=rig / "temps.csv",
-            folder=rig / "live",
-            feed=kept,
-            model=watch,
-            offset_s=0.0,
-            # As long as a busy machine may take: the time is not what is tested.
-            last_fit_s=300.0,
-        )
+        session = Session(pictures, WatchedLog(rig / "temps.csv", 0.0), folder=rig / "live", feed=kept, model=watch)
         write_experiment(rig / "live", film=None, actuator=rig / "actuator.toml", offset_s=None)
         session.run(threading.Event())
     finally:
@@ -172,7 +165,7 @@ def test_both_temperatures_are_shown_as_they_were_written(made: Record, record: 
 
 def test_run_goes_on_from_the_record(record: tuple[Path, Session, Kept], monkeypatch: pytest.MonkeyPatch) -> None:
     """All but the discovery, which has tests of its own and takes long."""
-    from torsight.cli.experiment import read_experiment
+    from torsight.cli.experiment_file import read_experiment
 
     monkeypatch.setattr("torsight.cli.discover.discover_to_folder", lambda *_args, **_options: None)
     results = run_experiment(read_experiment(record[0] / "experiment.toml"))

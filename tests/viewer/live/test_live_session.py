@@ -19,14 +19,15 @@ from live_rig import FPS, log_text, picture_angles_deg, write_film
 from rerun.experimental import ViewerClient
 
 from torsight.core.errors import NoResultError, OutputError
-from torsight.viewer import layout
+from torsight.viewer import view_layout
 from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.frames.sources import open_pictures
+from torsight.viewer.live.live_session import Session
+from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.screen.feed import MOST_WAITING, Feed
-from torsight.viewer.live.session import Session
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR, overlay
-from torsight.viewer.pictures import WHOLE, patiently, pictures_of, viewer_without_screen
 from torsight.viewer.program import free_port
+from torsight.viewer.screenshots import WHOLE, patiently, pictures_of, viewer_without_screen
 
 FRAMES = 120
 
@@ -42,7 +43,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
 def play(rig: Path, out: Path, *, stop: threading.Event | None = None, **options: object) -> Session:
     """Play the film at a pace that any machine can follow, and return the session when it has ended."""
     session = Session(
-        open_pictures(str(rig / "film.mkv"), speed=1.0), log=rig / "temps.csv", folder=out, offset_s=0.0, **options
+        open_pictures(str(rig / "film.mkv"), speed=1.0), WatchedLog(rig / "temps.csv", 0.0), folder=out, **options
     )
     session.run(stop or threading.Event())
     return session
@@ -181,7 +182,7 @@ class Rushing:
 
 def test_dropped_frames_are_counted_and_told_and_shift_nothing(rig: tuple[Path, np.ndarray], tmp_path: Path) -> None:
     pictures = Rushing(rig[0] / "film.mkv")
-    session = Session(pictures, log=rig[0] / "temps.csv", folder=tmp_path / "live", offset_s=0.0)
+    session = Session(pictures, WatchedLog(rig[0] / "temps.csv", 0.0), folder=tmp_path / "live")
     pictures.session = session
     outcome = session.run(threading.Event())
     table = pd.read_csv(tmp_path / "live" / "angle.csv")
@@ -225,7 +226,7 @@ def test_viewers_are_served_on_this_computer_only(feed: Feed) -> None:
 
 def test_a_hung_screen_holds_nothing_up_and_catches_up_when_it_goes_on(feed: Feed) -> None:
     luma = np.zeros((240, 320), np.uint8)
-    drawn = overlay(np.full((4, 2), np.nan), float("nan"), names=("a", "b", "c", "d"), scale=1.0)
+    drawn = overlay(np.full((4, 2), np.nan), float("nan"), scale=1.0)
     os.kill(feed._process.pid or 0, signal.SIGSTOP)
     try:
         for k in range(3 * MOST_WAITING):
@@ -317,7 +318,7 @@ def test_the_live_view_shows_what_the_recorded_run_shows(rig: tuple[Path, np.nda
     for colour in (BASE_COLOUR, MOVING_COLOUR, ARC_COLOUR):
         assert share("Film", colour) > 0.0005
     assert share("Film", (90, 90, 90)) > 0.2
-    styles = {series.entity: series.colour for series in layout.SERIES}
+    styles = {series.entity: series.colour for series in view_layout.SERIES}
     for pane, entity in (
         ("Angle (°)", "angle/measured"),
         ("Angle (°)", "angle/plain"),

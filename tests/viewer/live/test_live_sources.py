@@ -15,7 +15,7 @@ import pytest
 from live_rig import FPS, SIZE_PX, write_film
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.viewer.live.frames import camera as camera_module
+from torsight.viewer.live.frames import camera_source as camera_module
 from torsight.viewer.live.frames import stream as stream_module
 from torsight.viewer.live.frames.intake import Intake, Picture, comes_in_time
 from torsight.viewer.live.frames.sources import film_of, open_pictures

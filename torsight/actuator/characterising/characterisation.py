@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from torsight.actuator.characterising.blocked import blocked_modulus
 from torsight.actuator.characterising.characterised import Characterisation, Step
-from torsight.actuator.characterising.curves import CurveFit, fit_curve, share_explained
+from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
+from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.spec import KEYS, ActuatorSpec
 from torsight.actuator.stepping.phase import HEATING_LAWS
@@ -65,19 +66,7 @@ def characterise(
     cooling = block_cooling(tests, known)
     progress(_STEP, 4, 4)
     known |= cooling.estimates
-    names = (
-        "E_A_gpa",
-        "E_M_gpa",
-        "E_S_gpa",
-        "A_s_c",
-        "A_f_c",
-        "M_s_c",
-        "M_f_c",
-        "C_A_mpa_per_k",
-        "C_M_mpa_per_k",
-        "theta_cr_deg",
-    )
-    estimates = {name: known[name] for name in names}
+    estimates = {name: known[name] for name, key in KEYS.items() if key.table == "material"}
     _require_plausible(estimates, where=source)
     values = {
         **tests.geometry,
@@ -176,7 +165,7 @@ def _window(found: CurveFit, start: str, finish: str) -> dict[str, Estimate]:
     c = found.covariance
     sigma = float(np.sqrt(max(0.0, c[a, a] + c[b, b] + 2.0 * c[a, b])))
     value = found.values[start] + found.values["width_c"]
-    return {start: first, finish: Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), "°C")}
+    return {start: first, finish: Estimate.normal(value, sigma, "°C")}
 
 
 def force_angle(tests: SpringTests) -> Step:

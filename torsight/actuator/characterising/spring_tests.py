@@ -31,7 +31,7 @@ Files are relative to the TOML. Angles and pre-deformations may carry either sig
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from torsight.actuator.spec import KEYS
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.config import get_number, get_table, get_tables, get_text
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_table, read_toml
 from torsight.core.frozen import Frozen
@@ -161,15 +161,14 @@ def read_tests(path: AnyPath) -> SpringTests:
         check_keys(table, (key,), where=f"{where}, [{name}]")
         others[name] = {key: _number(table, key, where=f"{where}, [{name}]")}
     folder = path.parent
+    logs = {name: get_tables(content, name, where=where, required=True) for name in ("free_recovery", "force_angle")}
     return SpringTests(
         geometry=geometry,
         lever_m=get_number(spring, "lever_mm", where=f"{where}, [spring]", lower=0.1, upper=1e4, hint="give it in mm")
         * MM,
-        recoveries=tuple(
-            _recovery(item, folder, where=spot) for item, spot in _items(content, "free_recovery", where=where)
-        ),
+        recoveries=tuple(_recovery(item, folder, where=spot) for item, spot in logs["free_recovery"]),
         forces=_both_ranges(
-            tuple(_force(item, folder, where=spot) for item, spot in _items(content, "force_angle", where=where)),
+            tuple(_force(item, folder, where=spot) for item, spot in logs["force_angle"]),
             where=where,
         ),
         block=_block(block, folder, where=f"{where}, [block]"),
@@ -181,16 +180,6 @@ def read_tests(path: AnyPath) -> SpringTests:
 def _number(table: Mapping[str, Any], name: str, *, where: str) -> float:
     key = KEYS[name]
     return get_number(table, name, where=where, lower=key.lower, upper=key.upper, hint=key.hint)
-
-
-def _items(content: Mapping[str, Any], name: str, *, where: str) -> list[tuple[Mapping[str, Any], str]]:
-    items = content.get(name)
-    if not isinstance(items, Sequence) or isinstance(items, str) or not items:
-        raise ConfigError(f"has no [[{name}]]", where=where, do=f"add one table [[{name}]] per log")
-    return [
-        (get_table({name: item}, name, where=where), f"{where}, [[{name}]] {number + 1}")
-        for number, item in enumerate(items)
-    ]
 
 
 def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, where: str) -> tuple[Array, Array, str]:

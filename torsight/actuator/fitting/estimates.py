@@ -57,10 +57,12 @@ def estimates_of(
         if number is None:
             made[parameter.name] = Estimate(value, 0.0, (value, value), parameter.unit, fixed=True)
             continue
-        sigma = float(np.sqrt(covariance[number, number])) if known[number] else float("nan")
-        reach = 1.96 * sigma if known[number] else float("inf")
-        interval = (max(value - reach, parameter.lower), min(value + reach, parameter.upper))
-        made[parameter.name] = Estimate(value, sigma, interval, parameter.unit)
+        lower, upper, unit = parameter.lower, parameter.upper, parameter.unit
+        if not known[number]:
+            made[parameter.name] = Estimate(value, float("nan"), (lower, upper), unit)
+            continue
+        sigma = float(np.sqrt(covariance[number, number]))
+        made[parameter.name] = Estimate.normal(value, sigma, unit, lower=lower, upper=upper)
     for effect in model.chosen:
         for derived in effect.derived:
             made[derived.name] = _derived(derived, values, problem, covariance)
@@ -81,4 +83,10 @@ def _derived(derived: Derived, values: Mapping[str, float], problem: Problem, co
     sigma = float(np.sqrt(max(0.0, gradient @ covariance @ gradient)))
     if derived.period is not None:
         sigma = min(sigma, 0.5 * derived.period)
-    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma), derived.unit)
+    return Estimate.normal(value, sigma, derived.unit)
+
+
+def share_explained(measured: Array, fitted: Array) -> float:
+    """Return R², 1 less the residual's share of the variance."""
+    total = float(np.sum((measured - measured.mean()) ** 2))
+    return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")

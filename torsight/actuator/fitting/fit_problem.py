@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -20,8 +21,52 @@ _STEP: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
-    """The record and the free parameters in scaled form: value = centre + scale · u.
+class ScaledParameters:
+    """Free parameters in scaled form: value = centre + scale · u.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        Their values are the centre, and with a ``sigma`` a prior.
+    scale : (p,) float64
+        A change of each that matters.
+    """
+
+    parameters: tuple[Parameter, ...]
+    scale: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def _centre(self) -> Array:
+        return np.array([parameter.value for parameter in self.parameters])
+
+    def values(self, u: Array) -> dict[str, float]:
+        """Return the free parameters by name, in their own units."""
+        return dict(zip(self.names, (self._centre + self.scale * u).tolist(), strict=True))
+
+    def scaled(self, values: Mapping[str, float]) -> Array:
+        """Return the scaled form of a start; parameters that it does not name stay at their own value."""
+        given = np.array([values.get(parameter.name, parameter.value) for parameter in self.parameters])
+        return (given - self._centre) / self.scale
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the bounds in scaled form."""
+        lower, upper = np.array([(p.lower, p.upper) for p in self.parameters]).T
+        return (lower - self._centre) / self.scale, (upper - self._centre) / self.scale
+
+    def prior(self) -> Array:
+        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
+        sigma = [math.inf if p.sigma is None else p.sigma for p in self.parameters]
+        return np.asarray(self.scale / np.array(sigma), np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem(ScaledParameters):
+    """The record and the free parameters.
 
     Attributes
     ----------
@@ -29,10 +74,6 @@ class Problem:
         What is fitted.
     drive : Drive
         The record.
-    parameters : tuple of Parameter
-        The free ones; their values are the centre.
-    scale : (p,) float64
-        A change of each that matters.
     counted : (n,) bool
         Rows that count.
     noisy : tuple of Drive
@@ -41,8 +82,6 @@ class Problem:
 
     model: ActuatorModel
     drive: Drive
-    parameters: tuple[Parameter, ...]
-    scale: Array
     counted: NDArray[np.bool_]
     noisy: tuple[Drive, ...]
 
@@ -52,37 +91,6 @@ class Problem:
         angle = self.model.simulate(self.drive, values).angle_rad
         off = [self.model.simulate(drive, values).angle_rad - angle for drive in self.noisy]
         return row_sigma(self.drive, angle, np.array(off).reshape(-1, len(angle)))
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the free parameters."""
-        return [parameter.name for parameter in self.parameters]
-
-    def values(self, u: Array) -> dict[str, float]:
-        """Return the free parameters by name, in their own units."""
-        centre = np.array([parameter.value for parameter in self.parameters])
-        return dict(zip(self.names, (centre + self.scale * u).tolist(), strict=True))
-
-    def scaled(self, values: Mapping[str, float]) -> Array:
-        """Return the scaled form of a start; parameters that it does not name stay at their own value."""
-        return np.array(
-            [
-                (values.get(parameter.name, parameter.value) - parameter.value) / scale
-                for parameter, scale in zip(self.parameters, self.scale, strict=True)
-            ]
-        )
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Return the bounds in scaled form."""
-        lower = np.array([(p.lower - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
-        upper = np.array([(p.upper - p.value) / s for p, s in zip(self.parameters, self.scale, strict=True)])
-        return lower, upper
-
-    def prior(self) -> Array:
-        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
-        return np.array(
-            [0.0 if p.sigma is None else s / p.sigma for p, s in zip(self.parameters, self.scale, strict=True)]
-        )
 
     def misfit(self, u: Array, weight: Array) -> Array:
         """Return weighted residuals of the rows that count, and distances from the priors in their sigmas."""

@@ -36,7 +36,7 @@ _STEADY_C: Final = 1e-3
 _SPIKE: Final = 8.0
 
 
-def noisy_drives(drive: Drive, *, draws: int = _DRAWS) -> tuple[Drive, ...]:
+def noisy_drives(drive: Drive) -> tuple[Drive, ...]:
     """Return drives whose temperatures are off by errors like those that conditioning left; none where it left none."""
     from scipy.ndimage import gaussian_filter1d
 
@@ -45,7 +45,7 @@ def noisy_drives(drive: Drive, *, draws: int = _DRAWS) -> tuple[Drive, ...]:
     rng = np.random.default_rng(0)
     width = _ALIKE_S / float(np.median(np.diff(drive.time_s)))
     made = []
-    for _ in range(draws):
+    for _ in range(_DRAWS):
         smooth = gaussian_filter1d(rng.standard_normal((2, len(drive))), width, axis=1, mode="nearest")
         # A filter over this width leaves white noise with this standard deviation.
         unit = smooth * math.sqrt(2.0 * math.sqrt(math.pi) * width)

@@ -11,13 +11,13 @@ import numpy as np
 
 from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
-from torsight.cli.checkup.film import check_film
+from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
-from torsight.cli.experiment import experiment_file, read_experiment
+from torsight.cli.experiment_file import experiment_file, read_experiment
 from torsight.core.errors import ConfigError, TorsightError
-from torsight.core.files.paths import missing_file
+from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.files.tables import read_angles
 from torsight.core.optics.camera import read_camera, require_second
@@ -95,7 +95,7 @@ def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
         elif suffix in (*CSV_SUFFIXES, *PARQUET_SUFFIXES):
             found.log = path
         else:
-            if not any(character in name for character in "*?[") and not path.exists():
+            if not is_glob(name) and not path.exists():
                 raise missing_file(path)
             found.films.append(name)
     return found

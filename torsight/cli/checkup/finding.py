@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from torsight.core.errors import TorsightError
@@ -44,6 +44,25 @@ class Finding:
         """Return the finding for a script."""
         content = {"about": self.about, "level": self.level, "text": self.text, "do": self.do}
         return {**content, "angle_deg": self.angle_deg}
+
+
+@dataclass(slots=True)
+class Check:
+    """What was found about one film or log.
+
+    Attributes
+    ----------
+    findings : list of Finding
+        In the order in which they were found.
+    content : dict
+        Measured figures, for a script.
+    duration_s : float
+        Length; 0 where it is not known.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    content: dict[str, Any] = field(default_factory=dict)
+    duration_s: float = 0.0
 
 
 def refusal(about: str, error: TorsightError) -> Finding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.conditioning import measure_noise, resolution
 from torsight.actuator.spec import ActuatorSpec
-from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
 from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
@@ -23,7 +23,6 @@ from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
-_HARMLESS: Final = ("decimal_comma", "separator", "comment", "header", "units", "encoding")
 _SLOW_S: Final = 1.0
 _NOISY_C: Final = 0.3
 _FEW: Final = 4
@@ -31,12 +30,9 @@ _FEW: Final = 4
 
 
 @dataclass(slots=True)
-class LogCheck:
-    """What was found about a log; see :class:`torsight.cli.checkup.film.FilmCheck`."""
+class LogCheck(Check):
+    """What was found about a log, and what was read of it."""
 
-    findings: list[Finding] = field(default_factory=list)
-    content: dict[str, Any] = field(default_factory=dict)
-    duration_s: float = 0.0
     reading: LogReading | None = None
 
 
@@ -114,7 +110,7 @@ def check_programme(
         return [refusal("log", error)], content
     cycles = half_cycles_of(drive, limits)
     findings = _look_at_cycles(cycles, limits)
-    content["half_cycles"] = [cycle.to_json() for cycle in cycles]
+    content["half_cycles"] = [asdict(cycle) for cycle in cycles]
     if not any(cycle.peak_c > limits.onset_c for cycle in cycles):
         return findings, content
     angle_deg = ActuatorModel(spec).simulate(drive).angle_rad / DEG

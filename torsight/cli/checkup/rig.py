@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,17 +92,6 @@ class HalfCycle:
     end_c: float
     rate_c_s: float
     holds_s: tuple[float, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the half-cycle for a script."""
-        return {
-            "spring": self.spring,
-            "start_c": self.start_c,
-            "peak_c": self.peak_c,
-            "end_c": self.end_c,
-            "rate_c_s": self.rate_c_s,
-            "holds_s": list(self.holds_s),
-        }
 
 
 def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.checkup.finding import Finding, refusal
-from torsight.cli.coverage import LEAST, USUAL, WHY, gap_words
+from torsight.cli.frame_coverage import LEAST, USUAL, WHY, gap_words
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import Progress, silent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from torsight.core.errors import ConfigError
@@ -66,6 +66,83 @@ def is_number(value: Any) -> bool:
         return not isinstance(value, bool) and isinstance(value, (int, float)) and math.isfinite(value)
     except OverflowError:
         return False
+
+
+def get_whole(
+    table: Mapping[str, Any],
+    key: str,
+    *,
+    where: str,
+    default: int | None = None,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+) -> int:
+    """Return a whole number within [lower, upper].
+
+    Raises
+    ------
+    ConfigError
+        As :func:`get_number`, and for a number with a fraction.
+    """
+    value = get_number(table, key, where=where, default=default, lower=lower, upper=upper)
+    if value != int(value):
+        raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
+    return int(value)
+
+
+def get_numbers(
+    table: Mapping[str, Any],
+    key: str,
+    count: int,
+    *,
+    where: str,
+    default: Sequence[float] | None = None,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+) -> tuple[float, ...]:
+    """Return so many finite numbers, each within [lower, upper].
+
+    Raises
+    ------
+    ConfigError
+        When they are absent without a default, no list of that length, or as :func:`get_number`.
+    """
+    value = table.get(key, default)
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
+        raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))
+    return tuple(get_number({key: item}, key, where=where, lower=lower, upper=upper) for item in value)
+
+
+def get_switch(table: Mapping[str, Any], key: str, *, where: str, default: bool = False) -> bool:
+    """Return true or false.
+
+    Raises
+    ------
+    ConfigError
+        When it is neither.
+    """
+    value = table.get(key, default)
+    if not isinstance(value, bool):
+        raise ConfigError(f"'{key}' is not a switch", where=where, value=repr(value), limit="true or false")
+    return value
+
+
+def get_tables(
+    content: Mapping[str, Any], key: str, *, where: str, required: bool = False
+) -> list[tuple[Mapping[str, Any], str]]:
+    """Return the tables ``[[key]]``, each with its place for messages.
+
+    Raises
+    ------
+    ConfigError
+        When they are no list of tables, or required and absent.
+    """
+    items = content.get(key, ())
+    if not isinstance(items, Sequence) or isinstance(items, str) or (required and not items):
+        kind = "is not a list of tables" if key in content else "is absent"
+        raise ConfigError(f"'{key}' {kind}", where=where, do=f"write [[{key}]], one table for each")
+    places = [f"{where}, [[{key}]] {number}" for number in range(1, len(items) + 1)]
+    return [(get_table({key: item}, key, where=place), place) for item, place in zip(items, places, strict=True)]
 
 
 def get_names(table: Mapping[str, Any], key: str, *, where: str) -> tuple[str, ...]:

@@ -21,6 +21,17 @@ PICTURE_SUFFIXES: Final = (
 """Files that are read as pictures; another file is taken as a film, or passed over in a folder."""
 
 
+def is_glob(name: AnyPath) -> bool:
+    """Return whether a name stands for all files that match it."""
+    return any(character in str(name) for character in "*?[")
+
+
+def matching(pattern: Path) -> list[Path]:
+    """Return the files and folders that match a glob, in the order of their names."""
+    anchor = Path(pattern.anchor)
+    return sorted(anchor.glob(str(pattern.relative_to(anchor))))
+
+
 def missing_file(path: Path) -> InputError:
     """Return the error for a file that is not there, naming the nearest name in its folder."""
     near: list[str] = []

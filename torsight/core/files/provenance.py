@@ -53,13 +53,11 @@ def versions() -> dict[str, str]:
     return found
 
 
-def provenance(*, command: str, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Return the content of ``provenance.json``.
+def provenance(*, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Return the content of ``provenance.json`` of a run.
 
     Parameters
     ----------
-    command : str
-        The command that made the results.
     inputs : iterable of Path
         Every file that was read; folders are hashed file by file in the order of their names.
     configuration : mapping
@@ -68,7 +66,7 @@ def provenance(*, command: str, inputs: Iterable[Path], configuration: Mapping[s
         Seed of every random choice.
     """
     return {
-        "command": command,
+        "command": "torsight run",
         "versions": versions(),
         "inputs": {str(path): file_hash(path) for path in _files(inputs)},
         "configuration": dict(configuration),

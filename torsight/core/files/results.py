@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import read_json, read_table
@@ -68,6 +71,16 @@ class RunResults(Frozen, Shown):
             facts["discovery"] = verdict_sentence(self.discovery)
         return facts
 
+    def measured_angle_deg(self) -> NDArray[np.float64]:
+        """Return the measured angles that are known."""
+        for table in (self.angle, self.merged, self.curves):
+            if table is not None:
+                values = table["angle_deg"].to_numpy(dtype=np.float64)
+                if "valid" in table.columns:
+                    values = values[table["valid"].to_numpy(dtype=np.float64) > 0.5]
+                return np.asarray(values[np.isfinite(values)])
+        return np.empty(0)
+
     def _columns(self) -> dict[str, Any]:
         """Return the widest table that the run left: ``curves.csv``, ``merged.csv`` or ``angle.csv``."""
         for table in (self.curves, self.merged, self.angle):
@@ -94,30 +107,17 @@ def read_results(folder: AnyPath) -> RunResults:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such folder", where=str(folder), do="name the folder that 'torsight run --out' filled")
-    tables = {
+    found: dict[str, Any] = {
         name: read_table(folder / f"{name}.csv", required=columns)
         for name, columns in TABLES.items()
         if (folder / f"{name}.csv").exists()
     }
-    documents = {name: read_json(folder / f"{name}.json") for name in DOCUMENTS if (folder / f"{name}.json").exists()}
-    if not tables and not documents:
+    found |= {name: read_json(folder / f"{name}.json") for name in DOCUMENTS if (folder / f"{name}.json").exists()}
+    if not found:
         raise InputError(
             "holds no results",
             where=str(folder),
             limit=", ".join([f"{name}.csv" for name in TABLES] + [f"{name}.json" for name in DOCUMENTS]),
             do="name the folder that 'torsight run --out' filled",
         )
-    return RunResults(
-        folder=folder,
-        angle=tables.get("angle"),
-        markers=tables.get("markers"),
-        merged=tables.get("merged"),
-        curves=tables.get("curves"),
-        next_experiment=tables.get("next_experiment"),
-        track=documents.get("track"),
-        sync=documents.get("sync"),
-        fit=documents.get("fit"),
-        discovery=documents.get("discovery"),
-        model=documents.get("model"),
-        provenance=documents.get("provenance"),
-    )
+    return RunResults(folder, **found)

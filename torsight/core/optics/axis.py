@@ -1,4 +1,4 @@
-"""The rotation axis from the paths of the moving stick's markers, and the angle of a stick about it.
+"""The rotation axis from the paths of the moving stick's markers.
 
 A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in
 space. In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the
@@ -187,39 +187,6 @@ def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0
         base_z_mm=base_z_mm,
         moving_z_mm=0.0,
     )
-
-
-def stick_angle(
-    inner_mm: Floats, outer_mm: Floats, *, direction: Floats, covariance_mm2: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Return the angle of a stick about the axis, and its standard deviation.
-
-    Parameters
-    ----------
-    inner_mm, outer_mm : (..., 3) float64
-        Its two markers.
-    direction : (3,) float64
-        Of the axis, towards the camera.
-    covariance_mm2 : (..., 2, 3, 3) float64, optional
-        Covariance of the inner and the outer marker's position.
-
-    Returns
-    -------
-    angle_rad : (...) float64
-        In (-π, π], counter-clockwise as displayed, from the picture's right.
-    sigma_rad : (...) float64
-        NaN without a covariance.
-    """
-    u, v = axis_basis(direction)
-    stick = outer_mm - inner_mm
-    x, y = stick @ u, stick @ v
-    angle = np.arctan2(y, x)
-    if covariance_mm2 is None:
-        return angle, np.full(angle.shape, np.nan)
-    with np.errstate(all="ignore"):
-        slope = (x[..., None] * v - y[..., None] * u) / (x * x + y * y)[..., None]
-    variance = np.einsum("...i,...ij,...j->...", slope, covariance_mm2.sum(axis=-3), slope)
-    return angle, np.sqrt(variance)
 
 
 def _directions_in_space(points: Floats) -> list[Floats]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_table
+from torsight.core.files.config import get_number, get_numbers, get_table, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
@@ -115,8 +115,8 @@ def read_camera(path: AnyPath) -> Camera:
         planes = get_table(content, "planes", where=str(path))
         check_keys(planes, ("base_z_mm", "moving_z_mm"), where=f"{path}, [planes]")
         pose = Pose(
-            rvec=_numbers(table, "rvec", 3, where=f"{path}, [pose]"),
-            tvec_mm=_numbers(table, "tvec_mm", 3, where=f"{path}, [pose]"),
+            rvec=np.array(get_numbers(table, "rvec", 3, where=f"{path}, [pose]")),
+            tvec_mm=np.array(get_numbers(table, "tvec_mm", 3, where=f"{path}, [pose]")),
             base_z_mm=get_number(planes, "base_z_mm", where=f"{path}, [planes]", default=0.0),
             moving_z_mm=get_number(planes, "moving_z_mm", where=f"{path}, [planes]", default=0.0),
         )
@@ -131,8 +131,8 @@ def read_camera(path: AnyPath) -> Camera:
                 get_table(table, "intrinsics", where=f"{path}, [right]", required=True),
                 where=f"{path}, [right.intrinsics]",
             ),
-            rvec=_numbers(motion, "rvec", 3, where=f"{path}, [right.from_left]"),
-            tvec_mm=_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]"),
+            rvec=np.array(get_numbers(motion, "rvec", 3, where=f"{path}, [right.from_left]")),
+            tvec_mm=np.array(get_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]")),
         )
     return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
 
@@ -226,13 +226,6 @@ def _intrinsics(table: Mapping[str, Any], *, where: str) -> Intrinsics:
     matrix[1, 1] = get_number(table, "fy_px", where=where, lower=1e-9)
     matrix[0, 2] = get_number(table, "cx_px", where=where)
     matrix[1, 2] = get_number(table, "cy_px", where=where)
-    distortion = _numbers(table, "distortion", 5, where=where) if "distortion" in table else np.zeros(5)
-    width, height = (int(get_number(table, key, where=where, lower=1)) for key in ("width", "height"))
+    distortion = np.array(get_numbers(table, "distortion", 5, where=where)) if "distortion" in table else np.zeros(5)
+    width, height = (get_whole(table, key, where=where, lower=1) for key in ("width", "height"))
     return Intrinsics(size_px=(width, height), matrix=matrix, distortion=distortion)
-
-
-def _numbers(table: Mapping[str, Any], key: str, count: int, *, where: str) -> NDArray[np.float64]:
-    value = table.get(key)
-    if not isinstance(value, Sequence) or len(value) != count:
-        raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))
-    return np.array([get_number({key: item}, key, where=where) for item in value])

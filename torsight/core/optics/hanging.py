@@ -104,17 +104,17 @@ def hanging_errors(
     return max(likely, key=lambda errors: (errors.white * errors.ratio) ** 2 * errors.length_rad)
 
 
-def spread_rows(direction_rad: Floats, known: NDArray[np.bool_], *, most: int = _MOST_ROWS) -> NDArray[np.intp]:
+def spread_rows(direction_rad: Floats, known: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return rows that are known, spread evenly over the stick's directions: a rest tells nothing new."""
     rows = np.flatnonzero(known)
-    if len(rows) <= most:
+    if len(rows) <= _MOST_ROWS:
         return rows
     bins = np.floor((direction_rad[rows] % (2.0 * np.pi)) / _BIN_RAD).astype(np.int64)
     order = np.argsort(bins, kind="stable")
     first = np.searchsorted(bins[order], bins[order])
     count = np.bincount(bins)[bins[order]]
     rank = np.arange(len(rows)) - first
-    share = max(1, most // len(np.unique(bins)))
+    share = max(1, _MOST_ROWS // len(np.unique(bins)))
     # Of every bin the same number, evenly over time.
     kept = (rank * share) // count != ((rank - 1) * share) // count
     return np.sort(rows[order[kept]])

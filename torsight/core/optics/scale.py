@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 
 _STICKS = {"base": (0, 1), "moving": (2, 3)}
 _SIGNIFICANT = 4.0
+_BY_HAND_SIGMA_MM = 0.1
+"""Of a distance that was measured by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +57,13 @@ class ScaleCheck(Frozen):
     def to_json(self) -> dict[str, Any]:
         """Return the form that stands in the JSON outputs."""
         return {
-            "sticks": {
-                name: {
-                    "length_mm": stick.length_mm,
-                    "sigma_mm": stick.sigma_mm,
-                    "misfit": stick.misfit,
-                    "known_mm": stick.known_mm,
-                }
-                for name, stick in self.sticks.items()
-            },
+            "sticks": {name: asdict(stick) for name, stick in self.sticks.items()},
             "complaints": list(self.complaints),
         }
 
 
 def check_scale(
-    position_mm: Floats,
-    covariance_mm2: Floats,
-    *,
-    known_mm: Mapping[str, float] | None = None,
-    known_sigma_mm: float = 0.1,
+    position_mm: Floats, covariance_mm2: Floats, *, known_mm: Mapping[str, float] | None = None
 ) -> ScaleCheck:
     """Measure the distance of each stick's markers over a film, and compare.
 
@@ -85,8 +75,6 @@ def check_scale(
         Their covariance.
     known_mm : mapping of str to float, optional
         Distances measured by hand, for ``base`` and ``moving``.
-    known_sigma_mm : float
-        Standard deviation of a measurement by hand.
 
     Raises
     ------
@@ -98,7 +86,7 @@ def check_scale(
         name: _length(position_mm[:, ends], covariance_mm2[:, ends], name=name, known_mm=known.get(name))
         for name, ends in ((name, list(pair)) for name, pair in _STICKS.items())
     }
-    return ScaleCheck(sticks, tuple(_complaints(sticks, known_sigma_mm)))
+    return ScaleCheck(sticks, tuple(_complaints(sticks)))
 
 
 def _length(position: Floats, covariance: Floats, *, name: str, known_mm: float | None) -> StickLength:
@@ -119,7 +107,7 @@ def _length(position: Floats, covariance: Floats, *, name: str, known_mm: float 
     return StickLength(mean, sigma, misfit if len(length) > 1 else 1.0, known_mm)
 
 
-def _complaints(sticks: Mapping[str, StickLength], known_sigma_mm: float) -> list[str]:
+def _complaints(sticks: Mapping[str, StickLength]) -> list[str]:
     found = []
     scales = {}
     for name, stick in sticks.items():
@@ -129,7 +117,7 @@ def _complaints(sticks: Mapping[str, StickLength], known_sigma_mm: float) -> lis
                 "as the markers' sigmas explain; check the calibration and that neither camera moved"
             )
         if stick.known_mm:
-            sigma = float(np.hypot(stick.sigma_mm, known_sigma_mm)) / stick.known_mm
+            sigma = float(np.hypot(stick.sigma_mm, _BY_HAND_SIGMA_MM)) / stick.known_mm
             scales[name] = (stick.ratio, sigma)
             if abs(stick.ratio - 1.0) > _SIGNIFICANT * sigma:
                 found.append(

@@ -5,7 +5,7 @@ the samples' unit, indices of extremes.
 """
 
 from torsight.core.series.extremes import extremes
-from torsight.core.series.noise import robust_sigma, scatter
 from torsight.core.series.runs import constant_runs, runs
+from torsight.core.series.scatter import robust_sigma, scatter
 
 __all__ = ["constant_runs", "extremes", "robust_sigma", "runs", "scatter"]

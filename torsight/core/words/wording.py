@@ -49,11 +49,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
 
 
-def decimals_for(sigma: float | None, *, most: int = 6) -> int | None:
+def decimals_for(sigma: float | None) -> int | None:
     """Return how many decimals show two digits of an uncertainty; None where there is none."""
     if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
         return None
-    return min(max(0, 1 - math.floor(math.log10(sigma))), most)
+    return min(max(0, 1 - math.floor(math.log10(sigma))), 6)
 
 
 def estimate(parameter: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
 from torsight.report.figures.residuals import pairs_of_bars
 from torsight.report.plots.panels import Axis, Panel
-from torsight.report.sections.priors import Prior, common_reach
+from torsight.report.sections.prior_pulls import Prior, common_reach
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -41,10 +41,14 @@ LABELS: Final = {
 """Drivers that the residual is drawn against, with their labels."""
 
 
-def driver_columns(curves: pd.DataFrame, *, window_s: float = 2.0) -> dict[str, NDArray[np.float64]]:
+_WINDOW_S: Final = 2.0
+"""The discovery's rates are those of a smoothed record, too."""
+
+
+def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     """Return the variables that a missing effect may depend on, as curves over the record.
 
-    Rates are slopes over ``window_s`` of the model's angle and of the temperature as driven: those of the measured
+    Rates are slopes over two seconds of the model's angle and of the temperature as driven: those of the measured
     ones would be noise.
     """
     temp_a, temp_b = column(curves, "temp_a_c"), column(curves, "temp_b_c")
@@ -62,8 +66,8 @@ def driver_columns(curves: pd.DataFrame, *, window_s: float = 2.0) -> dict[str, 
         "angle_deg": column(curves, "angle_deg"),
         "temp_active_c": active,
         "temp_passive_c": passive,
-        "temp_rate_c_s": slope(time_s, active, window_s=window_s, apart=apart),
-        "angle_rate_deg_s": slope(time_s, smooth, window_s=window_s),
+        "temp_rate_c_s": slope(time_s, active, window_s=_WINDOW_S, apart=apart),
+        "angle_rate_deg_s": slope(time_s, smooth, window_s=_WINDOW_S),
     }
 
 

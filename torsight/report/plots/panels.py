@@ -298,7 +298,7 @@ def thin_path(x: Array, y: Array, *, least: tuple[float, float]) -> tuple[Array,
     return x[keep], y[keep]
 
 
-def thin_points(x: Array, y: Array, *, spot: tuple[float, float], most: int = 3000) -> tuple[Array, Array]:
+def thin_points(x: Array, y: Array, *, spot: tuple[float, float], most: int) -> tuple[Array, Array]:
     """Keep one point per spot (of x, of y), and of these an even choice where there are too many."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]

@@ -9,9 +9,9 @@ from markupsafe import Markup
 
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import effect_name, explanations
-from torsight.report.plots.symbols import with_symbols
-from torsight.report.sections.priors import Prior, priors
-from torsight.report.sections.tables import in_words
+from torsight.report.plots.formulas import with_symbols
+from torsight.report.sections.page_content import in_words
+from torsight.report.sections.prior_pulls import Prior, priors
 
 
 def doubts(results: RunResults) -> list[Markup]:

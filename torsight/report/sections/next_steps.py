@@ -13,11 +13,10 @@ from torsight.core.files.results import RunResults
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number
 from torsight.report.figures.motion import column
-from torsight.report.plots.symbols import symbol, with_symbols
+from torsight.report.plots.formulas import symbol, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
-from torsight.report.sections.priors import priors
-from torsight.report.sections.tables import measured_angle
+from torsight.report.sections.prior_pulls import priors
 
 if TYPE_CHECKING:
     from torsight.actuator.fitted import FittedModel
@@ -156,7 +155,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     discovery = results.discovery or {}
     question = "Can the model be trusted for control?"
     left, floor = error_left(discovery) or 0.0, discovery.get("noise_floor_deg") or 0.0
-    angle = measured_angle(results)
+    angle = results.measured_angle_deg()
     range_deg = float(np.ptp(angle)) if len(angle) else 0.0
     if range_deg <= 0.0:
         return Step(question, Markup("The range of motion is not known here."))

@@ -9,9 +9,9 @@ from markupsafe import Markup
 
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import estimate, fixed, number
-from torsight.report.plots.symbols import symbol
-from torsight.report.sections.priors import Prior, priors
-from torsight.report.sections.tables import score
+from torsight.report.plots.formulas import symbol
+from torsight.report.sections.page_content import score
+from torsight.report.sections.prior_pulls import Prior, priors
 
 
 def parameter_table(results: RunResults) -> dict[str, Any]:

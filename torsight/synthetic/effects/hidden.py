@@ -13,7 +13,6 @@ from typing import Any, Final
 
 from torsight.core.files.config import get_table
 from torsight.core.files.storage import check_keys
-from torsight.core.units import DEG, MNM
 from torsight.synthetic.effects.mechanisms import (
     Backlash,
     Creep,
@@ -41,24 +40,22 @@ from torsight.synthetic.keys import key, read_section
 class SensorLag(HiddenEffect):
     """The sensor follows the wire late: τ dT_m/dt = T − T_m, once or in two stages of τ/2."""
 
-    lag_s: float = key(6.0, "time constant of the sensor", lower=0.0, upper=600.0)
+    lag_s: float = key(6.0, "time constant of the sensor", lower=0.0, upper=600.0, constant="lag_s")
     form: str = key("first_order", "law", choices=("first_order", "two_stage"))
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        return {"lag_s": self.lag_s, "lag_stages": 2 if self.form == "two_stage" else 1}
+        return {**HiddenEffect.constants(self), "lag_stages": 2 if self.form == "two_stage" else 1}
 
 
 @dataclass(frozen=True, slots=True)
 class SensorGain(HiddenEffect):
     """The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter."""
 
-    gain: float = key(0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0)
-    form: str = key("linear", "law", choices=("linear", "curved"))
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"sensor_gain": self.gain, "sensor_form": int(self.form == "curved")}
+    gain: float = key(
+        0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0, constant="sensor_gain"
+    )
+    form: str = key("linear", "law", choices=("linear", "curved"), constant="sensor_form")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +70,16 @@ class ClockOffset(HiddenEffect):
 class HeatCrosstalk(HiddenEffect):
     """More heat passes to the other spring, which starts to transform at its own temperature and stress."""
 
-    conductance_w_per_k: float = key(0.012, "heat passing directly between the wires", lower=0.0, upper=1.0)
-    share: float = key(1.0, "share of the other spring that gets warm", lower=0.0, upper=1.0)
+    conductance_w_per_k: float = key(
+        0.012, "heat passing directly between the wires", lower=0.0, upper=1.0, constant="between_more"
+    )
+    share: float = key(
+        1.0, "share of the other spring that gets warm", lower=0.0, upper=1.0, constant="crosstalk_share"
+    )
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        return {"crosstalk": 1, "crosstalk_share": self.share, "between_more": self.conductance_w_per_k}
+        return {**HiddenEffect.constants(self), "crosstalk": 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,70 +88,51 @@ class NonuniformTemperature(HiddenEffect):
 
     cooler_c: float = key(8.0, "how much cooler the ends are than the middle", lower=0.0, upper=50.0)
     share: float = key(0.25, "share of the wire that is cool (two zones)", lower=0.0, upper=1.0)
-    form: str = key("two_zone", "law", choices=("two_zone", "profile"))
+    form: str = key("two_zone", "law", choices=("two_zone", "profile"), constant="zone_form")
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        profile = self.form == "profile"
-        return {"zone_scale": 50.0 if profile else 5.0, "zone_form": int(profile)}
+        return {**HiddenEffect.constants(self), "zone_scale": 50.0 if self.form == "profile" else 5.0}
 
 
 @dataclass(frozen=True, slots=True)
 class CoilFriction(HiddenEffect):
     """Tight coils rub: friction that grows with the winding of either spring past an onset."""
 
-    rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0)
-    onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0)
-    form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"))
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        form = ("linear", "quadratic", "exponential").index(self.form)
-        return {"coil": self.rise_mnm * MNM, "coil_onset": self.onset_deg * DEG, "coil_form": form}
+    rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0, constant="coil")
+    onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0, constant="coil_onset")
+    form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"), constant="coil_form")
 
 
 @dataclass(frozen=True, slots=True)
 class ViscousFriction(HiddenEffect):
     """Grease: torque with the speed, or with its power 0.7."""
 
-    viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0)
-    form: str = key("linear", "law", choices=("linear", "power"))
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"viscous": self.viscous_mnm_s_per_rad * MNM, "viscous_form": int(self.form == "power")}
+    viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0, constant="viscous")
+    form: str = key("linear", "law", choices=("linear", "power"), constant="viscous_form")
 
 
 @dataclass(frozen=True, slots=True)
 class PositionFriction(HiddenEffect):
     """Friction that changes once per turn: a sine, or one flattened at its extremes."""
 
-    amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95)
-    phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0)
-    form: str = key("sine", "law", choices=("sine", "flattened"))
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        form = int(self.form == "flattened")
-        return {"position": self.amplitude, "position_phase": self.phase_rad, "position_form": form}
+    amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95, constant="position")
+    phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0, constant="position_phase")
+    form: str = key("sine", "law", choices=("sine", "flattened"), constant="position_form")
 
 
 @dataclass(frozen=True, slots=True)
 class Stiffening(HiddenEffect):
     """The stress-induced martensite ends: a wound spring stiffens past an onset."""
 
-    rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0)
-    onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0)
+    rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0, constant="stiff")
+    onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0, constant="stiff_onset")
     form: str = key(
         "cubic",
         "law; 'loading' is a third slope of the loading curve, which is unwound along the first, 'bend' a cubic of it",
         choices=("cubic", "third_slope", "quadratic", "loading", "bend"),
+        constant="stiff_form",
     )
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        form = ("cubic", "third_slope", "quadratic", "loading", "bend").index(self.form)
-        return {"stiff": self.rise_mnm * MNM, "stiff_onset": self.onset_deg * DEG, "stiff_form": form}
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,18 +148,16 @@ class Eccentricity(HiddenEffect):
 class Fatigue(HiddenEffect):
     """The recoverable angle falls from cycle to cycle, without end or towards a limit."""
 
-    loss: float = key(0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9)
-    cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4)
+    loss: float = key(
+        0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9, constant="fatigue"
+    )
+    cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4, constant="fatigue_cycles")
     form: str = key(
         "geometric",
         "law; 'plastic' saturates, and an angle is lost: that share of what a winding by 0.66 of both leaves",
         choices=("geometric", "saturating", "plastic"),
+        constant="fatigue_form",
     )
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        form = ("geometric", "saturating", "plastic").index(self.form)
-        return {"fatigue": self.loss, "fatigue_cycles": self.cycles, "fatigue_form": form}
 
 
 @dataclass(frozen=True, slots=True)

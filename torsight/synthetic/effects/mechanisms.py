@@ -5,10 +5,10 @@ The contract's twelve, and the list of all, stand in :mod:`torsight.synthetic.ef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from torsight.core.units import DEG, MNM
-from torsight.synthetic.keys import key
+from torsight.synthetic.keys import KeyRule, key, rule_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,54 +16,50 @@ class HiddenEffect:
     """One effect that a rig has and its ``actuator.toml`` does not declare; its keys are the scene file's."""
 
     def constants(self) -> dict[str, float]:
-        """Return the constants of the integrator that it sets; none where it acts on clock or reading only."""
-        return {}
+        """Return the constants of the integrator that its keys set, SI; none where it acts on clock or reading only."""
+        rules = {item.name: rule_of(item) for item in fields(self)}
+        return {rule.constant: _in_si(name, getattr(self, name), rule) for name, rule in rules.items() if rule.constant}
+
+
+def _in_si(name: str, value: float | str, rule: KeyRule) -> float:
+    """Return a key's value without its unit's prefix; that of a law is its place among the choices."""
+    if isinstance(value, str):
+        return rule.choices.index(value)
+    return value * DEG if name.endswith("_deg") else value * MNM if "_mnm" in name else value
 
 
 @dataclass(frozen=True, slots=True)
 class Creep(HiddenEffect):
     """The wound cold spring relaxes with the logarithm of time since the other one was switched on."""
 
-    relaxation: float = key(0.03, "share of the torque lost per decade of time", lower=0.0, upper=0.5)
-    onset_s: float = key(10.0, "time at which it starts to show", lower=1e-3, upper=1e6)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"creep": self.relaxation, "creep_onset": self.onset_s}
+    relaxation: float = key(0.03, "share of the torque lost per decade of time", lower=0.0, upper=0.5, constant="creep")
+    onset_s: float = key(10.0, "time at which it starts to show", lower=1e-3, upper=1e6, constant="creep_onset")
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueBias(HiddenEffect):
     """A constant stray torque: lead wires."""
 
-    bias_mnm: float = key(0.15, "torque towards positive angles", lower=-20.0, upper=20.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"bias": self.bias_mnm * MNM}
+    bias_mnm: float = key(0.15, "torque towards positive angles", lower=-20.0, upper=20.0, constant="bias")
 
 
 @dataclass(frozen=True, slots=True)
 class Gravity(HiddenEffect):
     """An unbalanced disk: a torque that goes with the sine of the angle and does not change with direction."""
 
-    amplitude_mnm: float = key(0.15, "largest torque", lower=0.0, upper=20.0)
-    phase_rad: float = key(0.0, "angle at which it vanishes, negative", lower=-10.0, upper=10.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"gravity": self.amplitude_mnm * MNM, "gravity_phase": self.phase_rad}
+    amplitude_mnm: float = key(0.15, "largest torque", lower=0.0, upper=20.0, constant="gravity")
+    phase_rad: float = key(
+        0.0, "angle at which it vanishes, negative", lower=-10.0, upper=10.0, constant="gravity_phase"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class GreaseTemperature(HiddenEffect):
     """The grease thins as the body warms up: friction falls exponentially."""
 
-    per_k: float = key(0.05, "relative fall per kelvin of the body above the room", lower=0.0, upper=1.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"grease": self.per_k}
+    per_k: float = key(
+        0.05, "relative fall per kelvin of the body above the room", lower=0.0, upper=1.0, constant="grease"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,47 +73,33 @@ class Backlash(HiddenEffect):
 class StaticFriction(HiddenEffect):
     """Friction at rest is above sliding friction and grows with the time at rest: stick and slip."""
 
-    excess: float = key(0.3, "relative excess after a long rest", lower=0.0, upper=5.0)
-    ageing_s: float = key(60.0, "time constant of its growth", lower=1e-3, upper=1e6)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"static_excess": self.excess, "static_ageing": self.ageing_s}
+    excess: float = key(0.3, "relative excess after a long rest", lower=0.0, upper=5.0, constant="static_excess")
+    ageing_s: float = key(60.0, "time constant of its growth", lower=1e-3, upper=1e6, constant="static_ageing")
 
 
 @dataclass(frozen=True, slots=True)
 class DirectionFriction(HiddenEffect):
     """Friction differs by direction."""
 
-    asymmetry: float = key(0.2, "relative excess in the positive direction", lower=-0.95, upper=0.95)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"asymmetry": self.asymmetry}
+    asymmetry: float = key(
+        0.2, "relative excess in the positive direction", lower=-0.95, upper=0.95, constant="asymmetry"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class RPhase(HiddenEffect):
     """A small, reversible early step of the spring's torque."""
 
-    step_deg: float = key(25.0, "recoverable angle of the step", lower=0.0, upper=360.0)
-    start_c: float = key(26.0, "temperature at which it begins", lower=-100.0, upper=200.0)
-    width_c: float = key(12.0, "width of the step", lower=0.1, upper=200.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"r_step": self.step_deg * DEG, "r_start": self.start_c, "r_width": self.width_c}
+    step_deg: float = key(25.0, "recoverable angle of the step", lower=0.0, upper=360.0, constant="r_step")
+    start_c: float = key(26.0, "temperature at which it begins", lower=-100.0, upper=200.0, constant="r_start")
+    width_c: float = key(12.0, "width of the step", lower=0.1, upper=200.0, constant="r_width")
 
 
 @dataclass(frozen=True, slots=True)
 class ThermistorCurve(HiddenEffect):
     """An error of the sensor's curve that bulges between 20 and 100 °C."""
 
-    bulge_c: float = key(1.0, "largest error, at 60 °C", lower=-20.0, upper=20.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"bulge_c": self.bulge_c}
+    bulge_c: float = key(1.0, "largest error, at 60 °C", lower=-20.0, upper=20.0, constant="bulge_c")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +107,16 @@ class EndStop(HiddenEffect):
     """A stop, soft or hard, that pushes back beyond an angle."""
 
     angle_deg: float = key(215.0, "where it begins", lower=0.0, upper=3000.0)
-    stiffness_mnm_per_rad: float = key(3.0, "its stiffness", lower=0.0, upper=1e4)
+    stiffness_mnm_per_rad: float = key(3.0, "its stiffness", lower=0.0, upper=1e4, constant="stop_stiffness")
     side: str = key("both", "where it stands", choices=("both", "positive", "negative"))
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
         low, high = self.side != "positive", self.side != "negative"
         return {
+            **HiddenEffect.constants(self),
             "stop_low": -self.angle_deg * DEG if low else -1e9,
             "stop_high": self.angle_deg * DEG if high else 1e9,
-            "stop_stiffness": self.stiffness_mnm_per_rad * MNM,
         }
 
 
@@ -142,11 +124,7 @@ class EndStop(HiddenEffect):
 class Imbalance(HiddenEffect):
     """Spring B is stronger than spring A throughout."""
 
-    excess: float = key(0.05, "relative excess of B's torque", lower=-0.9, upper=5.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"imbalance": self.excess}
+    excess: float = key(0.05, "relative excess of B's torque", lower=-0.9, upper=5.0, constant="imbalance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,19 +140,12 @@ class UnlikeSprings(HiddenEffect):
 class LocalTorque(HiddenEffect):
     """A torque at one place of the turn, alike for both directions."""
 
-    height_mnm: float = key(0.3, "largest torque; of a magnet, towards it", lower=-20.0, upper=20.0)
-    angle_deg: float = key(40.0, "the place", lower=-1e4, upper=1e4)
-    width_deg: float = key(25.0, "half of its width at half height, about", lower=1.0, upper=90.0)
-    form: str = key("bump", "law; 'magnet' pulls from either side", choices=("bump", "magnet"))
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {
-            "local": self.height_mnm * MNM,
-            "local_angle": self.angle_deg * DEG,
-            "local_width": self.width_deg * DEG,
-            "local_form": int(self.form == "magnet"),
-        }
+    height_mnm: float = key(0.3, "largest torque; of a magnet, towards it", lower=-20.0, upper=20.0, constant="local")
+    angle_deg: float = key(40.0, "the place", lower=-1e4, upper=1e4, constant="local_angle")
+    width_deg: float = key(
+        25.0, "half of its width at half height, about", lower=1.0, upper=90.0, constant="local_width"
+    )
+    form: str = key("bump", "law; 'magnet' pulls from either side", choices=("bump", "magnet"), constant="local_form")
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,20 +169,16 @@ class RoomDrift(HiddenEffect):
 class LatentHeat(HiddenEffect):
     """The core of a wire that transforms is cooler or warmer than its surface, where the sensor is."""
 
-    latent_c_s: float = key(80.0, "difference per rate of the martensite fraction", lower=0.0, upper=1e4)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"latent": self.latent_c_s}
+    latent_c_s: float = key(
+        80.0, "difference per rate of the martensite fraction", lower=0.0, upper=1e4, constant="latent"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 
-    bend: float = key(0.1, "shift of the progress at mid-window, as a share of it", lower=-0.9, upper=0.9)
-    tanaka: float = key(0.0, "share of the exponential law mixed in", lower=0.0, upper=1.0)
-
-    def constants(self) -> dict[str, float]:
-        """Return the constants that it sets."""
-        return {"bend": self.bend, "tanaka": self.tanaka}
+    bend: float = key(
+        0.1, "shift of the progress at mid-window, as a share of it", lower=-0.9, upper=0.9, constant="bend"
+    )
+    tanaka: float = key(0.0, "share of the exponential law mixed in", lower=0.0, upper=1.0, constant="tanaka")

@@ -8,6 +8,7 @@ so perspective and distortion come out as they are.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,39 +124,55 @@ def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: i
     return spans
 
 
-@njit(cache=True, nogil=True)
-def draw_stick(
-    picture: Picture,
-    light: Picture,
-    rays: Floats,
-    plane: Floats,
-    shift_px: Floats,
-    turns: Floats,
-    shape: Floats,
-    scale: Floats,
-    first_row: int,
-    spans: NDArray[np.int64],
-    blur_px: float,
-) -> None:
-    """Draw a stick into a picture, averaged over the directions that it takes while the shutter is open.
+class Canvas(NamedTuple):
+    """A picture under construction.
 
-    Parameters
+    Attributes
     ----------
     picture, light : (h, w) float32
         Grey levels, changed in place; relative light.
-    rays, plane : float64
-        Rays of the pixels, homography from rays to the stick's plane.
+    rays : (h + 2 m, w + 2 m, 2) float64
+        Ray of every pixel, with a margin m of :data:`MARGIN_PX`.
     shift_px : (2,) float64
         By how much the picture has moved.
-    turns : (n, 2) float64
-        Cosine and sine of the stick's directions.
-    shape, scale : float64
-        See :func:`stick_value`.
-    first_row, spans : int, (k, 2) int64
-        Pixels to look at, row by row: x from, to (:func:`row_spans`).
     blur_px : float
         Blur of an edge.
     """
+
+    picture: Picture
+    light: Picture
+    rays: Floats
+    shift_px: Floats
+    blur_px: float
+
+
+class Stick(NamedTuple):
+    """A stick in its plane.
+
+    Attributes
+    ----------
+    plane : (3, 3) float64
+        Homography from rays to the stick's plane, mm.
+    turns : (n, 2) float64
+        Cosine and sine of the directions that it takes while the shutter is open.
+    shape, scale : float64
+        See :func:`stick_value`.
+    """
+
+    plane: Floats
+    turns: Floats
+    shape: Floats
+    scale: Floats
+
+
+@njit(cache=True, nogil=True)
+def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: NDArray[np.int64]) -> None:
+    """Draw a stick into a picture, averaged over its directions.
+
+    Only the pixels of ``spans`` (k, 2) are looked at, from the first row on: x from, to (:func:`row_spans`).
+    """
+    picture, light, rays, shift_px, blur_px = canvas
+    plane, turns, shape, scale = stick
     for row in range(spans.shape[0]):
         y = first_row + row
         for x in range(spans[row, 0], spans[row, 1]):

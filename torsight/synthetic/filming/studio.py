@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torsight.core.units import DEG
 from torsight.synthetic.filming.camera_work import Bar, marker_points
 from torsight.synthetic.filming.optics import View
-from torsight.synthetic.filming.picture import MARGIN_PX, draw_bar, draw_stick, expose, row_spans
+from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_bar, draw_stick, expose, row_spans
 from torsight.synthetic.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -117,19 +117,9 @@ class Studio:
             shape = self._moving_shape if stick else self._base_shape
         z_mm = self._scene.camera.moving_z_mm if stick else self._scene.camera.base_z_mm
         first_row, spans = self._area(directions, z_mm, shape, shift_px)
-        draw_stick(
-            picture,
-            self._light,
-            self._rays,
-            self._planes[stick],
-            shift_px,
-            np.column_stack([np.cos(directions), np.sin(directions)]),
-            shape,
-            self._scale(directions.mean(), z_mm, shape),
-            first_row,
-            spans,
-            self._blur_px,
-        )
+        turns = np.column_stack([np.cos(directions), np.sin(directions)])
+        drawn = Stick(self._planes[stick], turns, shape, self._scale(directions.mean(), z_mm, shape))
+        draw_stick(Canvas(picture, self._light, self._rays, shift_px, self._blur_px), drawn, first_row, spans)
 
     def _scale(self, direction: float, z_mm: float, shape: Floats) -> Floats:
         """Return the plane's metric at the stick's middle and at its markers."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,17 @@ from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
 from torsight.synthetic.effects.random_laws import NODES, SLOTS, RigLaw
-from torsight.synthetic.rig.values import RigValues
+from torsight.synthetic.rig.rig_values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG
 """Torques that grow past an onset are given at this distance from it."""
 
 
 class Constants(NamedTuple):
-    """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law)."""
+    """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law).
+
+    What a hidden effect sets has its null as the default.
+    """
 
     k_a: float
     k_m: float
@@ -38,126 +41,68 @@ class Constants(NamedTuple):
     inertia: float
     damping: float
     bristle: float
-    # heat
     room_c: float
     resistance: float
     capacity: float
     to_room: float
     to_body: float
     between: float
-    between_more: float
     body_capacity: float
     body_to_room: float
-    # control
     gain_p: float
     gain_i: float
     current_max: float
-    # sensor
-    lag_s: float
-    lag_stages: int
-    sensor_gain: float
-    sensor_form: int
-    bulge_c: float
     quantum_c: float
-    # hidden effects of phase, torque and friction
-    crosstalk: int
-    crosstalk_share: float
-    zone_scale: float
-    zone_form: int
-    coil: float
-    coil_onset: float
-    coil_form: int
-    viscous: float
-    viscous_form: int
-    position: float
-    position_phase: float
-    position_form: int
-    stiff: float
-    stiff_onset: float
-    stiff_form: int
-    fatigue: float
-    fatigue_cycles: float
-    fatigue_form: int
-    creep: float
-    creep_onset: float
-    bias: float
-    gravity: float
-    gravity_phase: float
-    grease: float
-    static_excess: float
-    static_ageing: float
-    asymmetry: float
-    r_step: float
-    r_start: float
-    r_width: float
-    latent: float
-    stop_low: float
-    stop_high: float
-    stop_stiffness: float
-    imbalance: float
-    local: float
-    local_angle: float
-    local_width: float
-    local_form: int
-    bend: float
-    tanaka: float
+    between_more: float = 0.0
+    lag_s: float = 0.0
+    lag_stages: int = 1
+    sensor_gain: float = 1.0
+    sensor_form: int = 0
+    bulge_c: float = 0.0
+    crosstalk: int = 0
+    crosstalk_share: float = 1.0
+    zone_scale: float = 5.0
+    zone_form: int = 0
+    coil: float = 0.0
+    coil_onset: float = 0.0
+    coil_form: int = 0
+    viscous: float = 0.0
+    viscous_form: int = 0
+    position: float = 0.0
+    position_phase: float = 0.0
+    position_form: int = 0
+    stiff: float = 0.0
+    stiff_onset: float = 0.0
+    stiff_form: int = 0
+    fatigue: float = 0.0
+    fatigue_cycles: float = 1.0
+    fatigue_form: int = 0
+    creep: float = 0.0
+    creep_onset: float = 1.0
+    bias: float = 0.0
+    gravity: float = 0.0
+    gravity_phase: float = 0.0
+    grease: float = 0.0
+    static_excess: float = 0.0
+    static_ageing: float = 1.0
+    asymmetry: float = 0.0
+    r_step: float = 0.0
+    r_start: float = 0.0
+    r_width: float = 1.0
+    latent: float = 0.0
+    stop_low: float = -1e9
+    stop_high: float = 1e9
+    stop_stiffness: float = 0.0
+    imbalance: float = 0.0
+    local: float = 0.0
+    local_angle: float = 0.0
+    local_width: float = 1.0
+    local_form: int = 0
+    bend: float = 0.0
+    tanaka: float = 0.0
 
 
-_NULLS: Final[Mapping[str, float]] = {
-    "lag_s": 0.0,
-    "lag_stages": 1,
-    "sensor_gain": 1.0,
-    "sensor_form": 0,
-    "bulge_c": 0.0,
-    "crosstalk": 0,
-    "crosstalk_share": 1.0,
-    "between_more": 0.0,
-    "zone_scale": 5.0,
-    "zone_form": 0,
-    "coil": 0.0,
-    "coil_onset": 0.0,
-    "coil_form": 0,
-    "viscous": 0.0,
-    "viscous_form": 0,
-    "position": 0.0,
-    "position_phase": 0.0,
-    "position_form": 0,
-    "stiff": 0.0,
-    "stiff_onset": 0.0,
-    "stiff_form": 0,
-    "fatigue": 0.0,
-    "fatigue_cycles": 1.0,
-    "fatigue_form": 0,
-    "creep": 0.0,
-    "creep_onset": 1.0,
-    "bias": 0.0,
-    "gravity": 0.0,
-    "gravity_phase": 0.0,
-    "grease": 0.0,
-    "static_excess": 0.0,
-    "static_ageing": 1.0,
-    "asymmetry": 0.0,
-    "r_step": 0.0,
-    "r_start": 0.0,
-    "r_width": 1.0,
-    "latent": 0.0,
-    "stop_low": -1e9,
-    "stop_high": 1e9,
-    "stop_stiffness": 0.0,
-    "imbalance": 0.0,
-    "local": 0.0,
-    "local_angle": 0.0,
-    "local_width": 1.0,
-    "local_form": 0,
-    "bend": 0.0,
-    "tanaka": 0.0,
-}
-
-
-_WHOLE: Final = frozenset(
-    {"lag_stages", "sensor_form", "crosstalk", "zone_form", "coil_form", "viscous_form"}
-    | {"position_form", "stiff_form", "fatigue_form", "local_form"}
-)
+_WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items() if kind is int)
 
 
 def to_records(
@@ -226,7 +171,6 @@ def pack(
         Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
     """
     plain: dict[str, Any] = {
-        **_NULLS,
         "k_a": values.stiffness_a,
         "k_m": values.stiffness_m,
         "k_s": values.stiffness_s,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from torsight.synthetic.rig.spring_state import (
     HEATING,
     MODE,
     XI,
+    Spring,
     commit_spring,
     follow_passive,
     restart_heating,
@@ -64,6 +65,28 @@ _RATE_FOLLOWS_S: Final = 2.0
 """A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
 
 
+class Course(NamedTuple):
+    """What is done at every sample.
+
+    Attributes
+    ----------
+    command : (n,) int64
+        0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
+    reference_c, cycle : (n,) float64
+        Temperature reference; number of the spring's earlier cycles, for fatigue.
+    share : (n,) float64
+        What laws leave of the recoverable angle.
+    noise_c : (n, 2) float64
+        Noise of the two readings.
+    """
+
+    command: NDArray[np.int64]
+    reference_c: Floats
+    cycle: Floats
+    share: Floats
+    noise_c: Floats
+
+
 @njit(cache=True)
 def winding(c: Constants, spring: int, phi: float) -> float:
     """Return a spring's angle, rad."""
@@ -72,63 +95,49 @@ def winding(c: Constants, spring: int, phi: float) -> float:
 
 @njit(cache=True)
 def switch(
-    pair: Pair,
-    springs: Springs,
-    phi: float,
-    temps_c: Floats,
-    active: int,
-    command: int,
-    cycle: float,
-    share: float,
+    pair: Pair, springs: Springs, phi: float, temps_c: Floats, active: int, command: int, cycle: float, share: float
 ) -> int:
     """Switch a spring on (``command`` 1, 2) or off (−1, −2); return which one is active now."""
-    s, xi0, xi, _, _ = springs
     if command > 0:
         if active >= 0:
             c = pair[active]
-            set_cold(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
+            set_cold(c, springs[active], winding(c, active, phi), temps_c[active])
         active = command - 1
-        s[active, FACTOR] = 1.0
+        springs[active].s[FACTOR] = 1.0
         c = pair[active]
-        theta = winding(c, active, phi)
-        start_heating(c, s[active], xi0[active], xi[active], theta, temps_c[active], cycle, share)
-    elif active >= 0 and s[active, MODE] == HEATING:
+        start_heating(c, springs[active], winding(c, active, phi), temps_c[active], cycle, share)
+    elif active >= 0 and springs[active].s[MODE] == HEATING:
         c = pair[active]
-        start_cooling(c, s[active], xi0[active], xi[active], winding(c, active, phi), temps_c[active])
+        start_cooling(c, springs[active], winding(c, active, phi), temps_c[active])
     return active
 
 
 @njit(cache=True)
-def lead(
-    c: Constants, springs: Springs, phi: float, wire_c: float, active: int, reference_c: float, furthest: Floats
-) -> None:
+def lead(c: Constants, spring: Spring, theta: float, wire_c: float, reference_c: float, furthest: Floats) -> None:
     """Turn the driven spring's transformation where its reference turns and the wire has followed.
 
     ``furthest`` holds the furthest reference and wire temperature on the present way up or down.
     """
-    s, xi0, xi, _, _ = springs
-    up = s[active, MODE] == HEATING
+    up = spring.s[MODE] == HEATING
     sign = 1.0 if up else -1.0
     furthest[0] = sign * max(sign * furthest[0], sign * reference_c)
     furthest[1] = sign * max(sign * furthest[1], sign * wire_c)
     if sign * (furthest[0] - reference_c) <= _SLACK_C or sign * (furthest[1] - wire_c) <= _SLACK_C:
         return
-    theta = winding(c, active, phi)
     if up:
-        start_cooling(c, s[active], xi0[active], xi[active], theta, wire_c)
+        start_cooling(c, spring, theta, wire_c)
     else:
-        restart_heating(c, s[active], xi0[active], xi[active], theta, wire_c)
+        restart_heating(c, spring, theta, wire_c)
     furthest[0], furthest[1] = reference_c, wire_c
 
 
 @njit(cache=True)
-def passive_step(c: Constants, springs: Springs, temps_c: Floats, passive: int, since_s: float) -> None:
+def passive_step(c: Constants, spring: Spring, temp_c: float, since_s: float) -> None:
     """Let the spring that is not driven creep and follow its own temperature, where the rig has that."""
-    s, xi0, xi, _, _ = springs
     if c.creep > 0.0:
-        s[passive, FACTOR] = 1.0 - c.creep * math.log10(1.0 + since_s / c.creep_onset)
-    if c.crosstalk == 1 and s[passive, MODE] == COLD:
-        follow_passive(s[passive], xi0[passive], xi[passive], temps_c[passive], _SLACK_C)
+        spring.s[FACTOR] = 1.0 - c.creep * math.log10(1.0 + since_s / c.creep_onset)
+    if c.crosstalk == 1 and spring.s[MODE] == COLD:
+        follow_passive(spring, temp_c, _SLACK_C)
 
 
 @njit(cache=True)
@@ -139,13 +148,12 @@ def move(
 
     Where sticking turns into sliding the active spring's reference is taken anew.
     """
-    s, xi0, xi, weight, cooler_c = springs
     c = pair[0]
     w, deflection, slips = step_angle(pair, springs, motion, temps_c, step_s)
     for i in range(2):
-        commit_spring(pair[i], s[i], xi0[i], xi[i], weight, cooler_c, winding(c, i, w), temps_c[i])
+        commit_spring(pair[i], springs[i], winding(c, i, w), temps_c[i])
     if slips and sliding == 0 and active >= 0:
-        retake_reference(pair[active], s[active], winding(c, active, w), temps_c[active])
+        retake_reference(pair[active], springs[active].s, winding(c, active, w), temps_c[active])
     motion[REST] = 0.0 if slips else motion[REST] + step_s
     motion[SPEED] = (w - motion[PHI]) / step_s
     motion[PHI], motion[BRISTLE] = w, deflection
@@ -165,18 +173,7 @@ def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Fl
 
 @njit(cache=True)
 def integrate(
-    pair: Pair,
-    start: Floats,
-    s: Floats,
-    weight: Floats,
-    cooler_c: Floats,
-    command: NDArray[np.int64],
-    reference_c: Floats,
-    cycle: Floats,
-    share: Floats,
-    noise_c: Floats,
-    sample_s: float,
-    substeps: int,
+    pair: Pair, start: Floats, s: Floats, zones: tuple[Floats, Floats], course: Course, sample_s: float, substeps: int
 ) -> Floats:
     """Run the rig and return one row of :data:`SIGNALS` per sample.
 
@@ -188,23 +185,23 @@ def integrate(
         Angle, and temperatures of wire A, wire B and the body.
     s : (2, columns) float64
         States of both springs; changed in place.
-    weight, cooler_c : (z,) float64
+    zones : two (z,) float64
         Zones of the wire: weights, and how much cooler than the middle.
-    command : (n,) int64
-        Per sample: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
-    reference_c, cycle : (n,) float64
-        Temperature reference; number of the spring's earlier cycles, for fatigue.
-    share : (n,) float64
-        What laws leave of the recoverable angle.
-    noise_c : (n, 2) float64
-        Noise of the two readings.
+    course : Course
+        What is done at every sample.
     sample_s, substeps
         Sampling time; steps per sample.
     """
     c = pair[0]
+    command, reference_c, cycle, share, noise_c = course
+    weight, cooler_c = zones
     out = np.empty((command.size, 12))
     step_s = sample_s / substeps
-    springs = (s, np.ones((2, weight.size)), np.ones((2, weight.size)), weight, cooler_c)
+    zones_a, zones_b = np.ones((2, weight.size)), np.ones((2, weight.size))
+    springs = (
+        Spring(s[0], zones_a[0], zones_a[1], weight, cooler_c),
+        Spring(s[1], zones_b[0], zones_b[1], weight, cooler_c),
+    )
     motion = np.array([start[0], 0.0, 0.0, 0.0])
     temps_c, felt_c, rates_k_s, before_c = start[1:].copy(), np.zeros(4), np.zeros(2), start[1:].copy()
     feel(pair, temps_c, rates_k_s, -1, felt_c)
@@ -223,7 +220,8 @@ def integrate(
                 furthest[0], furthest[1] = reference_c[k], temps_c[active]
         current[:] = 0.0
         if before > 0:
-            lead(pair[active], springs, motion[PHI], temps_c[active], active, reference_c[k], furthest)
+            theta = winding(pair[active], active, motion[PHI])
+            lead(pair[active], springs[active], theta, temps_c[active], reference_c[k], furthest)
             current[active], integral = control(c, reference_c[k] - reading[active], integral, sample_s)
         out[k, :2] = motion[PHI], motion[SPEED]
         out[k, 2:5] = temps_c
@@ -241,7 +239,7 @@ def integrate(
             lag_step(c, temps_c, lagged_c, step_s)
             since_s += step_s
             if active >= 0:
-                passive_step(c, springs, felt_c, 1 - active, since_s)
+                passive_step(c, springs[1 - active], felt_c[1 - active], since_s)
             before_xi[:] = s[:, XI]
             sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
             pace[:] = (s[:, XI] - before_xi) / step_s

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from torsight.core.compiled import njit
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
-from torsight.synthetic.rig.spring_state import past_onset, solve_spring
+from torsight.synthetic.rig.spring_state import Spring, past_onset, solve_spring
 
 Floats: TypeAlias = NDArray[np.float64]
 Pair: TypeAlias = NDArray[np.void]
 """The rig's constants twice, with spring A's values and with spring B's."""
-Springs: TypeAlias = tuple[Floats, Floats, Floats, Floats, Floats]
-"""States of both springs; their zones' fractions at the last turn, and now; the zones' weights and coolness."""
+Springs: TypeAlias = tuple[Spring, Spring]
+"""Spring A and spring B."""
 
 # Entries of the motion's state.
 PHI: Final = 0
@@ -96,12 +96,11 @@ def residual(
 
     ``kind`` 0 sticks, ±1 slides that way.
     """
-    s, xi0, xi, weight, cooler_c = springs
     c = pair[0]
     half = 0.5 * c.theta_p
     speed = (w - motion[PHI]) / step_s
-    tau_a = solve_spring(c, s[0], xi0[0], xi[0], weight, cooler_c, half + w, temps_c[0])
-    tau_b = solve_spring(pair[1], s[1], xi0[1], xi[1], weight, cooler_c, half - w, temps_c[1])
+    tau_a = solve_spring(c, springs[0], half + w, temps_c[0])
+    tau_b = solve_spring(pair[1], springs[1], half - w, temps_c[1])
     tau: float = tau_a - tau_b * (1.0 + c.imbalance) - stray_torque(c, w)
     tau += c.inertia * (speed - motion[SPEED]) / step_s + c.damping * speed
     if c.viscous != 0.0:

@@ -15,10 +15,10 @@ from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, Readin
 from torsight.synthetic.effects.random_laws import RigLaw, read_with, recoverable_share
 from torsight.synthetic.keys import key
 from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
-from torsight.synthetic.rig.integrator import SIGNALS, integrate
+from torsight.synthetic.rig.integrator import SIGNALS, Course, integrate
 from torsight.synthetic.rig.protocol import Commands, Protocol, commands
+from torsight.synthetic.rig.rig_values import RigValues
 from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
-from torsight.synthetic.rig.values import RigValues
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,19 +173,14 @@ def simulate_rig(
     since_s = sensor.sample_s * np.maximum(np.arange(count) - orders.recorded, 0)
     noise_c += _room_drift(since_s, effects)[:, None]
     start_rad = home_angle(values)
-    weight, cooler_c = zones(effects)
     pair = to_records(constants, effects, laws)
+    share = recoverable_share(laws, half_cycle=orders.half_cycle, cycle=orders.cycle)
     rows = integrate(
         pair,
         np.array([start_rad, thermal.room_c, thermal.room_c, thermal.room_c]),
         home_state(pair, start_rad),
-        weight,
-        cooler_c,
-        orders.command,
-        orders.reference_c,
-        orders.cycle,
-        recoverable_share(laws, half_cycle=orders.half_cycle, cycle=orders.cycle),
-        noise_c,
+        zones(effects),
+        Course(orders.command, orders.reference_c, orders.cycle, share, noise_c),
         sensor.sample_s,
         mechanics.substeps,
     )

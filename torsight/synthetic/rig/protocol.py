@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.config import get_number, get_tables, get_text
 from torsight.core.files.storage import check_keys
 from torsight.synthetic.keys import key, read_section
 
@@ -108,13 +108,8 @@ def read_protocol(table: Mapping[str, Any], *, where: str) -> Protocol:
     place = f"{where}, [protocol]"
     check_keys(table, ("time_factor", "repeat", "rest_s", "home", "half_cycle"), where=place)
     timing = read_section(Timing, {name: table[name] for name in table if name != "half_cycle"}, where=place)
-    given = table.get("half_cycle", _PAPER)
-    if not isinstance(given, Sequence) or isinstance(given, str) or not given:
-        raise ConfigError("'half_cycle' is not a list of tables", where=place, do="write [[protocol.half_cycle]]")
-    items = []
-    for number, item in enumerate(given):
-        spot = f"{where}, [[protocol.half_cycle]] {number + 1}"
-        items.append(_half_cycle(get_table({"half_cycle": item}, "half_cycle", where=spot), timing, where=spot))
+    given = get_tables({"half_cycle": _PAPER, **table}, "half_cycle", where=f"{where}, [protocol]", required=True)
+    items = [_half_cycle(item, timing, where=spot) for item, spot in given]
     return Protocol(
         half_cycles=tuple(items) * timing.repeat,
         rest_s=timing.rest_s * timing.time_factor,

@@ -8,7 +8,7 @@ is found by a bracketed secant on the torque.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,17 @@ COLUMNS: Final = 11
 COLD: Final = 0.0
 HEATING: Final = 1.0
 COOLING: Final = 2.0
+
+
+class Spring(NamedTuple):
+    """One spring: its state (columns as above); per zone the fraction at the last turn and now, weight and coolness."""
+
+    s: NDArray[np.float64]
+    xi0: NDArray[np.float64]
+    xi: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    cooler_c: NDArray[np.float64]
+
 
 LOADING: Final = 3
 BEND: Final = 4
@@ -165,21 +176,13 @@ def zone_temperature(c: Constants, temp_c: float, cooler_c: float) -> float:
 
 
 @njit(cache=True)
-def fraction(
-    c: Constants,
-    warming: int,
-    temp_c: float,
-    tau: float,
-    xi0: NDArray[np.float64],
-    xi: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    cooler_c: NDArray[np.float64],
-) -> float:
+def fraction(c: Constants, spring: Spring, temp_c: float, tau: float) -> float:
     """Return the martensite fraction of the whole wire."""
     total = 0.0
-    for i in range(weight.size):
-        zone_c = zone_temperature(c, temp_c, cooler_c[i])
-        total += weight[i] * zone_fraction(c, warming, zone_c, tau, xi0[i], xi[i])
+    for i in range(spring.weight.size):
+        zone_c = zone_temperature(c, temp_c, spring.cooler_c[i])
+        done = zone_fraction(c, int(spring.s[WARMING]), zone_c, tau, spring.xi0[i], spring.xi[i])
+        total += spring.weight[i] * done
     return total
 
 
@@ -208,32 +211,23 @@ def transforms(c: Constants, s: NDArray[np.float64]) -> bool:
 
 
 @njit(cache=True)
-def solve_spring(
-    c: Constants,
-    s: NDArray[np.float64],
-    xi0: NDArray[np.float64],
-    xi: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    cooler_c: NDArray[np.float64],
-    theta: float,
-    temp_c: float,
-) -> float:
+def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> float:
     """Return the torque at which phase and stress agree, N·m; the state stays as it is."""
+    s = spring.s
     if not transforms(c, s):
         return torque(c, s, theta, s[XI], temp_c)
-    warming = int(s[WARMING])
     a = s[TAU]
-    b = torque(c, s, theta, fraction(c, warming, temp_c, a, xi0, xi, weight, cooler_c), temp_c)
+    b = torque(c, s, theta, fraction(c, spring, temp_c, a), temp_c)
     # More torque leaves more martensite, more martensite makes less torque: the answer lies between a and b.
     ga = a - b
     if abs(ga) < _TORQUE_TOLERANCE_NM:
         return b
-    gb = b - torque(c, s, theta, fraction(c, warming, temp_c, b, xi0, xi, weight, cooler_c), temp_c)
+    gb = b - torque(c, s, theta, fraction(c, spring, temp_c, b), temp_c)
     for _ in range(100):
         if abs(gb) < _TORQUE_TOLERANCE_NM or abs(b - a) < _TORQUE_TOLERANCE_NM:
             break
         new = b - gb * (b - a) / (gb - ga)
-        g = new - torque(c, s, theta, fraction(c, warming, temp_c, new, xi0, xi, weight, cooler_c), temp_c)
+        g = new - torque(c, s, theta, fraction(c, spring, temp_c, new), temp_c)
         if (g > 0.0) == (gb > 0.0):
             # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
             ga *= 0.5
@@ -244,18 +238,10 @@ def solve_spring(
 
 
 @njit(cache=True)
-def commit_spring(
-    c: Constants,
-    s: NDArray[np.float64],
-    xi0: NDArray[np.float64],
-    xi: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    cooler_c: NDArray[np.float64],
-    theta: float,
-    temp_c: float,
-) -> None:
+def commit_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Move the spring's state to an angle and a temperature."""
-    tau = solve_spring(c, s, xi0, xi, weight, cooler_c, theta, temp_c)
+    s, xi0, xi, weight, cooler_c = spring
+    tau = solve_spring(c, spring, theta, temp_c)
     if transforms(c, s):
         total = 0.0
         for i in range(weight.size):
@@ -269,28 +255,26 @@ def commit_spring(
 
 
 @njit(cache=True)
-def turn(s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], warming: int) -> None:
+def turn(spring: Spring, warming: int) -> None:
     """Begin a transformation in the other direction from the present fractions."""
-    s[WARMING] = warming
-    for i in range(xi.size):
-        xi0[i] = xi[i]
+    spring.s[WARMING] = warming
+    spring.xi0[:] = spring.xi
 
 
 @njit(cache=True)
-def follow_passive(
-    s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], temp_c: float, slack_c: float
-) -> None:
+def follow_passive(spring: Spring, temp_c: float, slack_c: float) -> None:
     """Let a spring that nobody drives change its direction with its own temperature."""
+    s = spring.s
     if s[WARMING] > 0.5:
         if temp_c > s[TURN_C]:
             s[TURN_C] = temp_c
         elif temp_c < s[TURN_C] - slack_c:
-            turn(s, xi0, xi, 0)
+            turn(spring, 0)
             s[TURN_C] = temp_c
     elif temp_c < s[TURN_C]:
         s[TURN_C] = temp_c
     elif temp_c > s[TURN_C] + slack_c:
-        turn(s, xi0, xi, 1)
+        turn(spring, 1)
         s[TURN_C] = temp_c
 
 
@@ -303,41 +287,31 @@ def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c:
 
 
 @njit(cache=True)
-def set_cold(
-    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
-) -> None:
+def set_cold(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Make a spring that was active cold martensite on its loading curve; one that lay below it stays there."""
+    s = spring.s
     s[MODE] = COLD
     s[THETA_MAX] = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
     s[FACTOR] = 1.0
-    set_martensite(c, s, xi0, xi, theta, temp_c)
+    set_martensite(c, spring, theta, temp_c)
 
 
 @njit(cache=True)
-def set_martensite(
-    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
-) -> None:
+def set_martensite(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Make all of a cold spring martensite, its winding kept; warming is the next thing that can happen to it."""
-    xi[:] = 1.0
+    s = spring.s
+    spring.xi[:] = 1.0
     s[XI] = 1.0
-    turn(s, xi0, xi, 1)
+    turn(spring, 1)
     s[TURN_C] = temp_c
     s[TAU] = torque(c, s, theta, 1.0, temp_c)
 
 
 @njit(cache=True)
-def start_heating(
-    c: Constants,
-    s: NDArray[np.float64],
-    xi0: NDArray[np.float64],
-    xi: NDArray[np.float64],
-    theta: float,
-    temp_c: float,
-    cycle: float,
-    share: float,
-) -> None:
+def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cycle: float, share: float) -> None:
     """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
-    set_martensite(c, s, xi0, xi, theta, temp_c)
+    s = spring.s
+    set_martensite(c, spring, theta, temp_c)
     left = (1.0 - c.fatigue) ** cycle
     if c.fatigue_form != 0:
         left = 1.0 - c.fatigue * (1.0 - math.exp(-cycle / c.fatigue_cycles))
@@ -351,23 +325,21 @@ def start_heating(
 
 
 @njit(cache=True)
-def restart_heating(
-    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
-) -> None:
+def restart_heating(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Heat a spring again before it is cold: it recovers what it had recovered, and no more than its winding left."""
+    s = spring.s
     wound = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
     s[THETA_L] = min(s[THETA_L], recoverable(c, wound) / max(s[XI], 1e-9))
-    turn(s, xi0, xi, 1)
+    turn(spring, 1)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = HEATING
 
 
 @njit(cache=True)
-def start_cooling(
-    c: Constants, s: NDArray[np.float64], xi0: NDArray[np.float64], xi: NDArray[np.float64], theta: float, temp_c: float
-) -> None:
+def start_cooling(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Switch a heated spring off: one that lies below its loading curve then counts as unwound from further off."""
-    turn(s, xi0, xi, 0)
+    s = spring.s
+    turn(spring, 0)
     retake_reference(c, s, theta, temp_c)
     s[MODE] = COOLING
     s[THETA_MAX] = unwound_from(c, theta, s[TAU_R])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from torsight.core.errors import ConfigError
-from torsight.viewer.live.frames.camera import Camera
+from torsight.viewer.live.frames.camera_source import Camera
 from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.frames.stream import GrowingFilm, Stream
 

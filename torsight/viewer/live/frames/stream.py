@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.viewer.live.frames.camera import SILENT_S
+from torsight.viewer.live.frames.camera_source import SILENT_S
 from torsight.viewer.live.frames.intake import Picture
 
 LOOPBACK_HOSTS: Final = ("localhost", "127.0.0.1", "::1")

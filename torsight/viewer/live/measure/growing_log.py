@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -33,6 +34,25 @@ class LogRow(NamedTuple):
 
     numbers: tuple[float, ...]
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedLog:
+    """The temperature log of a live record.
+
+    Attributes
+    ----------
+    path : Path
+        It may come later than the film.
+    offset_s : float or None
+        Log's time less film time; None: taken from when rows arrive.
+    columns : ChosenColumns
+        What the user says of the log's columns.
+    """
+
+    path: Path
+    offset_s: float | None = None
+    columns: ChosenColumns = NOTHING_CHOSEN
 
 
 class LogFollower:

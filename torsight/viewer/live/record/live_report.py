@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tomli_w
 
 from torsight.core.files.storage import write_json, write_text
 
@@ -72,37 +72,17 @@ def write_experiment(
     """
     if actuator is not None:
         shutil.copyfile(actuator, folder / "actuator.toml")
-    lines = [
-        "# A live record; 'torsight run' goes on from it, to the report.",
-        "[angle]",
-        'file = "angle.csv"',
-        *([f"film = {_text(str(Path(film).absolute()))}"] if film else []),
-        "",
-        "[temperature]",
-        'path = "temps.csv"',
-        *([f"columns = {_inline(columns)}"] if columns else []),
-        *([f"units = {_inline(units)}"] if units else []),
-        "",
-        "[actuator]",
-        *(
-            []
-            if actuator is not None
-            else ["# The rig's characterised values belong here; 'torsight init' writes some to start from."]
-        ),
-        'file = "actuator.toml"',
-        "",
-        "[output]",
-        'dir = "results"',
-        *([] if offset_s is None else ["", "[sync]", f"offset_s = {offset_s!r}"]),
-        "",
-    ]
-    write_text(folder / "experiment.toml", "\n".join(lines))
-
-
-def _inline(table: Mapping[str, str]) -> str:
-    return f"{{ {', '.join(f'{key} = {_text(value)}' for key, value in table.items())} }}"
-
-
-def _text(words: str) -> str:
-    """Return a text as TOML writes it."""
-    return json.dumps(words, ensure_ascii=False)
+    said = {name: dict(entries) for name, entries in (("columns", columns), ("units", units)) if entries}
+    content: dict[str, Any] = {
+        "angle": {"file": "angle.csv", **({"film": str(Path(film).absolute())} if film else {})},
+        "temperature": {"path": "temps.csv", **said},
+        "actuator": {"file": "actuator.toml"},
+        "output": {"dir": "results"},
+        **({} if offset_s is None else {"sync": {"offset_s": offset_s}}),
+    }
+    head = "# A live record; 'torsight run' goes on from it, to the report.\n"
+    if actuator is None:
+        head += (
+            "# The rig's characterised values belong into actuator.toml; 'torsight init' writes some to start from.\n"
+        )
+    write_text(folder / "experiment.toml", head + tomli_w.dumps(content))

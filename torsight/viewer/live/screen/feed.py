@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.viewer.layout import FRAME, TIME
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
 from torsight.viewer.program import LOOPBACK, address_of
+from torsight.viewer.view_layout import FRAME, TIME
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -142,15 +142,15 @@ def serve(connection: Connection, port: int, counts: Any) -> None:
 
     import rerun as rr
 
-    from torsight.viewer import layout
+    from torsight.viewer import view_layout
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     latency = Latency(counts)
-    stream = rr.RecordingStream(layout.APPLICATION)
+    stream = rr.RecordingStream(view_layout.APPLICATION)
     sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port, server_memory_limit=MEMORY)
-    stream.set_sinks(sink, default_blueprint=layout.blueprint())
-    layout.log_styles(stream)
-    layout.log_sizes(stream)
+    stream.set_sinks(sink, default_blueprint=view_layout.blueprint())
+    view_layout.log_styles(stream)
+    view_layout.log_sizes(stream)
     # What serves the viewers has a processor when nothing that measures or logs needs it.
     step_back_others()
     with served_first(LOGGING):

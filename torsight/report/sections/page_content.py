@@ -15,7 +15,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
 from torsight.report.figures.planned import segments, worth
-from torsight.report.plots.symbols import equation_pictures, symbol
+from torsight.report.plots.formulas import equation_pictures, symbol
 
 FILES: Final = {
     "angle.csv": "angle of every frame",
@@ -91,7 +91,7 @@ def facts(results: RunResults) -> list[Tile]:
 
 
 def _range_tile(results: RunResults) -> list[Tile]:
-    angle = measured_angle(results)
+    angle = results.measured_angle_deg()
     if not len(angle):
         return []
     return [Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")]
@@ -165,17 +165,6 @@ def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     if after.get(seen) is not None and discovery.get("verdict") != "none":
         value = f"{value} → {error(after[seen])[:-1]}"
     return [Tile("Error", value, "°", note)]
-
-
-def measured_angle(results: RunResults) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the measured angles that are known, deg."""
-    for table in (results.angle, results.merged, results.curves):
-        if table is not None:
-            values = table["angle_deg"].to_numpy(dtype=np.float64)
-            if "valid" in table.columns:
-                values = values[table["valid"].to_numpy(dtype=np.float64) > 0.5]
-            return np.asarray(values[np.isfinite(values)])
-    return np.empty(0)
 
 
 def best_parameters(results: RunResults) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
-from sync.clock.priors import PRIORS
 from sync.signals.changepoints import MAX_LAG_S, Changepoint
 from sync.signals.heating_segments import WINDOW_S
 from torsight.core.series import robust_sigma

@@ -113,13 +113,10 @@ def summary_document(results: RunResults) -> str:
 
 
 def _motion(results: RunResults) -> list[tuple[str, str]]:
-    if results.angle is None:
+    angle = results.measured_angle_deg()
+    if results.angle is None or not len(angle):
         return []
     known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
-    angle = results.angle["angle_deg"].to_numpy(dtype=np.float64)[known]
-    angle = angle[np.isfinite(angle)]
-    if not len(angle):
-        return []
     low, high = (fixed(float(end), 1) for end in (angle.min(), angle.max()))
     return [
         ("Range of motion", f"{np.ptp(angle):.1f}° ({low}° to {high}°)"),

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import atomic_path
-from torsight.viewer.layout import TIME
 from torsight.viewer.program import LOOPBACK, Viewer, free_port
+from torsight.viewer.view_layout import TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.stretch import CLIP, track_stretches
 from torsight.core.errors import TorsightError
 from torsight.core.optics.camera import Camera, require_size
@@ -36,25 +35,6 @@ _IRREGULAR: Final = 0.02
 _WHOLE: Final = 0.98
 
 
-@dataclass(slots=True)
-class FilmCheck:
-    """What was found about one film.
-
-    Attributes
-    ----------
-    findings : list of Finding
-        In the order in which they were found.
-    content : dict
-        Measured figures, for a script.
-    duration_s : float
-        Length; 0 where it is not known.
-    """
-
-    findings: list[Finding] = field(default_factory=list)
-    content: dict[str, Any] = field(default_factory=dict)
-    duration_s: float = 0.0
-
-
 def check_film(
     video: str,
     *,
@@ -64,9 +44,9 @@ def check_film(
     hints: MarkerHints | None = None,
     camera: Camera | None = None,
     progress: Progress = silent,
-) -> FilmCheck:
+) -> Check:
     """Look at a film: times, markers in frames over its whole length, and a tracked stretch of its motion."""
-    check = FilmCheck()
+    check = Check()
     try:
         source = open_source(video, fps=fps, timestamps=timestamps)
         if camera is not None:
@@ -89,7 +69,7 @@ def check_film(
     return check
 
 
-def _look_at_times(check: FilmCheck, about: str, stamps: Stamps, *, tick_s: float, given: object) -> None:
+def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, given: object) -> None:
     """Say how many frames there are, and whether their rate varies or stops."""
     told = timing(stamps.time_s, tick_s=tick_s)
     if told.step_s is None or told.shortest_s is None or told.longest_s is None:
@@ -116,7 +96,7 @@ def _look_at_times(check: FilmCheck, about: str, stamps: Stamps, *, tick_s: floa
         check.findings.append(Finding(about, "limits", text, "film without pauses"))
 
 
-def _look_at_file(check: FilmCheck, about: str, source: Any, stamps: Stamps) -> None:
+def _look_at_file(check: Check, about: str, source: Any, stamps: Stamps) -> None:
     """Say what the source noted of the file: damage, fields, further streams, slow motion."""
     entries = source.damage.entries
     for entry in entries:
@@ -140,7 +120,7 @@ def _stretches(
     start: Start,
     hints: MarkerHints | None,
     *,
-    check: FilmCheck,
+    check: Check,
     about: str,
     progress: Progress,
 ) -> list[int]:
@@ -157,7 +137,7 @@ def _stretches(
     return [begin] if abs(moving - begin) < CLIP // 2 else [begin, moving]
 
 
-def _liveliest(source: Any, stamps: Stamps, check: FilmCheck, about: str, progress: Progress, *, sought: bool) -> int:
+def _liveliest(source: Any, stamps: Stamps, check: Check, about: str, progress: Progress, *, sought: bool) -> int:
     """Return where a stretch begins that lies around the largest change between two sampled frames.
 
     ``sought``: whether the markers are looked for in some of the frames on the way.

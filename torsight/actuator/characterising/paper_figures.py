@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.characterising.characterisation import blocked_force, characterise
 from torsight.actuator.characterising.characterised import Characterisation
@@ -38,8 +37,6 @@ from torsight.core.files.storage import write_json, write_table
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG, MM, MNM, MPA
-
-Array = NDArray[np.float64]
 
 SCATTER: Final[Mapping[str, float]] = {
     "recovery_deg": 9.5752, "small_n": 0.0105, "large_n": 0.0113, "heating_n": 0.0227, "cooling_n": 0.0125,
@@ -100,9 +97,9 @@ def play(values: Mapping[str, float]) -> Played:
     return Played(drive, model.simulate(drive), log)
 
 
-def spring_logs(*, seed: int = 0, rows: int = 1200) -> SpringTests:
+def spring_logs(*, seed: int = 0) -> SpringTests:
     """Return logs of the four tests of the reference rig's spring, with the paper's scatter."""
-    rng = np.random.default_rng(seed)
+    rng, rows = np.random.default_rng(seed), 1200
     values = dict(REFERENCE_VALUES)
     temp = np.linspace(_ROOM_C, 66.0, rows)
     window = {"start_c": values["A_s_c"], "finish_c": values["A_f_c"], "influence": 1.0}

@@ -159,10 +159,12 @@ class ModelWatch:
     ----------
     spec : ActuatorSpec
         The rig.
+    last_fit_s : float
+        How long the end of a record waits for the friction of all of it.
     """
 
-    def __init__(self, spec: ActuatorSpec) -> None:
-        self._spec = spec
+    def __init__(self, spec: ActuatorSpec, *, last_fit_s: float = 20.0) -> None:
+        self._spec, self.last_fit_s = spec, last_fit_s
         self._angles = Thinned(2)
         self._temperatures = Thinned(4)
         self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_quiet)

@@ -13,16 +13,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.fitting.estimates import share_explained
+from torsight.actuator.fitting.fit_problem import ScaledParameters
 from torsight.actuator.record.weights import correlation_rows
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate, Parameter
+from torsight.core.parameter import REACH, Estimate, Parameter
 
 Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, float]], Array]
 
 _ROUNDS: Final = 4
-_REACH: Final = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,20 +90,12 @@ def fit_curve(
     """
     from scipy.optimize import least_squares
 
-    names = tuple(parameter.name for parameter in parameters)
-    start = np.array([parameter.value for parameter in parameters])
     scale = np.array([parameter.sigma or max(abs(parameter.value), 1e-3) * 0.1 for parameter in parameters])
-    prior = np.array(
-        [
-            0.0 if parameter.sigma is None else s / parameter.sigma
-            for parameter, s in zip(parameters, scale, strict=True)
-        ]
-    )
-    lower = np.array([(p.lower - p.value) / s for p, s in zip(parameters, scale, strict=True)])
-    upper = np.array([(p.upper - p.value) / s for p, s in zip(parameters, scale, strict=True)])
+    scaled = ScaledParameters(tuple(parameters), scale)
+    names, prior, (lower, upper) = scaled.names, scaled.prior(), scaled.bounds()
 
     def curve(u: Array) -> Array:
-        return model(dict(zip(names, (start + scale * u).tolist(), strict=True)))
+        return model(scaled.values(u))
 
     def misfit(u: Array, spread: Array) -> Array:
         return np.concatenate([(curve(u) - measured) / spread, prior * u])
@@ -127,22 +120,18 @@ def fit_curve(
     )
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     covariance = np.asarray(inverse * np.outer(scale, scale), np.float64)
-    values = dict(zip(names, (start + scale * u).tolist(), strict=True))
-    estimates = estimates_of(parameters, values, covariance)
+    values = scaled.values(u)
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
+    estimates = {p.name: Estimate.normal(values[p.name], s, p.unit) for p, s in zip(parameters, sigmas, strict=True)}
     for name in profiled:
         number = names.index(name)
-        sigma_u = float(np.sqrt(covariance[number, number])) / float(scale[number])
-        ends = [
-            float(
-                start[number]
-                + scale[number] * _profile_end(lambda v: misfit(v, spread), u, number, way * sigma_u, (lower, upper))
-            )
+        centre, size = parameters[number].value, float(scale[number])
+        low, high = (
+            centre
+            + size * _profile_end(lambda v: misfit(v, spread), u, number, way * sigmas[number] / size, (lower, upper))
             for way in (-1.0, 1.0)
-        ]
-        estimates[name] = Estimate(
-            values[name], (ends[1] - ends[0]) / (2.0 * _REACH), (ends[0], ends[1]), estimates[name].unit
         )
-    total = float(np.sum((measured - measured.mean()) ** 2))
+        estimates[name] = Estimate(values[name], (high - low) / (2.0 * REACH), (low, high), parameters[number].unit)
     return CurveFit(
         values=values,
         estimates=estimates,
@@ -151,7 +140,7 @@ def fit_curve(
         fitted=measured - residual,
         residual=residual,
         rmse=float(np.sqrt(np.mean(residual**2))),
-        r2=1.0 - float(np.sum(residual**2)) / total if total > 0.0 else float("nan"),
+        r2=share_explained(measured, measured - residual),
     )
 
 
@@ -179,7 +168,7 @@ def _profile_end(
             part, inside, bounds=(lower[others], upper[others]), diff_step=np.array(1e-4), max_nfev=30
         )
         found_at.append((place, found.x))
-        return 2.0 * float(found.cost) - least - _REACH**2
+        return 2.0 * float(found.cost) - least - REACH**2
 
     near, far = float(best[number]), float(best[number]) + step
     limit = float(upper[number] if step > 0.0 else lower[number])
@@ -195,20 +184,3 @@ def _profile_end(
         middle = 0.5 * (near + far)
         near, far = (middle, far) if excess(middle) < 0.0 else (near, middle)
     return 0.5 * (near + far)
-
-
-def estimates_of(
-    parameters: Sequence[Parameter], values: Mapping[str, float], covariance: Array
-) -> dict[str, Estimate]:
-    """Return values with sigmas and 95 % intervals."""
-    made = {}
-    for number, parameter in enumerate(parameters):
-        value, sigma = values[parameter.name], float(np.sqrt(max(0.0, covariance[number, number])))
-        made[parameter.name] = Estimate(value, sigma, (value - _REACH * sigma, value + _REACH * sigma), parameter.unit)
-    return made
-
-
-def share_explained(measured: Array, fitted: Array) -> float:
-    """Return R², 1 less the residual's share of the variance."""
-    total = float(np.sum((measured - measured.mean()) ** 2))
-    return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_table, get_text
+from torsight.core.files.config import get_number, get_numbers, get_switch, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 
@@ -142,6 +142,14 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
     """
     check_keys(table, _KEYS, where=where)
     kind = get_text(table, "kind", where=where, choices=KINDS)
+    x_mm, y_mm = get_numbers(table, "axis_mm", 2, where=where, default=(0.0, 0.0))
+    board = Board(
+        kind=cast("Literal['chessboard', 'charuco']", kind),
+        columns=get_whole(table, "columns", where=where, lower=3, upper=100),
+        rows=get_whole(table, "rows", where=where, lower=3, upper=100),
+        square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
+        axis_mm=(x_mm, y_mm),
+    )
     if kind == "chessboard":
         strangers = [key for key in _CHARUCO_KEYS if key in table]
         if strangers:
@@ -151,22 +159,12 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
                 value="kind = 'chessboard'",
                 do="set kind = 'charuco', or remove it",
             )
-        return Board(
-            kind="chessboard",
-            columns=_count(table, "columns", where=where, lower=3),
-            rows=_count(table, "rows", where=where, lower=3),
-            square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
-            axis_mm=_pair(table, where=where),
-        )
-    board = Board(
-        kind="charuco",
-        columns=_count(table, "columns", where=where, lower=3),
-        rows=_count(table, "rows", where=where, lower=3),
-        square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
+        return board
+    board = replace(
+        board,
         marker_mm=get_number(table, "marker_mm", where=where, lower=1e-3, upper=1e4),
         dictionary=get_text(table, "dictionary", where=where, default="DICT_4X4_50", choices=DICTIONARIES),
-        legacy=_flag(table, "legacy", where=where),
-        axis_mm=_pair(table, where=where),
+        legacy=get_switch(table, "legacy", where=where),
     )
     if board.marker_mm >= board.square_mm:
         raise ConfigError(
@@ -191,25 +189,3 @@ def _enough_markers(board: Board, *, where: str) -> Board:
             do="take a larger dictionary or fewer squares",
         )
     return board
-
-
-def _count(table: Mapping[str, Any], key: str, *, where: str, lower: int) -> int:
-    value = get_number(table, key, where=where, lower=lower, upper=100)
-    if value != int(value):
-        raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
-    return int(value)
-
-
-def _flag(table: Mapping[str, Any], key: str, *, where: str) -> bool:
-    value = table.get(key, False)
-    if not isinstance(value, bool):
-        raise ConfigError(f"'{key}' is not true or false", where=where, value=repr(value))
-    return value
-
-
-def _pair(table: Mapping[str, Any], *, where: str) -> tuple[float, float]:
-    value = table.get("axis_mm", [0.0, 0.0])
-    if not isinstance(value, list) or len(value) != 2:
-        raise ConfigError("'axis_mm' is not a list of 2 numbers", where=where, value=repr(value))
-    x, y = (get_number({"axis_mm": item}, "axis_mm", where=where) for item in value)
-    return x, y

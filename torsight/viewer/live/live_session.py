@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns
 from torsight.core.errors import NoResultError
 from torsight.core.files.storage import write_json
-from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
-from torsight.viewer import layout
+from torsight.viewer import view_layout
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
-from torsight.viewer.live.measure.growing_log import LogFollower
+from torsight.viewer.live.measure.growing_log import LogFollower, WatchedLog
 from torsight.viewer.live.measure.log_clock import LogClock
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
@@ -34,7 +32,7 @@ from tracker.detect.dots import HUGE_PX
 
 if TYPE_CHECKING:
     from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.measure.model import ModelNews, ModelWatch
+    from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
     from torsight.viewer.live.screen.feed import Feed
     from tracker.detect.marker_file import MarkerHints
 
@@ -56,8 +54,8 @@ class Session:
     ----------
     pictures : Pictures
         What is watched.
-    log : Path
-        The temperature log; it may come later.
+    log : WatchedLog
+        The temperature log.
     folder : Path
         Where the record goes.
     hints, camera : optional
@@ -66,12 +64,6 @@ class Session:
         The screen.
     model : ModelWatch or None
         The model beside.
-    offset_s : float or None
-        Temperature log's time less film time; None: taken from when rows arrive.
-    columns : ChosenColumns
-        What the user says of the log's columns.
-    last_fit_s : float
-        How long the end of the record waits for the friction of all of it.
     say : callable
         Takes a line for the person at the terminal.
     """
@@ -79,22 +71,19 @@ class Session:
     def __init__(
         self,
         pictures: Pictures,
+        log: WatchedLog,
         *,
-        log: Path,
         folder: Path,
         hints: MarkerHints | None = None,
         camera: Camera | None = None,
         feed: Feed | None = None,
         model: ModelWatch | None = None,
-        offset_s: float | None = None,
-        columns: ChosenColumns = NOTHING_CHOSEN,
-        last_fit_s: float = 20.0,
         say: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self.outcome = Outcome()
         self._camera = camera
         self._feed, self._model, self._say = feed, model, say
-        self._folder, self._last_fit_s = folder, last_fit_s
+        self._folder = folder
         self._events: list[dict[str, Any]] = []
         self.now_s = 0.0
         """Time of the last frame."""
@@ -105,8 +94,10 @@ class Session:
             hints, camera, name=pictures.name, tell=self._tell, pixel_aspect=pictures.pixel_aspect
         )
         self._recorder = Recorder(folder, in_space=camera is not None and camera.pose is not None)
-        self._follower = LogFollower(log, lambda words: self._tell(self.now_s, self._frame, "log", words), columns)
-        self._clock = LogClock(offset_s)
+        self._follower = LogFollower(
+            log.path, lambda words: self._tell(self.now_s, self._frame, "log", words), log.columns
+        )
+        self._clock = LogClock(log.offset_s)
         self._latency = Latency()
         self._due = dict.fromkeys(("picture", "beside", "log", "model", "dropped"), -math.inf)
         self._told_dropped = 0
@@ -142,7 +133,7 @@ class Session:
             self._poll_log()
             self._tell_the_end()
             # Who ends it by hand does not want to wait long.
-            self._last_news(min(self._last_fit_s, STOPPED_FIT_S) if stop.is_set() else self._last_fit_s)
+            self._last_news(STOPPED_FIT_S if stop.is_set() else math.inf)
             if self._intake.error is not None:
                 raise self._intake.error
         finally:
@@ -229,9 +220,9 @@ class Session:
             # Every second or third pixel of a large picture is enough to look at.
             stride = max(1, math.ceil(frame.luma.shape[1] / SHOWN_PX))
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
-            drawn = overlay(seen.position_px, seen.angle_rad, names=MARKERS, scale=1.0 / stride)
+            drawn = overlay(seen.position_px, seen.angle_rad, scale=1.0 / stride)
             self._feed.put("picture", frame.time_s, frame.index, luma, drawn)
-            for side, entity in layout.BAND.items():
+            for side, entity in view_layout.BAND.items():
                 band_deg = side * seen.sigma_rad / DEG
                 self._feed.put("series", entity, np.array([frame.time_s]), np.array([band_deg]))
 
@@ -283,7 +274,7 @@ class Session:
     def _last_news(self, limit_s: float) -> None:
         if self._model is not None and self.outcome.measured:
             self._say("fitting the friction of the whole record")
-            for news in self._model.last(limit_s):
+            for news in self._model.last(min(limit_s, self._model.last_fit_s)):
                 self._news(news)
         if self._feed is not None:
             self._feed.put("summary", self._words())
@@ -322,7 +313,7 @@ class Session:
             self._tell(begin.time_s, self._frame, "half-cycle", words)
             if self._feed is not None and math.isfinite(begin.angle_rad):
                 entry = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
-                self._feed.put("series", layout.HALF_CYCLE, *entry)
+                self._feed.put("series", view_layout.HALF_CYCLE, *entry)
 
     def _words(self) -> str:
         return standing(

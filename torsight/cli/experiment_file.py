@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.files.config import get_number, get_table, get_text
-from torsight.core.files.paths import missing_file
+from torsight.core.files.config import get_number, get_table, get_text, get_whole
+from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 
@@ -86,7 +86,7 @@ class Experiment(Frozen):
         for source in (self.video, self.video_right):
             if source is not None:
                 path = Path(source)
-                found += sorted(path.parent.glob(path.name)) if any(c in path.name for c in "*?[") else [path]
+                found += sorted(path.parent.glob(path.name)) if is_glob(path.name) else [path]
         light = Path(self.sync["led_events"]) if "led_events" in self.sync else None
         optional = (self.angle, self.timestamps, self.camera, self.markers_file, light)
         others = self.together if isinstance(self.together, tuple) else ()
@@ -198,7 +198,7 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         actuator=actuator,
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
-        seed=_seed(tables["discovery"], where=places["discovery"]),
+        seed=get_whole(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0, upper=2**53),
         together=_together(tables["discovery"], where=places["discovery"], folder=folder),
         angle=angle,
         **_log_columns(tables["temperature"], where=places["temperature"]),
@@ -224,13 +224,6 @@ def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str,
 def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
     if "file" in markers and len(markers) > 1:
         raise ConfigError("has both a file and its content", where=where, value=", ".join(markers), limit="one of them")
-
-
-def _seed(table: Mapping[str, Any], *, where: str) -> int:
-    seed = get_number(table, "seed", where=where, default=0, lower=0, upper=2**53)
-    if seed != int(seed):
-        raise ConfigError("'seed' is no whole number", where=where, value=f"{seed:g}", limit="0, 1, 2, …")
-    return int(seed)
 
 
 def _together(table: Mapping[str, Any], *, where: str, folder: Path) -> bool | tuple[Path, ...]:
@@ -261,7 +254,7 @@ def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, 
     found: list[str] = []
     for name in names:
         path = folder / name
-        if not any(character in path.name for character in "*?["):
+        if not is_glob(path.name):
             _existing(path, named=f"{where} path")
         found.append(str(path))
     return found[0], found[1] if len(found) == 2 else None
