@@ -10,7 +10,7 @@ from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidat
 
 from torsight.core.errors import InputError
 from torsight.discovery.inference.engine import find_missing
-from torsight.discovery.inference.intervals import covariance
+from torsight.discovery.inference.explanation import covariance
 from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
 from torsight.discovery.inference.validate import held_out_by_refit
 from torsight.discovery.settings import Settings

@@ -26,9 +26,8 @@ from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, find_missing, law_shares
-from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.explanation import Explanation, covariance, joint_covariance
 from torsight.discovery.inference.fitting import less
-from torsight.discovery.inference.intervals import covariance, joint_covariance
 from torsight.discovery.inference.noise import Stretches, reading_noise
 from torsight.discovery.inference.search import TIME
 from torsight.discovery.inference.validate import HeldOut

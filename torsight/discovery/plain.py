@@ -19,8 +19,7 @@ from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import errors_of, fixed_values
-from torsight.discovery.inference.explanation import Explanation
-from torsight.discovery.inference.intervals import covariance
+from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.search import Search
 from torsight.discovery.report import estimates_of
 from torsight.discovery.settings import Settings

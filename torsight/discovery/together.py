@@ -38,9 +38,8 @@ from torsight.discovery.discover import (
     unforetold_deg,
 )
 from torsight.discovery.inference.engine import Findings, find_missing, law_shares
-from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.explanation import Explanation, Field, covariance, joint_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
-from torsight.discovery.inference.intervals import covariance, joint_covariance
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
 from torsight.discovery.report import DiscoveryReport, Errors, estimates_of

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.words.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.inference.explanation import Explanation
-from torsight.discovery.inference.intervals import joint_covariance
+from torsight.discovery.inference.explanation import Explanation, joint_covariance
 from torsight.discovery.inference.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 

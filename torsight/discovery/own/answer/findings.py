@@ -15,9 +15,8 @@ from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate
 from torsight.core.words.shown import Shown
 from torsight.discovery.inference import engine
-from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.explanation import Explanation, Field, covariance, joint_covariance
 from torsight.discovery.inference.fitting import EffectSet, less
-from torsight.discovery.inference.intervals import covariance, joint_covariance
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem

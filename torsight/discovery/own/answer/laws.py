@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
 from torsight.core.words.wording import number
-from torsight.discovery.inference.explanation import Explanation
+from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
-from torsight.discovery.inference.intervals import covariance
 from torsight.discovery.inference.measure import Measured
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
