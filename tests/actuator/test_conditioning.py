@@ -56,6 +56,22 @@ def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():
     assert correlation > 1
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_of_a_rig_that_cools_within_seconds_is_not_taken_for_slow_noise(seed: int) -> None:
+    # Ramps and exponential coolings of 5 s: over the longest stride, 2 s, the temperature itself bends by degrees.
+    time_s = np.arange(0.0, 360.0, 1.0 / 15.0)
+    phase_s = time_s % 90.0
+    wire = 23.0 + np.where(phase_s < 55.0, phase_s, 55.0 * np.exp(-(phase_s - 55.0) / 5.0))
+    read = wire + 0.025 * np.random.default_rng(seed).standard_normal(len(wire))
+    noise, correlation = measure_noise(time_s, read)
+    # 20 % of independent neighbours are within the scatter of a median of parts with some 150 samples each.
+    assert noise == pytest.approx(0.025, rel=0.2)
+    assert correlation == 1.0
+    found = condition(time_s, read)
+    settled = (phase_s > 58.0) & (phase_s < 75.0)
+    assert np.sqrt(np.mean((found.temp_c - wire)[settled] ** 2)) < 0.025
+
+
 @pytest.mark.parametrize(("interval_s", "noise_c"), [(0.25, 0.02), (0.25, 0.1), (0.015, 0.1)])
 def test_noise_goes_and_corners_stay(interval_s, noise_c):
     time_s, true, read = logged(interval_s, noise_c)
