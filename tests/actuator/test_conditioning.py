@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torsight.actuator.record.conditioning import condition, measure_noise
+from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.log_noise import measure_noise
 
 RATE_C_S = 0.12
 

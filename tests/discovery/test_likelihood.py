@@ -62,4 +62,4 @@ def test_rows_that_are_cut_off_keep_their_shared_errors(drawn: tuple[np.ndarray,
     rows = np.arange(ROWS) < 20
     inside = Weight(1.0 / floor[:20] ** 2, shared[:20])
     assert weight.only(rows).square(residual) == pytest.approx(inside.square(residual[:20]))
-    assert weight.only(slice(0, 20)).square(residual[:20]) == pytest.approx(inside.square(residual[:20]))
+    assert weight.at(slice(0, 20)).square(residual[:20]) == pytest.approx(inside.square(residual[:20]))

@@ -81,7 +81,18 @@ class ActuatorProblem:
     @cached_property
     def rows(self) -> NDArray[np.int64]:
         """Rows of the drive that stand for the record."""
-        return kept_rows(self.drive)
+        return kept_rows(self.drive, self._way, self._at_rest)
+
+    @cached_property
+    def _way(self) -> Array:
+        """How far every row of the drive has come since the first, in steps of angle, temperatures or time."""
+        return np.cumsum(_steps(self.drive))
+
+    @cached_property
+    def _at_rest(self) -> NDArray[np.bool_]:
+        """Where the measured angle stands still, in every row of the drive."""
+        drive = self.drive
+        return rest_mask(drive.time_s, drive.angle_rad / DEG, drive.known & np.isfinite(drive.angle_rad))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -130,8 +141,8 @@ class ActuatorProblem:
 
     @cached_property
     def share(self) -> Array:
-        """Share of a step along the record's way (:func:`_way`) that every kept row stands for, one at most."""
-        return np.minimum(np.abs(np.gradient(np.cumsum(_way(self.drive))[self.rows])), 1.0)
+        """Share of a step along the record's way that every kept row stands for, one at most."""
+        return np.minimum(np.gradient(self._way[self.rows]), 1.0)
 
     @cached_property
     def time_s(self) -> Array:
@@ -165,7 +176,7 @@ class ActuatorProblem:
     @cached_property
     def rest(self) -> NDArray[np.bool_]:
         """Where the measured angle stands still."""
-        return _at_rest(self.drive)[self.rows]
+        return self._at_rest[self.rows]
 
     @cached_property
     def drivers(self) -> Mapping[str, Array]:
@@ -227,24 +238,25 @@ class ActuatorProblem:
         return tuple(draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS))
 
 
-def kept_rows(drive: Drive) -> NDArray[np.int64]:
+def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the rows between which the angle or a temperature changes enough to matter.
 
     The stepping is exact for steps of any length between which temperatures rise or fall: rows only have to sample the
     residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
     changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
     two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
-    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where
-    the angle sets off from a rest: friction over the speed is not exact for steps in which it does.
+    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where the angle
+    sets off from a rest: friction over the speed is not exact for steps in which it does. ``way`` (n,) is how far every
+    row has come (:func:`_steps`, summed), ``at_rest`` (n,) where the angle stands still.
     """
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     interval = float(np.median(np.diff(drive.time_s)))
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
-    keep[np.flatnonzero(np.diff(np.floor(np.cumsum(_way(drive))))) + 1] = True
+    keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
-    for place in [*turn, *_starts(drive, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
+    for place in [*turn, *_starts(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
         keep[max(0, place - far) : place + far : second] = True
     change = np.flatnonzero(np.diff(drive.cycles.half))
@@ -253,22 +265,17 @@ def kept_rows(drive: Drive) -> NDArray[np.int64]:
     return np.flatnonzero(keep)
 
 
-def _starts(drive: Drive, angle_deg: Array) -> list[int]:
+def _starts(at_rest: NDArray[np.bool_], angle_deg: Array) -> list[int]:
     """Return the rows at which the angle sets off from a rest."""
     found = []
-    for _, stop in runs(_at_rest(drive)):
+    for _, stop in runs(at_rest):
         away = np.abs(angle_deg[stop - 1 :] - angle_deg[stop - 1]) > _STOPPED_DEG
         if away.any():
             found.append(stop - 1 + int(np.argmax(away)))
     return found
 
 
-def _at_rest(drive: Drive) -> NDArray[np.bool_]:
-    valid = drive.known & np.isfinite(drive.angle_rad)
-    return rest_mask(drive.time_s, drive.angle_rad / DEG, valid)
-
-
-def _way(drive: Drive) -> Array:
+def _steps(drive: Drive) -> Array:
     """Return how far every row (n,) has come from the one before, in steps of angle, temperatures or time."""
     active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
     passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)

@@ -14,6 +14,7 @@ from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
+from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate, Parameter
@@ -240,9 +241,8 @@ def errors_of(problem: ActuatorProblem, contender: Explanation, held_out: HeldOu
         rows = drive.cycles.half == label
         predicted[rows] = own.simulate(values, effects).angle_rad[rows] / DEG
     error = (observed - predicted)[good]
-    total = observed[good] - observed[good].mean()
     each = _by_half_cycle(error, drive.cycles.half[good], [label for label, _ in held_out.folds])
-    return Errors(train, float(np.sqrt(np.mean(error**2))), 1.0 - float(error @ error) / float(total @ total), each)
+    return Errors(train, float(np.sqrt(np.mean(error**2))), share_explained(observed[good], predicted[good]), each)
 
 
 def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int]) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fit import FitResult, notes_of_fit, require_motion
-from torsight.actuator.fitting.estimates import quiet
+from torsight.actuator.fitting.estimates import quiet, share_explained
 from torsight.actuator.record.weights import correlation_rows
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.stepping.cycle import fitted_cycle
@@ -63,7 +63,6 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
     variance = search.likelihood.variance(base.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
     white = (residual / row_sigma)[counted]
-    total = drive.angle_rad[counted] - drive.angle_rad[counted].mean()
     silent_about = quiet(fit.parameters, sigma)
     ratio, rows = float(np.mean(white**2)), correlation_rows(white)
     return FitResult(
@@ -78,7 +77,7 @@ def _result(problem: ActuatorProblem, base: Explanation, search: Search) -> FitR
         correlation_rows=rows,
         variance_ratio=ratio,
         rmse_deg=errors.rmse_train_deg,
-        r2=1.0 - float(np.sum(residual[counted] ** 2)) / float(np.sum(total**2)),
+        r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
         converged=search.has_settled(base),
         silent_about=silent_about,

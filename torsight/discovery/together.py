@@ -175,7 +175,7 @@ def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanat
     several = cast("SeveralRecords", joint.fitter.problem)
     part, rows = several.parts[record], several.rows_of(record)
     effects = several.effects_of(record, joint.fit.effects)
-    fitter = Fitter(part, joint.fitter.weight.only(rows))
+    fitter = Fitter(part, joint.fitter.weight.at(rows))
     parameters = fitter.parameters(effects)
     places = _places(several, joint.fit, record, [p.name for p in parameters])
     solution = joint.fit.solution

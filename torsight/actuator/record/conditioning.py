@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.corners import mend_corners
 from torsight.actuator.record.holds import level_holds
+from torsight.actuator.record.log_noise import measure_noise, resolution
 from torsight.actuator.stepping.compiled import compiled, inlined
-from torsight.core.series import scatter
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,9 @@ NEGLIGIBLE_C: Final = 0.005
 _THRESHOLD: Final = 1.6
 _THRESHOLD_LAGGED: Final = 2.2
 _SHORTEST: Final = 16
-_MAX_STRIDE_S: Final = 2.0
 # What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
 _BLOCK_LAGGED_S: Final = 0.2
-# A part of a log whose noise is measured by itself holds so many of the longest strides; four times what one needs.
-_STRIDES_PER_PART: Final = 12
-_MOST_PARTS: Final = 32
 _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
@@ -139,39 +135,6 @@ def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]
     starts = np.arange(0, len(time_s), every)
     count = np.diff(np.append(starts, len(time_s)))
     return np.add.reduceat(time_s, starts) / count, np.add.reduceat(temp_c, starts) / count
-
-
-def resolution(temp_c: Array) -> float:
-    """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
-    steps = np.abs(np.diff(temp_c))
-    steps = steps[steps > 1e-9]
-    return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
-
-
-def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
-    """Return the noise's standard deviation in °C and over how many samples it is correlated.
-
-    Third differences do not see lines and parabolas; their median does not see corners. A stride of s samples sees
-    noise whose neighbours within s samples are alike. How many are alike is read off the quieter parts of the log:
-    where the temperature itself bends over a few strides it would pass for noise that is alike over many samples.
-    """
-    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
-    longest = max(1, int(_MAX_STRIDE_S / interval))
-    strides = sorted({max(1, round(longest ** (i / 8))) for i in range(9)})
-    strides = [stride for stride in strides if len(temp_c) >= 3 * stride + 8]
-    if not strides:
-        return 0.0, 1.0
-    whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
-    count = min(len(temp_c) // (_STRIDES_PER_PART * strides[-1]), _MOST_PARTS)
-    parts = np.array_split(temp_c, count) if count > 1 else [temp_c]
-    quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
-    # Where a log stands still to its last digit nothing is seen of its noise.
-    seen = quiet if quiet.min() > 0.0 else whole
-    place = int(np.argmax(seen >= 0.8 * seen.max()))
-    enough = strides[place]
-    return max(noise for stride, noise in zip(strides, whole.tolist(), strict=True) if stride <= 2 * enough), float(
-        enough
-    )
 
 
 def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from sync import LogReading, read_temperature_log
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.record.conditioning import measure_noise, resolution
+from torsight.actuator.record.log_noise import measure_noise, resolution
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c

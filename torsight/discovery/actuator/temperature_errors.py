@@ -53,13 +53,11 @@ def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureE
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     interval_s = float(np.median(np.diff(drive.time_s)))
-    smooth, with_tops = [], []
-    for _ in "ab":
-        alike = gaussian_filter1d(rng.standard_normal(len(drive)), _ALIKE_S / interval_s, mode="nearest")
-        smooth.append(drive.temp_sigma_c * alike / max(float(np.std(alike)), 1e-12))
-        with_tops.append(smooth[-1])
+    alike = gaussian_filter1d(rng.standard_normal((2, len(drive))), _ALIKE_S / interval_s, mode="nearest")
+    smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
+    with_tops = smooth.copy()
     for spring, error_c in _tops(drive):
-        with_tops[spring] = with_tops[spring] + rng.standard_normal() * error_c
+        with_tops[spring] += rng.standard_normal() * error_c
     return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
 
 

@@ -16,7 +16,7 @@ the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. So
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -75,14 +75,18 @@ class Likelihood:
         shared: Array | None = None,
     ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
-        count, kind = np.zeros(len(floor)), np.zeros(len(floor), np.int8)
+        kind = np.full(len(floor), MOTION, np.int8)
         for start, stop, at_rest, opening in zip(
             stretches.start, stretches.stop, stretches.rest, stretches.opening, strict=True
         ):
-            count[start:stop] = stretches.counts(start, stop, at_rest, correlation_samples)
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
         shared = np.zeros((len(floor), 0)) if shared is None else shared
-        return cls(count, floor, kind, correlation_samples, least, shared)
+        return cls(stretches.counts(correlation_samples), floor, kind, correlation_samples, least, shared)
+
+    def correlated(self, stretches: Stretches, correlation_samples: float) -> Likelihood:
+        """Return the same for another correlation time."""
+        count = stretches.counts(correlation_samples)
+        return replace(self, count=count, correlation_samples=correlation_samples)
 
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
@@ -121,7 +125,11 @@ class Likelihood:
 
     def log(self, residual: Array) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
-        rows, weight = self.count > 0.0, self.weight(residual)
+        return self.log_at(self.weight(residual), residual)
+
+    def log_at(self, weight: Weight, residual: Array) -> float:
+        """Return the same where the residual's own weight is known."""
+        rows = self.count > 0.0
         spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
         return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 

@@ -314,7 +314,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     base = len(fitter.problem.parameters)
     information = prior_information(space, x, base)
     matrix = derivative.T @ weight.times(derivative) + np.diag(information)
-    total = likelihood.log(residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
+    total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
     for i in range(base, len(x)):
         parameter, scale = fit.parameters[i], float(space.scale[i])

@@ -60,10 +60,13 @@ class Stretches:
         share = np.asarray(getattr(problem, "share", np.ones(n)), np.float64)
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 
-    def counts(self, start: int, stop: int, at_rest: bool, correlation_samples: float) -> Array:  # noqa: FBT001
-        """Return the pieces of information that the samples of a stretch count as: one in all at rest, or at least."""
-        share = np.full(stop - start, 1.0 / (stop - start)) if at_rest else self.share[start:stop]
-        return share / (1.0 if at_rest else min(max(correlation_samples, 1.0), float(share.sum())))
+    def counts(self, correlation_samples: float) -> Array:
+        """Return the pieces of information (n,) that samples count as; one in all in a rest, or at least in motion."""
+        found = np.zeros(len(self.share))
+        for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
+            share = self.share[a:b]
+            found[a:b] = 1.0 / (b - a) if rest else share / min(max(correlation_samples, 1.0), float(share.sum()))
+        return found
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the ranges at rest and those in motion."""
@@ -164,11 +167,10 @@ def _excess(residual: Array, floor: Array) -> float:
 
 def information(stretches: Stretches, scales: Scales, floor: Array) -> Weight:
     """Return 1 / (σ² τ) per sample with σ² = floor² + scale², zero where it does not count; no error is shared."""
-    weight = np.zeros(len(floor))
-    for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True):
-        variance = 1e-30 + floor[a:b] ** 2 + (scales.rest if rest else scales.motion) ** 2
-        weight[a:b] = stretches.counts(a, b, rest, scales.correlation_samples) / variance
-    return Weight.of(weight)
+    size = np.full(len(floor), scales.motion)
+    for a, b in stretches.split()[0]:
+        size[a:b] = scales.rest
+    return Weight.of(stretches.counts(scales.correlation_samples) / (1e-30 + floor**2 + size**2))
 
 
 def first_scales(problem: Problem, stretches: Stretches) -> Scales:

@@ -108,18 +108,14 @@ class Search:
     def plain(self) -> Explanation:
         """Fit the base model from the priors' means and from elsewhere."""
         problem, stretches = self._problem, self._stretches
-        scales, floor = first_scales(problem, stretches), problem.sigma.copy()
-        shared = np.zeros((len(floor), 0))
-        fitter = Fitter(problem, information(stretches, scales, floor))
+        fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), problem.sigma))
         fit = fitter.base()
         for _ in range(2):
-            floor, shared = self._floor(fit), shared_errors(problem, fit.values, fit.effects)
-            noise = np.sqrt(floor**2 + np.sum(shared**2, axis=1))
-            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, noise)
-            fitter = Fitter(problem, information(stretches, scales, noise))
+            inputs = self._under(problem, fit)
+            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, inputs.noise)
+            fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
-        tau = min(scales.correlation_samples, _FIRST_CORRELATION)
-        self._likelihood = Likelihood.of(stretches, floor, tau, least=problem.resolution, shared=shared)
+        self._likelihood = inputs.correlated(stretches, min(scales.correlation_samples, _FIRST_CORRELATION))
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.plain_from(start) for start in (first.fit.values, fitter.nominal.values))
@@ -139,14 +135,15 @@ class Search:
         """Return the posterior density's logarithm at an explanation's optimum."""
         return self._value(explanation.fitter.problem, explanation.fit)
 
-    def _floor(self, fit: Fit, problem: Problem | None = None) -> Array:
-        """Return what the inputs account for sample by sample at a fit (n,)."""
-        at = problem or self._problem
-        reading = at.sigma
-        if not reading[at.valid].any():
-            left = _left(at, fit.solution.prediction)
-            reading = np.full(len(left), reading_noise(at, self._stretches, left))
-        return np.hypot(reading, at.input_noise(fit.values, fit.effects))
+    def _under(self, problem: Problem, fit: Fit) -> Likelihood:
+        """Return the likelihood with what the inputs account for at a fit; its correlation is that of now."""
+        reading = problem.sigma
+        if not reading[problem.valid].any():
+            left = _left(problem, fit.solution.prediction)
+            reading = np.full(len(left), reading_noise(problem, self._stretches, left))
+        floor = np.hypot(reading, problem.input_noise(fit.values, fit.effects))
+        shared, tau = shared_errors(problem, fit.values, fit.effects), self._likelihood.correlation_samples
+        return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
 
     def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
         """Return a fit at the weights that its own residual gives, with its evidence."""
@@ -282,12 +279,9 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        problem, fit = best.fitter.problem, best.fit
-        shared = shared_errors(problem, fit.values, fit.effects)
-        least, floor = self._problem.resolution, self._floor(fit, problem)
-        first = Likelihood.of(self._stretches, floor, self._likelihood.correlation_samples, least=least, shared=shared)
-        tau = min(correlation_samples(first.left(best.residual), self._stretches), longest)
-        self._likelihood = Likelihood.of(self._stretches, floor, tau, least=least, shared=shared)
+        inputs = self._under(best.fitter.problem, best.fit)
+        tau = min(correlation_samples(inputs.left(best.residual), self._stretches), longest)
+        self._likelihood = inputs.correlated(self._stretches, tau)
         for members, one in list(self._explanations.items()):
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
             fitter = self._weighted(one.fitter.problem, one.fit.solution.prediction) if members else one.fitter

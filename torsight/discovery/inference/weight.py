@@ -78,8 +78,10 @@ class Weight:
             return plain
         return np.asarray(plain - self._weighted @ cho_solve(self._factor, self._weighted.T @ columns))
 
-    def only(self, rows: NDArray[np.bool_] | slice) -> Weight:
-        """Return the weight with nothing but these rows counted; a slice cuts the samples down to it."""
-        if isinstance(rows, slice):
-            return Weight(self.each[rows], self.shared[rows])
+    def only(self, rows: NDArray[np.bool_]) -> Weight:
+        """Return the weight with nothing but these rows (n,) counted."""
         return Weight(np.where(rows, self.each, 0.0), self.shared)
+
+    def at(self, rows: slice) -> Weight:
+        """Return the weight of a part of the record."""
+        return Weight(self.each[rows], self.shared[rows])

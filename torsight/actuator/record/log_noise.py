@@ -1,0 +1,47 @@
+"""Noise and resolution of a temperature log, measured from the log itself."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import scatter
+
+Array = NDArray[np.float64]
+
+_MAX_STRIDE_S: Final = 2.0
+# A part of a log whose noise is measured by itself holds so many of the longest strides; four times what one needs.
+_STRIDES_PER_PART: Final = 12
+_MOST_PARTS: Final = 32
+
+
+def resolution(temp_c: Array) -> float:
+    """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
+    steps = np.abs(np.diff(temp_c))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
+
+
+def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
+    """Return the noise's standard deviation in °C and over how many samples it is correlated.
+
+    Third differences do not see lines and parabolas; their median does not see corners. A stride of s samples sees
+    noise whose neighbours within s samples are alike. How many are alike is read off the quieter parts of the log:
+    where the temperature itself bends over a few strides it would pass for noise that is alike over many samples.
+    """
+    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    longest = max(1, int(_MAX_STRIDE_S / interval))
+    strides = np.unique([max(1, round(longest ** (i / 8))) for i in range(9)])
+    strides = strides[len(temp_c) >= 3 * strides + 8]
+    if not len(strides):
+        return 0.0, 1.0
+    whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
+    count = max(1, min(len(temp_c) // (_STRIDES_PER_PART * int(strides[-1])), _MOST_PARTS))
+    parts = np.array_split(temp_c, count)
+    quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
+    # Where a log stands still to its last digit nothing is seen of its noise.
+    seen = quiet if quiet.min() > 0.0 else whole
+    enough = strides[np.argmax(seen >= 0.8 * seen.max())]
+    return float(whole[strides <= 2 * enough].max()), float(enough)
