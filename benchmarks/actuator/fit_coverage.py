@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from seeds import lines_of
 
-from torsight.actuator.fit import fit_model
+from torsight.actuator import fit_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.synthetic.experiment import make_record
@@ -66,7 +66,7 @@ def one(seed: int) -> dict[str, Any]:
     ended = time.thread_time()
     true = scene.values.public
     values = {}
-    for name in result.free:
+    for name in scene.declared.uncertainty:
         estimate = result.estimates[name]
         low, high = estimate.ci95
         prior = scene.declared.uncertainty[name]

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.figures import Line, draw
-from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.stepping.phase import COOLING_LAWS, HEATING_LAWS
 from torsight.core.parameter import Parameter
+from torsight.core.series import share_explained
 from torsight.core.units import GPA, MPA
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from torsight.actuator.fit import fit_model
+from torsight.actuator import fit_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
 from torsight.core.records import SyncedTable, TemperatureLog

@@ -40,7 +40,7 @@ def gaps(case: blind.Case) -> list[float]:
             p.name: float(np.clip(p.value + (p.sigma or 0.2 * p.value) * rng.standard_normal(), p.lower, p.upper))
             for p in problem.parameters
         }
-        ends.append(search.value_of(search.plain_from(start)))
+        ends.append(search.value_of(search.fit_from(start)))
     return [max(ends) - end for end in ends]
 
 

@@ -148,23 +148,6 @@ def test_the_overshoot_of_a_controlled_top_stays(interval_s):
     assert np.sqrt(np.mean(np.square(errors))) < 2.0 * 1.5 * 0.15 / np.sqrt(10.0 / 0.25)
 
 
-def test_a_wire_that_wanders_is_known_less_well_than_its_noise_says():
-    """The errors that are left exceed the stated ones, by as much as is said."""
-    rng = np.random.default_rng(5)
-    time_s = np.arange(0.0, 900.0, 0.04)
-    walk, keep = np.empty(len(time_s)), np.exp(-0.04 / 2.0)
-    walk[0] = 0.0
-    for k in range(1, len(walk)):
-        walk[k] = keep * walk[k - 1] + 0.05 * np.sqrt(1.0 - keep**2) * rng.standard_normal()
-    steady, wandering = wire(time_s), wire(time_s) + walk
-    noise = 0.15 * rng.standard_normal(len(time_s))
-    plain, found = condition(time_s, steady + noise), condition(time_s, wandering + noise)
-    assert found.understated > 1.2 * plain.understated
-    warm = steady > 30.0
-    errors = (found.temp_c - wandering)[warm] / (found.understated * found.sigma_c[warm])
-    assert 0.6 < np.sqrt(np.mean(errors**2)) < 1.7
-
-
 @pytest.mark.parametrize("lag_s", [0.0, 5.0])
 def test_the_error_does_not_jump_where_a_window_changes(lag_s: float) -> None:
     """A jump drives the angle by degrees at once; a slow error of the same size hardly shows."""

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
+from torsight.actuator import fit_model
 from torsight.actuator.effects import chosen_effects, load_effects
 from torsight.actuator.effects.stiffening import extra_torque
-from torsight.actuator.fit import fit_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec, reference_spec
@@ -94,10 +94,6 @@ def made_with(effects: dict, *, seed: int):
     )
 
 
-START = ("home_torque", "start_winding")
-"""What came before a record is not in it: always fitted along."""
-
-
 def spec_of(made) -> ActuatorSpec:
     return ActuatorSpec({**made.played.scene.values.public, "zero_deg": 0.0})
 
@@ -107,21 +103,8 @@ def fitted(name: str, effects: tuple[str, ...]):
 
 
 def fitted_to(made, effects: tuple[str, ...]):
-    model = ActuatorModel(spec_of(made), (*effects, *START))
-    drive = model.prepare(made.table)
-    starts = [{}, *(dict(start) for effect in model.chosen for start in effect.starts)]
-    starts += [
-        dict(start)
-        for effect in model.chosen
-        if effect.starts_from is not None
-        for start in effect.starts_from(drive.angle_rad)
-    ]
-    if effects and DECLARED[effects[0]].propose is not None:
-        plain = ActuatorModel(spec_of(made)).simulate(drive)
-        starts = [
-            dict(start) for start in DECLARED[effects[0]].propose(drive.time_s, drive.angle_rad - plain.angle_rad)
-        ]
-    return fit_model(model, drive, starts=starts)
+    model = ActuatorModel(spec_of(made), effects)
+    return fit_model(model, model.prepare(made.table))
 
 
 def test_the_twelve_of_the_contract_are_there():
@@ -187,10 +170,7 @@ def test_own_parameters_come_back_from_another_integrator(name):
 
 def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     made = made_with({"kinetics_shape": {"bend": 0.03}}, seed=12)
-    plain, bent = (ActuatorModel(spec_of(made), (*more, *START)) for more in ((), ("phase_shape",)))
-    drive = plain.prepare(made.table)
-    without, found = fit_model(plain, drive), fit_model(bent, drive)
-    assert found.rmse_deg < 0.6 * without.rmse_deg
+    found = fitted_to(made, ())
     # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
     for name in ("heating_bend", "cooling_bend"):
         assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from torsight.actuator.fitting.estimates import share_explained
+from torsight.core.series import share_explained
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "actuator"))
 import isobaric

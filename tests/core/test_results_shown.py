@@ -52,7 +52,7 @@ TAUS = {"tau_c_mnm": TAU.to_json()}
 @pytest.fixture(scope="session")
 def fitted(half_cycle: SyncedTable) -> FitResult:
     model = ActuatorModel(replace(reference_spec(), uncertainty={"tau_c_mnm": 0.3}))
-    return fit_model(model, model.prepare(half_cycle), starts=[{"tau_c_mnm": 0.8}])
+    return fit_model(model, model.prepare(half_cycle))
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from torsight.core.series import constant_runs, extremes, robust_sigma, runs, scatter
+from torsight.core.series import constant_runs, correlation_time, extremes, robust_sigma, runs, scatter
 
 
 @given(st.lists(st.booleans()))
@@ -64,3 +64,15 @@ def test_scatter_is_that_of_the_readings_whatever_moves_slowly_and_whatever_glit
     value = 300.0 * np.sin(at / 2000.0) + 0.05 * rng.standard_normal(len(at))
     value[::500] += 40.0
     assert scatter(value[:8000], value[8000:8005], value[8005:], stride=stride) == pytest.approx(0.05, rel=0.05)
+
+
+@pytest.mark.parametrize("pieces", [1, 8])
+def test_correlation_time_of_a_known_process(pieces):
+    rng = np.random.default_rng(4)
+    keep, x = 0.95, np.zeros(40_000)
+    for k in range(1, len(x)):
+        x[k] = keep * x[k - 1] + rng.standard_normal()
+    # (1 + a) / (1 − a) = 39 samples.
+    assert correlation_time(np.split(x, pieces)) == pytest.approx(39.0, rel=0.2)
+    assert correlation_time(np.split(rng.standard_normal(8000), pieces)) == pytest.approx(1.0, abs=0.3)
+    assert correlation_time([x[:3]]) == 1.0

@@ -6,7 +6,6 @@ from torsight.actuator.drive import Drive as Drive
 from torsight.actuator.effects import Effect as Effect
 from torsight.actuator.effects import load_effects as load_effects
 from torsight.actuator.fit import FitResult as FitResult
-from torsight.actuator.fit import fit_model as fit_model
 from torsight.actuator.fitted import FittedModel as FittedModel
 from torsight.actuator.fitted import fitted_model as fitted_model
 from torsight.actuator.fitted import read_model as read_model
@@ -21,3 +20,4 @@ from torsight.actuator.spec import reference_spec as reference_spec
 from torsight.actuator.springs import Rig as Rig
 from torsight.actuator.stepping.closed_form import half_cycle as half_cycle
 from torsight.actuator.stepping.closed_form import stable_cycle as stable_cycle
+from torsight.discovery.model_fit import fit_model as fit_model

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, half_cycles
+from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 
@@ -100,7 +101,7 @@ class Drive:
     cycles : HalfCycles
         Which spring is driven when.
     angle_rad, angle_sigma_rad : (n,) float64
-        Measured angle less the whole turns (NaN: none) and its standard deviation.
+        Measured angle less the whole turns (NaN: none, or a wrong frame) and its standard deviation.
     start_angle_rad : float
         Angle at the first row, less the whole turns.
     room_c : float
@@ -111,8 +112,6 @@ class Drive:
         The temperatures as logged.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
-    understated : float
-        By how much the errors left in the temperatures exceed ``temp_sigma_c``.
     """
 
     time_s: Array
@@ -130,7 +129,6 @@ class Drive:
     known: NDArray[np.bool_]
     sensors: Sensors
     turns: int = 0
-    understated: float = 1.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -165,7 +163,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     ahead_rad = 2.0 * math.pi * turns
     drive = _driven(table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
     angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, drive.sensors.rows)
-    angle = np.where(drive.known, angle - ahead_rad, np.nan)
+    angle = np.where(drive.known & ~wrong_frames(angle, sigma), angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
     return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles)
@@ -238,7 +236,6 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
         sensors=Sensors(time_s, (filled_a, filled_b), rows),
-        understated=max(a.understated, b.understated),
     )
 
 

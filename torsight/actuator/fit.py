@@ -1,10 +1,6 @@
-"""Least-squares fit of the actuator to a record, with characterised values as priors.
+"""What a fit of the actuator to a record says, and what a record needs for one.
 
-Minimised is Σ r²/(σ² κ) + Σ ((v − v₀)/s)²: residuals over their row's sigma, which counts how long errors last
-(:mod:`torsight.actuator.record.weights`), divided by κ, the variance times correlation time of what is left beyond
-that, and every value's distance from its prior. σ and κ follow from the fit before, in a few rounds. Intervals come
-from the curvature at the minimum and so are inflated for correlation and misfit alike. Several starts guard against
-local minima.
+The fit itself, :func:`torsight.actuator.fit_model`, is the discovery's (:mod:`torsight.discovery.model_fit`).
 
 Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
 exact C fixes the scale; where all are uncertain the priors do.
@@ -20,26 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fitting.estimates import covariance_of, estimates_of, quiet, share_explained
-from torsight.actuator.fitting.fit_problem import Problem
 from torsight.actuator.model import ActuatorModel, Simulation
-from torsight.actuator.record.weights import correlation_rows, noisy_drives, spikes
-from torsight.actuator.stepping.cycle import Cycle, fitted_cycle
+from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
-from torsight.core.progress import Progress, silent
-from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
 
 Array = NDArray[np.float64]
 
-_FIRST_KAPPA: Final = 20.0
-_ROUNDS: Final = 3
-_SCREENED: Final = 2
 _LEAST_MOTION: Final = 8.0
+_SILENT: Final = 0.9
+"""Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
+all information about it is the record's (1 − 0.9² = 0.19)."""
 _SCALE_NOTE: Final = (
     "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
     "the torque's absolute size rests on the characterised values"
@@ -144,49 +135,6 @@ class FitResult(Frozen, Shown):
         }
 
 
-@one_thread()
-def fit_model(
-    model: ActuatorModel,
-    drive: Drive,
-    *,
-    use: NDArray[np.bool_] | None = None,
-    starts: Sequence[Mapping[str, float]] | None = None,
-    progress: Progress = silent,
-    where: str = "record",
-) -> FitResult:
-    """Fit all free parameters of a model to a record.
-
-    Parameters
-    ----------
-    model : ActuatorModel
-        Plain or with effects.
-    drive : Drive
-        From ``model.prepare``.
-    use : (n,) bool, optional
-        Rows that count; the whole record is simulated either way.
-    starts : sequence of mappings, optional
-        Starting points by public name; by default a few of the friction and of the effects.
-    progress : Progress
-        Told how far the work is.
-    where : str
-        Name of the record in messages.
-
-    Raises
-    ------
-    NoResultError
-        When nothing moves.
-    """
-    require_motion(drive, where=where)
-    parameters = model.parameters
-    counted = np.isfinite(drive.angle_rad) & drive.known & ~spikes(drive)
-    if use is not None:
-        counted &= use
-    scale = np.array([parameter.sigma or _own_scale(parameter) for parameter in parameters])
-    problem = Problem(parameters, scale, model, drive, counted, noisy_drives(drive))
-    u, weight, converged = _solve(problem, list(starts or default_starts(model, drive)), progress)
-    return _result(problem, u, weight, converged=converged)
-
-
 def require_motion(drive: Drive, *, where: str) -> None:
     """Refuse a record in which the actuator does not move.
 
@@ -212,99 +160,21 @@ def require_motion(drive: Drive, *, where: str) -> None:
         )
 
 
-def default_starts(model: ActuatorModel, drive: Drive) -> list[dict[str, float]]:
-    """Return starting points: nominal values with other frictions and zeros, and those that the effects name."""
-    tau = model.nominal()["tau_c_mnm"]
-    starts = [{"tau_c_mnm": factor * max(tau, 1e-3)} for factor in (1.0, 0.4, 2.0)]
-    if any(parameter.name == "zero_deg" for parameter in model.parameters):
-        starts.append({"zero_deg": middle_deg(drive)})
-    starts += [dict(start) for effect in model.chosen for start in effect.starts]
-    return starts
-
-
 def middle_deg(drive: Drive) -> float:
     """Return the middle of what was read, degrees: the zero, if both strokes are alike."""
     low, high = np.nanquantile(drive.angle_rad, [0.005, 0.995])
     return float(low + high) / (2.0 * DEG)
 
 
-def _own_scale(parameter: Parameter) -> float:
-    if parameter.value != 0.0:
-        return 0.25 * abs(parameter.value)
-    span = parameter.upper - parameter.lower
-    return 0.05 * span if np.isfinite(span) and span < 1e3 else 1.0
+def quiet(parameters: Sequence[Parameter], sigma: Array) -> tuple[str, ...]:
+    """Return the names of the parameters about which the record says nothing that was not known.
 
-
-def _solve(problem: Problem, starts: list[Mapping[str, float]], progress: Progress) -> tuple[Array, Array, bool]:
-    """Return the minimum, the rows' weights and whether it converged."""
-    from scipy.optimize import least_squares
-
-    lower, upper = problem.bounds()
-    drive = problem.drive
-
-    def inside(u: Array) -> Array:
-        margin = np.minimum(1e-6, 0.25 * (upper - lower))
-        return np.clip(u, lower + margin, upper - margin)
-
-    def run(u: Array, weight: Array, evaluations: int) -> Any:
-        return least_squares(
-            problem.misfit, inside(u), problem.jacobian, bounds=(lower, upper), args=(weight,),
-            ftol=1e-7, xtol=1e-7, gtol=1e-7, max_nfev=evaluations,
-        )  # fmt: skip
-
-    sigma = problem.row_sigma(problem.scaled(starts[0]))
-    weight = 1.0 / (sigma * np.sqrt(_FIRST_KAPPA))
-    rough = []
-    for number, start in enumerate(starts):
-        progress("fit: starting points", number, len(starts))
-        rough.append(run(problem.scaled(start), weight, 6))
-    progress("fit: starting points", len(starts), len(starts))
-    rough.sort(key=lambda found: float(found.cost))
-    best = min((run(item.x, weight, 60) for item in rough[:_SCREENED]), key=lambda found: float(found.cost))
-    for number in range(_ROUNDS):
-        progress("fit: rounds", number, _ROUNDS)
-        angle = problem.model.simulate(drive, problem.values(best.x)).angle_rad
-        sigma = problem.row_sigma(best.x)
-        ratio, rows = _spread(problem, angle, sigma)
-        weight = 1.0 / (sigma * np.sqrt(max(1.0, ratio * rows)))
-        best = run(best.x, weight, 60)
-    progress("fit: rounds", _ROUNDS, _ROUNDS)
-    return best.x, weight, bool(best.status > 0)
-
-
-def _spread(problem: Problem, angle: Array, sigma: Array) -> tuple[float, float]:
-    """Return variance and correlation time of the whitened residual."""
-    white = ((problem.drive.angle_rad - angle) / sigma)[problem.counted]
-    return float(np.mean(white**2)), correlation_rows(white)
-
-
-def _result(problem: Problem, u: Array, weight: Array, *, converged: bool) -> FitResult:
-    model, drive, counted = problem.model, problem.drive, problem.counted
-    values = {**model.nominal(), **problem.values(u)}
-    simulation = model.simulate(drive, values)
-    residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
-    sigma = problem.row_sigma(u)
-    ratio, rows = _spread(problem, simulation.angle_rad, sigma)
-    covariance, known = covariance_of(problem, u, weight)
-    estimates = estimates_of(model, values, problem, covariance, known)
-    says_nothing_of = quiet(problem.parameters, np.where(known, np.sqrt(np.diag(covariance)), np.nan))
-    return FitResult(
-        model=model,
-        values=values,
-        estimates=estimates,
-        free=problem.names,
-        covariance=covariance,
-        simulation=simulation,
-        residual_rad=residual,
-        sigma_rad=sigma,
-        correlation_rows=rows,
-        variance_ratio=ratio,
-        rmse_deg=float(np.sqrt(np.mean(residual[counted] ** 2))) / DEG,
-        r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
-        cycle=fitted_cycle(drive, simulation, values),
-        converged=converged,
-        silent_about=says_nothing_of,
-        notes=notes_of_fit(model, says_nothing_of, ratio, rows),
+    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything.
+    """
+    return tuple(
+        parameter.name
+        for parameter, own in zip(parameters, sigma.tolist(), strict=True)
+        if np.isnan(own) or (parameter.sigma is not None and own > _SILENT * parameter.sigma)
     )
 
 

@@ -231,7 +231,12 @@ class ActuatorModel:
         return tuple(parts[i] for i in sorted(range(len(parts)), key=lambda i: (stages[i], i)))
 
     def simulate(
-        self, drive: Drive, values: Mapping[str, float] | None = None, *, history: History | None = None
+        self,
+        drive: Drive,
+        values: Mapping[str, float] | None = None,
+        *,
+        history: History | None = None,
+        rows: NDArray[np.int64] | None = None,
     ) -> Simulation:
         """Step through a drive.
 
@@ -243,8 +248,11 @@ class ActuatorModel:
             Parameters by public name, in the unit that the name ends in; nominal values where absent.
         history : History, optional
             What earlier records left behind.
+        rows : (m,) int64, optional
+            Step through these rows of the drive only; effects act on all of them before that.
         """
         ports = self.ports(drive, values or {}, history=history)
+        ports = ports if rows is None else ports.at(rows)
         law = self.phase_law == "tanaka"
         return run_ports(ports, start_angle_rad=drive.start_angle_rad, tanaka=law, theta_l_deg=self.theta_l_deg)
 

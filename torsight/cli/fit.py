@@ -53,23 +53,18 @@ def fit_to_folder(
 ) -> FitResult:
     """Fit a merged record and write ``fit.json`` and ``model.json``."""
     from torsight.actuator.doubt import Doubt
-    from torsight.actuator.fit import fit_model
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import write_json
     from torsight.core.files.tables import read_merged
-    from torsight.discovery.plain import fit_plain
+    from torsight.discovery.model_fit import fit_model
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])
-    spec = read_actuator(actuator)
-    model = ActuatorModel(spec, effects)
+    model = ActuatorModel(read_actuator(actuator), effects)
     drive = model.prepare(read_merged(merged), where=str(merged))
-    if effects:
-        result = fit_model(model, drive, progress=progress, where=str(merged))
-    else:
-        result = fit_plain(drive, spec, progress=progress, where=str(merged))
+    result = fit_model(model, drive, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
     doubt = Doubt(result.free, result.covariance, result.rmse_deg)

@@ -15,13 +15,13 @@ def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
     package : str
         Its ``__name__``.
     homes : mapping of str to str
-        Public name to the module of the package that holds it.
+        Public name to the module that holds it, relative to the package (with a dot: beside the package).
     """
 
     def attribute(name: str) -> Any:
         if name not in homes:
             msg = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(msg)
-        return getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
+        return getattr(importlib.import_module(f".{homes[name]}", package), name)
 
     return attribute, lambda: sorted(homes)

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.fit import middle_deg
 from torsight.actuator.laws import laws_of
-from torsight.actuator.model import ActuatorModel, Simulation, run_ports
+from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
@@ -34,9 +34,6 @@ Array = NDArray[np.float64]
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
-ALWAYS: Final = ("start", "form")
-"""Effects of these families say what came before the record, and how far the laws' own form may be off: they are always
-fitted and never named."""
 _NOISE_DRAWS: Final = 6
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
@@ -67,6 +64,8 @@ class ActuatorProblem:
         Measured laws that are candidates, too.
     history : History
         What earlier records of the same springs left behind.
+    phase_law, theta_l_deg
+        As of :class:`~torsight.actuator.model.ActuatorModel`.
     """
 
     drive: Drive
@@ -76,6 +75,8 @@ class ActuatorProblem:
     clock_sigma_s: float | None = None
     forms: tuple[LawForm, ...] = ()
     history: History = field(default_factory=History)
+    phase_law: PhaseLaw = "liang_rogers"
+    theta_l_deg: float | None = None
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
@@ -102,7 +103,7 @@ class ActuatorProblem:
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect file as a candidate, but for what is always fitted; then the measured laws."""
-        effects = [effect for effect in load_effects().values() if effect.family not in ALWAYS]
+        effects = [effect for effect in load_effects().values() if effect not in always_fitted()]
         if self.clock_sigma_s is not None:
             effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
         measured = self.drive.angle_rad
@@ -125,7 +126,7 @@ class ActuatorProblem:
     @cached_property
     def once(self) -> tuple[str, ...]:
         """Names of the values that say what came before the record."""
-        return tuple(p.name for effect in _always() if effect.family == "start" for p in effect.parameters)
+        return tuple(p.name for effect in always_fitted() if effect.family == "start" for p in effect.parameters)
 
     @property
     def first_halves(self) -> tuple[int, ...]:
@@ -135,7 +136,7 @@ class ActuatorProblem:
     @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
         """Starts of what is always fitted, and the sticks' zero in the middle of what was read."""
-        starts = tuple(start for effect in _always() for start in effect.starts)
+        starts = tuple(start for effect in always_fitted() for start in effect.starts)
         zero = ({"zero_deg": middle_deg(self.drive)},) if any(p.name == "zero_deg" for p in self.parameters) else ()
         return (*starts, *zero)
 
@@ -189,10 +190,11 @@ class ActuatorProblem:
         """Return the model with these effects and what is always fitted."""
         chosen = tuple(effects)
         if chosen not in self._models:
-            always = (effect.id for effect in _always())
+            always = (effect.id for effect in always_fitted())
             forms = tuple(form for form in self.forms if form.id in chosen)
             effects = tuple(name for name in chosen if name not in {form.id for form in forms})
-            self._models[chosen] = ActuatorModel(self.spec, (*effects, *always), laws=forms)
+            effects = (*effects, *always)
+            self._models[chosen] = ActuatorModel(self.spec, effects, self.phase_law, self.theta_l_deg, forms)
         return self._models[chosen]
 
     def simulate(self, values: Mapping[str, float], effects: Sequence[str] = ()) -> Simulation:
@@ -230,8 +232,8 @@ class ActuatorProblem:
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        ports = self.model(effects).ports(drive, values, history=self.history)
-        return run_ports(ports.at(self.rows), start_angle_rad=drive.start_angle_rad).angle_rad / DEG
+        model = self.model(effects)
+        return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
 
     @cached_property
     def _temperature_errors(self) -> tuple[TemperatureErrors, ...]:
@@ -320,10 +322,6 @@ def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Arra
     mean = (total[high] - total[low]) / number
     usable = good[rows] | (count[high] - count[low] > half)
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
-
-
-def _always() -> tuple[Effect, ...]:
-    return tuple(effect for effect in load_effects().values() if effect.family in ALWAYS)
 
 
 def _clock_known(effect: Effect, sigma_s: float) -> Effect:

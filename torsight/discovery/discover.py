@@ -14,12 +14,12 @@ from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.fit import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
-from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator.curves import curve_columns
@@ -33,7 +33,7 @@ from torsight.discovery.inference.noise import Stretches, reading_noise
 from torsight.discovery.inference.search import TIME
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
-from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.interface import Problem
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
@@ -275,7 +275,7 @@ def found_effects(findings: Findings, *, seed: int, effect_of: Callable[[str], s
                 id=effect.id,
                 family=effect.family,
                 title=effect.title,
-                parameters=_own_parameters(effect, where.fitter.candidates[name], where, seed=seed),
+                parameters=own_parameters(effect, where.fitter.candidates[name].parameters, where, seed=seed),
                 probability=_probability(decision, {member, name}),
                 gain=float("nan") if part is None else chosen.log_evidence - part.log_evidence,
             )
@@ -288,14 +288,16 @@ def _probability(decision: Decision, members: set[str]) -> float:
     return min(1.0, sum(weight for held, weight in decision.probability.items() if members & set(held)))
 
 
-def _own_parameters(effect: Effect, candidate: Candidate, where: Explanation, *, seed: int) -> dict[str, Estimate]:
+def own_parameters(
+    effect: Effect, parameters: Sequence[Parameter], where: Explanation, *, seed: int
+) -> dict[str, Estimate]:
     """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
     spread, x = covariance(where), where.fit.solution.x
     estimates = estimates_of(where.fit.parameters, x, np.sqrt(np.diag(spread)))
     names = [p.name for p in where.fit.parameters]
     draws = _drawn(x, spread, np.random.default_rng(seed))
-    own = {p.name: estimates[p.name] for p in candidate.parameters}
-    columns = {p.name: draws[:, names.index(p.name)] for p in candidate.parameters}
+    own = {p.name: estimates[p.name] for p in parameters}
+    columns = {p.name: draws[:, names.index(p.name)] for p in parameters}
     for item in effect.derived:
         value = item.value(where.fit.values)
         drawn = np.array([item.value({key: float(c[i]) for key, c in columns.items()}) for i in range(_DRAWS)])

@@ -208,11 +208,6 @@ def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
 def estimates_of(parameters: Sequence[Parameter], values: Array, sigmas: Array) -> dict[str, Estimate]:
     """Return estimates with 95 % intervals within the bounds."""
     return {
-        p.name: Estimate(
-            value=float(value),
-            sigma=float(sigma),
-            ci95=(max(float(value - 1.96 * sigma), p.lower), min(float(value + 1.96 * sigma), p.upper)),
-            unit=p.unit,
-        )
+        p.name: Estimate.normal(float(value), float(sigma), p.unit, lower=p.lower, upper=p.upper)
         for p, value, sigma in zip(parameters, values, sigmas, strict=True)
     }

@@ -22,13 +22,13 @@ from torsight.actuator.characterising.blocked import blocked_modulus
 from torsight.actuator.characterising.characterised import Characterisation, Step
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
-from torsight.actuator.fitting.estimates import share_explained
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.spec import KEYS, ActuatorSpec
 from torsight.actuator.stepping.phase import HEATING_LAWS
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import MPA
 

@@ -6,6 +6,7 @@ uncertainty, so that it reaches what is fitted here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -13,12 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.fitting.estimates import share_explained
-from torsight.actuator.fitting.fit_problem import ScaledParameters
-from torsight.actuator.record.weights import correlation_rows
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import REACH, Estimate, Parameter
+from torsight.core.series import correlation_time, share_explained
 
 Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, float]], Array]
@@ -56,6 +55,45 @@ class CurveFit(Frozen):
     r2: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scaled:
+    """Free parameters in scaled form: value = centre + scale · u.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        Their values are the centre, and with a ``sigma`` a prior.
+    scale : (p,) float64
+        A change of each that matters.
+    """
+
+    parameters: tuple[Parameter, ...]
+    scale: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def _centre(self) -> Array:
+        return np.array([parameter.value for parameter in self.parameters])
+
+    def values(self, u: Array) -> dict[str, float]:
+        """Return the free parameters by name, in their own units."""
+        return dict(zip(self.names, (self._centre + self.scale * u).tolist(), strict=True))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the bounds in scaled form."""
+        lower, upper = np.array([(p.lower, p.upper) for p in self.parameters]).T
+        return (lower - self._centre) / self.scale, (upper - self._centre) / self.scale
+
+    def prior(self) -> Array:
+        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
+        sigma = [math.inf if p.sigma is None else p.sigma for p in self.parameters]
+        return np.asarray(self.scale / np.array(sigma), np.float64)
+
+
 def fit_curve(
     model: Model,
     parameters: Sequence[Parameter],
@@ -91,7 +129,7 @@ def fit_curve(
     from scipy.optimize import least_squares
 
     scale = np.array([parameter.sigma or max(abs(parameter.value), 1e-3) * 0.1 for parameter in parameters])
-    scaled = ScaledParameters(tuple(parameters), scale)
+    scaled = _Scaled(tuple(parameters), scale)
     names, prior, (lower, upper) = scaled.names, scaled.prior(), scaled.bounds()
 
     def curve(u: Array) -> Array:
@@ -110,7 +148,7 @@ def fit_curve(
         # Parameters take their share of freedom from every part alike.
         taken = len(measured) / max(1, len(measured) - len(names))
         for part in parts or (slice(None),):
-            rows = correlation_rows(residual[part])
+            rows = correlation_time([residual[part]])
             spread[part] = float(np.sqrt(np.mean(residual[part] ** 2) * taken * rows)) or 1e-12
     if status <= 0:
         raise NoResultError("the fit does not come to an end", where=what, do="check the test's log and its range")

@@ -112,6 +112,14 @@ def load_effects() -> Mapping[str, Effect]:
     return found
 
 
+def always_fitted() -> tuple[Effect, ...]:
+    """Return the effects that every fit has beside the characterised values and that are never named.
+
+    They say what came before the record (family ``start``), and how far the laws' own form may be off (``form``).
+    """
+    return tuple(effect for effect in load_effects().values() if effect.family in ("start", "form"))
+
+
 def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     """Return effects by id.
 

@@ -46,9 +46,6 @@ _MAX_WINDOW_S: Final = 60.0
 _MAX_WINDOW: Final = 1500
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand.
 _SELECTION: Final = 1.8
-# And the largest of them follow the temperature only to within the noise: so much larger again, in mean square.
-_FOLLOWED: Final = 2.5
-_WARMED: Final = 0.1
 _AS_WELL: Final = 1.0 - 1e-9
 # Beyond 25 time constants what is left of an earlier corner is nothing.
 _MOST: Final = math.exp(25.0)
@@ -71,16 +68,12 @@ class Conditioned:
         One standard deviation of what noise is left.
     noise_c : float
         Noise of the input (standard deviation).
-    understated : float
-        By how much errors while it is warm exceed ``sigma_c``, which knows of the noise alone: a wire whose temperature
-        itself wanders cannot be followed as closely, and that shows in what was taken out.
     """
 
     temp_c: Array
     rate_c_s: Array
     sigma_c: Array
     noise_c: float
-    understated: float = 1.0
 
 
 def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditioned:
@@ -106,25 +99,9 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
         return Conditioned(temp_c, rate, np.full(n, noise), noise)
     if lag_s != 0.0:
         return Conditioned(value, rate, sigma, noise)
-    understated = _understated(temp_c, value, sigma, alike=int(alike))
     # Noise that is alike over several rows counts as more of it.
     level_holds(time_s, temp_c, noise * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
-    return Conditioned(value, rate, sigma, noise, understated)
-
-
-def _understated(temp_c: Array, value: Array, sigma_c: Array, *, alike: int) -> float:
-    """Return the ratio of the errors of a conditioned temperature to their sigmas, root mean square while it is warm.
-
-    Independent noise is not alike in neighbouring rows, errors of following are: the mean product of what was taken out
-    in neighbouring rows is their mean square, less what the noise in the windows takes off (which a sigma before
-    selection squared is).
-    """
-    warm = value >= value.min() + _WARMED * float(np.ptp(value))
-    residual = np.where(warm, temp_c - value, 0.0)
-    count = int(warm.sum())
-    stated = float(np.mean(sigma_c[warm] ** 2))
-    products = [float(residual[:-lag] @ residual[lag:]) / count for lag in range(alike, alike + 3)]
-    return math.sqrt(max(1.0, _FOLLOWED + float(np.mean(products)) / stated))
+    return Conditioned(value, rate, sigma, noise)
 
 
 def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:

@@ -1,11 +1,12 @@
 """What is read off a series of samples, whatever they measure.
 
 In: arrays (n,) of samples or flags. Out: runs as pairs of indices (begin, end exclusive), the noise of one sample in
-the samples' unit, indices of extremes.
+the samples' unit, the correlation time in samples, indices of extremes.
 """
 
+from torsight.core.series.correlation import correlation_time
 from torsight.core.series.extremes import extremes
 from torsight.core.series.runs import constant_runs, runs
-from torsight.core.series.scatter import robust_sigma, scatter
+from torsight.core.series.scatter import robust_sigma, scatter, share_explained
 
-__all__ = ["constant_runs", "extremes", "robust_sigma", "runs", "scatter"]
+__all__ = ["constant_runs", "correlation_time", "extremes", "robust_sigma", "runs", "scatter", "share_explained"]

@@ -1,4 +1,4 @@
-"""How much the readings of a series scatter."""
+"""How much the readings of a series scatter, and how much of it a model explains."""
 
 from __future__ import annotations
 
@@ -26,6 +26,12 @@ def scatter(*pieces: NDArray[np.float64], stride: int = 1, order: int = 3) -> fl
     """
     differences = np.concatenate([_difference(piece, stride, order) for piece in pieces])
     return robust_sigma(differences) / float(np.sqrt(float(math.comb(2 * order, order))))
+
+
+def share_explained(measured: NDArray[np.float64], fitted: NDArray[np.float64]) -> float:
+    """Return R², 1 less the residual's share of the variance; NaN where what was measured does not vary."""
+    total = float(np.sum((measured - measured.mean()) ** 2))
+    return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")
 
 
 def _difference(piece: NDArray[np.float64], stride: int, order: int) -> NDArray[np.float64]:

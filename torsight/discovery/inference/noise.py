@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.series import scatter
+from torsight.core.series import correlation_time, scatter
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
@@ -103,33 +103,14 @@ def _whole_samples(residual: Array, share: Array) -> Array:
 
 
 def correlation_samples(residual: Array, stretches: Stretches) -> float:
-    """Return the integrated correlation time of a residual in motion, in whole samples (at least 1).
-
-    The autocorrelation is pooled over the stretches and taken about zero, since a model's error has no business having
-    a mean; the sum is cut at the first window that is five times its own result (Sokal's rule).
-    """
-    pieces = [
-        _whole_samples(residual[a:b], stretches.share[a:b])
-        for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True)
-        if not rest
-    ]
-    pieces = [piece for piece in pieces if len(piece) >= 4]
-    if not pieces:
-        return 1.0
-    longest = max(len(piece) for piece in pieces)
-    size = 1 << (2 * longest - 1).bit_length()
-    power = np.zeros(size // 2 + 1)
-    pairs = np.zeros(longest)
-    for piece in pieces:
-        power += np.abs(np.fft.rfft(piece, size)) ** 2
-        pairs[: len(piece)] += np.arange(len(piece), 0, -1)
-    product = np.fft.irfft(power, size)[:longest]
-    if product[0] <= 0.0:
-        return 1.0
-    rho = (product / pairs) / (product[0] / pairs[0])
-    tau = 1.0 + 2.0 * np.cumsum(rho[1:])
-    window = np.flatnonzero(np.arange(1, longest) >= 5.0 * tau)
-    return float(max(1.0, tau[window[0]] if len(window) else tau.max(initial=1.0)))
+    """Return the integrated correlation time of a residual in motion, in whole samples (at least 1)."""
+    return correlation_time(
+        [
+            _whole_samples(residual[a:b], stretches.share[a:b])
+            for a, b, rest in zip(stretches.start, stretches.stop, stretches.rest, strict=True)
+            if not rest
+        ]
+    )
 
 
 def residual_scales(residual: Array, stretches: Stretches, floor: Array) -> Scales:

@@ -118,18 +118,19 @@ class Search:
         self._likelihood = inputs.correlated(stretches, min(scales.correlation_samples, _FIRST_CORRELATION))
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
-        again = (self.plain_from(start) for start in (first.fit.values, fitter.nominal.values))
+        again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
         return max(first, *again, key=self.value_of)
 
-    def plain_from(self, start: Mapping[str, float]) -> Explanation:
-        """Fit the base model from values of one's own, under the likelihood of :meth:`plain`."""
-        fitter = self._weighted(self._problem, self._problem.predict(start, ()))
-        fit = fitter.from_elsewhere(fitter.fit((), [start], max_iterations=40))
+    def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
+        """Fit a set of effects from values of one's own, under the likelihood of :meth:`plain`."""
+        fitter = self._weighted(self._problem, self._problem.predict(start, effects))
+        fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
         return self._settled(self._problem, fit, ())
 
-    def has_settled(self, plain: Explanation) -> bool:
-        """Return whether one more fit of the base model from its optimum gains nothing that matters."""
-        return self.value_of(self.plain_from(plain.fit.values)) <= self.value_of(plain) + _SETTLED
+    def has_settled(self, found: Explanation) -> bool:
+        """Return whether one more fit of a set of effects from its optimum gains nothing that matters."""
+        again = self.fit_from(found.fit.values, found.fit.effects)
+        return self.value_of(again) <= self.value_of(found) + _SETTLED
 
     def value_of(self, explanation: Explanation) -> float:
         """Return the posterior density's logarithm at an explanation's optimum."""
@@ -186,9 +187,10 @@ class Search:
 
     def _extended(self, item: tuple[Explanation, str | Law]) -> Explanation:
         parent, more = item
-        return self._with_law(parent, more) if isinstance(more, Law) else self._with_effect(parent, more)
+        return self._with_law(parent, more) if isinstance(more, Law) else self.with_effect(parent, more)
 
-    def _with_effect(self, parent: Explanation, name: str) -> Explanation:
+    def with_effect(self, parent: Explanation, name: str) -> Explanation:
+        """Fit one more effect beside a fitted set."""
         fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > 0.0)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 

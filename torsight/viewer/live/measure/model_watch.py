@@ -108,6 +108,7 @@ def model_of(
     spec: ActuatorSpec, columns: tuple[Array, ...], values: Mapping[str, float] | None, *, friction: bool
 ) -> ModelNews:
     """Simulate (and fit, if the friction is asked for) the plain model on a record; runs in its own process."""
+    from torsight.actuator.effects import always_fitted
     from torsight.actuator.model import ActuatorModel
 
     time_s, angle, sigma, temp_a, temp_b, heat_a, heat_b = columns
@@ -123,11 +124,12 @@ def model_of(
         heat_b=heat_b > 0.5 if switched else None,
     )
     try:
-        model = ActuatorModel(spec)
+        # What every fit has beside the characterised values; without a fit it changes nothing.
+        model = ActuatorModel(spec, [effect.id for effect in always_fitted()])
         drive = model.prepare(table, where="live record")
         estimate = None
         if friction:
-            from torsight.actuator.fit import fit_model
+            from torsight.discovery.model_fit import fit_model
 
             fit = fit_model(model, drive)
             values, estimate = fit.values, fit.estimates["tau_c_mnm"].to_json()

@@ -1,0 +1,38 @@
+"""Angles that no stick can have shown: single frames in which something else was followed."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import scatter
+
+Array = NDArray[np.float64]
+
+_APART: Final = 8.0
+"""Standard deviations from the median of seven neighbours: normal noise gets there once in 10¹⁵ rows, a step or the
+start of a motion never, as the middle of seven rows lies on one of its sides."""
+_FLOOR_SHARE: Final = 0.7
+_LEAST_RAD: Final = 1e-5
+
+
+def wrong_frames(angle_rad: Array, sigma_rad: Array) -> NDArray[np.bool_]:
+    """Return the rows (n,) whose angle stands apart from its neighbours: a wrong frame, not a motion.
+
+    Apart is what differs from the median of seven by eight times the largest of their median deviation, the row's own
+    sigma and the angle's scatter.
+    """
+    good = np.flatnonzero(np.isfinite(angle_rad))
+    out = np.zeros(len(angle_rad), np.bool_)
+    if len(good) < 9:
+        return out
+    angle = angle_rad[good]
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(angle, 3, mode="edge"), 7)
+    middle = np.median(windows, axis=1)
+    spread = np.median(np.abs(windows - middle[:, None]), axis=1)
+    floor = max(_FLOOR_SHARE * scatter(angle), _LEAST_RAD)
+    limit = _APART * np.maximum(np.maximum(spread, sigma_rad[good]), floor)
+    out[good] = np.abs(angle - middle) > np.where(np.isfinite(limit), limit, np.inf)
+    return out

@@ -1,0 +1,122 @@
+"""The fit of a model that is known, plain or with effects: the discovery's own, without its choice among models.
+
+``torsight fit`` and ``torsight discover`` show the same values, torque and error of the plain model, because both are
+made here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from torsight.actuator.drive import Drive
+from torsight.actuator.effects import always_fitted
+from torsight.actuator.fit import FitResult, notes_of_fit, quiet, require_motion
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.stepping.cycle import fitted_cycle
+from torsight.core.parameter import Estimate
+from torsight.core.progress import Progress, silent
+from torsight.core.series import correlation_time, share_explained
+from torsight.core.threads import one_thread
+from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.discover import errors_of, fixed_values, own_parameters
+from torsight.discovery.inference.explanation import Explanation, covariance
+from torsight.discovery.inference.search import Search
+from torsight.discovery.report import estimates_of
+from torsight.discovery.settings import Settings
+
+
+@one_thread()
+def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent, where: str = "record") -> FitResult:
+    """Fit all free parameters of a model to a record.
+
+    The plain model comes first, then one effect or measured law of the model after the other, each time with all that
+    came before. What a record opens with and the phase laws' own form are always fitted beside them.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Plain or with effects.
+    drive : Drive
+        From ``model.prepare``.
+    progress : Progress
+        Told how far the work is.
+    where : str
+        Name of the record in messages.
+
+    Raises
+    ------
+    NoResultError
+        When nothing moves.
+    """
+    require_motion(drive, where=where)
+    forms = model.laws
+    problem = ActuatorProblem(drive, model.spec, forms=forms, phase_law=model.phase_law, theta_l_deg=model.theta_l_deg)
+    search = Search(problem, settings=Settings(), progress=progress)
+    named = [effect.id for effect in model.chosen if effect not in always_fitted()]
+    members = [*named, *(form.id for form in forms)]
+    progress("fit", 0, 1 + len(members))
+    found = search.plain()
+    for number, name in enumerate(members, 1):
+        progress("fit", number, 1 + len(members))
+        found = _proposed_at_means(search, search.with_effect(found, name), name)
+    progress("fit", 1 + len(members), 1 + len(members))
+    return _result(problem, found, search)
+
+
+def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explanation:
+    """Return a fit, or a better one from where an effect is seen in what the priors' means leave.
+
+    The plain fit may have made up for an event in the record, so that its residual shows it at another time.
+    """
+    fitter, effects = found.fitter, found.fit.effects
+    candidate, means = fitter.candidates[name], fitter.nominal
+    if candidate.propose is None:
+        return found
+    points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
+    scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
+    return max(found, search.fit_from(scouted.values, effects), key=search.value_of)
+
+
+def _result(problem: ActuatorProblem, found: Explanation, search: Search) -> FitResult:
+    drive, fit = problem.drive, found.fit
+    model = problem.model(fit.effects)
+    spread = covariance(found)
+    sigma = np.sqrt(np.diag(spread))
+    values = {**model.nominal(), **fit.values}
+    simulation = problem.simulate(fit.values, fit.effects)
+    counted = np.isfinite(drive.angle_rad) & drive.known
+    residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
+    variance = search.likelihood.variance(found.residual)
+    row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
+    white = (residual / row_sigma)[counted]
+    silent_about = quiet(fit.parameters, sigma)
+    ratio, rows = float(np.mean(white**2)), correlation_time([white])
+    return FitResult(
+        model=model,
+        values=values,
+        estimates=estimates_of(fit.parameters, fit.solution.x, sigma) | _derived(model, found) | fixed_values(problem),
+        free=tuple(p.name for p in fit.parameters),
+        covariance=spread,
+        simulation=simulation,
+        residual_rad=residual,
+        sigma_rad=row_sigma,
+        correlation_rows=rows,
+        variance_ratio=ratio,
+        rmse_deg=errors_of(problem, found, None).rmse_train_deg,
+        r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
+        cycle=fitted_cycle(drive, simulation, values),
+        converged=search.has_settled(found),
+        silent_about=silent_about,
+        notes=notes_of_fit(model, silent_about, ratio, rows),
+    )
+
+
+def _derived(model: ActuatorModel, found: Explanation) -> dict[str, Estimate]:
+    """Return the values for people that follow from those of the model's effects."""
+    return {
+        name: estimate
+        for effect in model.chosen
+        if effect.derived
+        for name, estimate in own_parameters(effect, effect.parameters, found, seed=0).items()
+    }
