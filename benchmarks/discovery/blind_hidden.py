@@ -12,7 +12,7 @@ from cases import LIBRARY, Draw
 from shown import shown
 
 from torsight.core.units import DEG, MNM
-from torsight.synthetic.effects.random_laws import RigLaw, draw_law, factor_for
+from torsight.synthetic.effects.random_laws import RigLaw, draw_law
 from torsight.synthetic.rig.rig_values import declared_from, rig_values
 
 Key = tuple[str, str]
@@ -115,6 +115,35 @@ def drawn_effect(name: str, kind: str, rng: np.random.Generator, duration_s: flo
     if name == "marker_slip":
         made = {"step_deg": made["step_deg"], **made, "time_s": float(made["time_s"]) * duration_s}
     return dict(made)
+
+
+_MOST_TRIES: Final = 12
+
+
+def factor_for(wanted: float, change: Callable[[float], float], *, first: float, most: float, within: float) -> float:
+    """Return the factor at which a change has the wanted size; ``most`` where it stays below it.
+
+    Parameters
+    ----------
+    wanted : float
+        Size of the change.
+    change : callable
+        Size for a factor; it grows with it, about.
+    first, most : float
+        A guess, and the largest factor allowed.
+    within : float
+        Relative error of the size that is good enough.
+    """
+    low, high, factor = 0.0, most, min(first, most)
+    for _ in range(_MOST_TRIES):
+        size = change(factor)
+        if abs(size / wanted - 1.0) < within or (size < wanted and factor >= most):
+            return factor
+        low, high = (factor, high) if size < wanted else (low, factor)
+        # In proportion where that stays between the bounds, else the middle.
+        guess = factor * wanted / max(size, 1e-3 * wanted)
+        factor = min(guess, most) if low < guess < high or guess >= most == high else 0.5 * (low + high)
+    return factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)

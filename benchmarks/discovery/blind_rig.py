@@ -15,7 +15,7 @@ from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import HIDDEN, ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.effects.random_laws import RigLaw
-from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, reading_angle, simulate_rig
+from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, Setup, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import HalfCycle, Protocol
 from torsight.synthetic.rig.rig_values import REFERENCE, RigValues, declared_from, draw_values
 
@@ -155,7 +155,7 @@ def run_rig(rig: DrawnRig, hidden: Hidden) -> Run:
     }
     whole = replace(rig.record, half_cycles=(*rig.record.half_cycles, *rig.later.half_cycles))
     rng = np.random.default_rng(rig.seed)
-    signals = simulate_rig(rig.values, whole, effects=made, laws=laws, sensor=rig.sensor, rng=rng)
+    signals = simulate_rig(rig.values, whole, effects=made, laws=laws, setup=Setup(sensor=rig.sensor), rng=rng)
     read_rad = reading_angle(signals.angle_rad, signals.time_s, made, laws) + rig.zero_deg * DEG
     return Run(read_rad, signals, round(rig.record.duration_s / STEP_S))
 

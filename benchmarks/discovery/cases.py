@@ -21,7 +21,7 @@ from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import HIDDEN, ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
-from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, reading_angle, simulate_rig
+from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, Setup, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import HalfCycle, Protocol
 from torsight.synthetic.rig.rig_values import RigValues, declared_from, draw_values
 
@@ -314,7 +314,8 @@ def _run(
     }
     whole = Protocol((*record.half_cycles, *later.half_cycles), record.rest_s, 1.0, home=True)
     rng = np.random.default_rng(noise_seed)
-    run: RigRecord = simulate_rig(values, whole, effects=made, sensor=Sensor(sample_s=_STEP_S, noise_c=0.02), rng=rng)
+    setup = Setup(sensor=Sensor(sample_s=_STEP_S, noise_c=0.02))
+    run: RigRecord = simulate_rig(values, whole, effects=made, setup=setup, rng=rng)
     angle = reading_angle(run.angle_rad, run.time_s, made)
     temps = (run.temp_a_c, run.temp_b_c)
     clock = made.get("clock_offset")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import cooled_angle, half_cycle, heated_angle, stable_cycle
+from torsight.actuator.stepping.closed_form import half_cycle, heated_angle, stable_cycle
 from torsight.core.units import DEG
 
 FULL = [(80.0, 0.1)]
@@ -92,9 +92,9 @@ def test_the_way_of_a_slide_is_that_of_equations_23_and_26(tau_c_mnm, start_deg)
         )
         assert theta[k] == pytest.approx(angle, abs=1e-9)
     for k in down:
-        angle = cooled_angle(
-            rig, theta_2_rad=form.theta_2_rad, theta_l_rad=form.theta_l_rad, xi_23=form.xi_23, xi=xi[k]
-        )
+        # Equation (26).
+        stiffness = rig.stiffness(xi[k])
+        angle = form.theta_2_rad + stiffness / (stiffness + rig.k_martensite) * (xi[k] - form.xi_23) * form.theta_l_rad
         assert theta[k] == pytest.approx(angle, abs=1e-9)
 
 

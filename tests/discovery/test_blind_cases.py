@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "discovery"))
 
 import blind
 import report as judge
-from blind_hidden import FORMS, PLACES
+from blind_hidden import FORMS, PLACES, factor_for
 
 from torsight.actuator.model import ActuatorModel
 from torsight.core.units import DEG
@@ -82,3 +82,8 @@ def test_stated_probabilities_are_counted_bin_by_bin() -> None:
     bins = judge.reliability([0.97, 0.96, 1.0, 0.6], [True, False, True, False])
     assert [(count, right) for _, count, right in bins] == [(1, 0), (2, 1), (1, 1)]
     assert bins[1][0] == pytest.approx(0.965)
+
+
+def test_a_strength_is_found_or_the_largest_one_is_used() -> None:
+    assert 0.9 < factor_for(2.0, lambda f: f**1.5, first=0.01, most=1e3, within=0.1) ** 1.5 / 2.0 < 1.1
+    assert factor_for(2.0, lambda f: 0.1 * f, first=1.0, most=5.0, within=0.1) == 5.0

@@ -150,14 +150,15 @@ def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: P
     [
         ("none", ["fatigue"], None),
         ("unknown", [], None),
-        ("unknown", ["fatigue"], {"fatigue": 40.0, "stiffening": 10.0}),
+        ("unknown", ["fatigue"], None),
+        ("identified", ["fatigue"], {"fatigue": 100.0, "stiffening": 25.0}),
     ],
 )
 def test_candidates_are_drawn_only_where_something_was_explained(
     run: Path, verdict: str, best_set: list[str], percent: dict[str, float] | None
 ) -> None:
     gains = {"fatigue": 80.0, "stiffening": 20.0}
-    rewrite(run, verdict=verdict, effects=[], evidence={"gains": gains, "best_set": best_set, "share_explained": 0.4})
+    rewrite(run, verdict=verdict, effects=[], evidence={"gains": gains, "best_set": best_set})
     figure = figures_of(run).get("candidates")
     found = None if figure is None else dict(zip(figure.data["effect"], figure.data["percent"], strict=True))
     assert found == (None if percent is None else pytest.approx(percent))

@@ -172,11 +172,6 @@ class Ports:
     side_nm: Pair = (None, None)
     reading: tuple[Reading, ...] = ()
 
-    @property
-    def record_began_s(self) -> float:
-        """When the record began that the model was fitted to; a later log is taken to follow it at once."""
-        return float(self.time_s[0]) - self.history.elapsed_s
-
     def grid_rad(self) -> Array:
         """Return the angles of the tables, θ^A = φ + θ_P/2, rad."""
         margin = _GRID_MARGIN * self.rig.theta_p_rad

@@ -104,7 +104,6 @@ def linear_problem(
     drivers: Mapping[str, Array],
     sigma: float,
     resolution: float = 0.0,
-    families: Mapping[str, str] | None = None,
 ) -> LinearProblem:
     """Build a linear problem from its columns.
 
@@ -120,8 +119,6 @@ def linear_problem(
         As in the protocol.
     sigma, resolution : float
         Reading noise, and the size of a difference that nobody would miss, in units of ``observed``.
-    families : mapping, optional
-        Effect id to its family.
     """
     measured = observed[np.isfinite(observed)]
     size = float(np.std(measured)) if len(measured) else 1.0
@@ -134,7 +131,7 @@ def linear_problem(
     effects = tuple(
         Candidate(
             name,
-            (families or {}).get(name, ""),
+            "",
             tuple(parameter(key, column, null=0.0) for key, column in columns.items()),
         )
         for name, columns in candidates.items()

@@ -16,7 +16,7 @@ from torsight.core.units import DEG, PPM
 from torsight.core.words.shown import Shown
 from torsight.synthetic.effects.hidden import ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
-from torsight.synthetic.rig.moving_rig import RigRecord, between_samples, reading_angle, simulate_rig
+from torsight.synthetic.rig.moving_rig import RigRecord, Setup, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 
 Floats = NDArray[np.float64]
@@ -94,9 +94,7 @@ def play_scene(scene: Scene) -> Played:
         scene.values,
         scene.protocol,
         effects=scene.effects,
-        mechanics=scene.mechanics,
-        thermal=scene.thermal,
-        sensor=scene.sensor,
+        setup=Setup(scene.mechanics, scene.thermal, scene.sensor),
         rng=scene.rng("sensor"),
         before_s=before_s,
         after_s=scene.log.after_s,

@@ -8,8 +8,8 @@ import pytest
 from torsight.core.errors import ConfigError
 from torsight.core.units import DEG, MNM
 from torsight.synthetic.effects.hidden import HIDDEN
-from torsight.synthetic.effects.random_laws import OUTSIDE, SLOTS, RigLaw, draw_law, factor_for
-from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, reading_angle, simulate_rig
+from torsight.synthetic.effects.random_laws import OUTSIDE, SLOTS, RigLaw, draw_law
+from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, Setup, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import read_protocol
 from torsight.synthetic.rig.rig_values import RigValues, rig_values
 
@@ -31,7 +31,7 @@ def run(values: RigValues, *laws: RigLaw, effects: dict | None = None, protocol:
     made = {name: HIDDEN[name](**keys) for name, keys in (effects or {}).items()}
     fine = Mechanics(inertia_kg_m2=1e-10, presliding_deg=0.005)
     return simulate_rig(
-        values, read_protocol(protocol, where="test"), effects=made, laws=laws, sensor=EXACT, mechanics=fine
+        values, read_protocol(protocol, where="test"), effects=made, laws=laws, setup=Setup(fine, sensor=EXACT)
     )
 
 
@@ -197,11 +197,6 @@ def test_drawn_laws_are_smooth_and_of_size_one(place: tuple[str, str]) -> None:
         if place == ("friction", "rate"):
             assert law.values[0] == 0.0
             assert np.all(np.diff(law.values) > 0.0)
-
-
-def test_a_strength_is_found_or_the_largest_one_is_used() -> None:
-    assert 0.9 < factor_for(2.0, lambda f: f**1.5, first=0.01, most=1e3, within=0.1) ** 1.5 / 2.0 < 1.1
-    assert factor_for(2.0, lambda f: 0.1 * f, first=1.0, most=5.0, within=0.1) == 5.0
 
 
 def test_a_law_that_the_rig_does_not_have_is_refused() -> None:

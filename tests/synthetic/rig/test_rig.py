@@ -8,7 +8,16 @@ from scipy.linalg import expm
 
 from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import HIDDEN
-from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, Thermal, play, reading_angle, simulate_rig
+from torsight.synthetic.rig.moving_rig import (
+    Mechanics,
+    RigRecord,
+    Sensor,
+    Setup,
+    Thermal,
+    play,
+    reading_angle,
+    simulate_rig,
+)
 from torsight.synthetic.rig.protocol import read_protocol
 from torsight.synthetic.rig.rig_values import RigValues, rig_values
 
@@ -19,7 +28,8 @@ SHORT = {"time_factor": 0.1, **PAPER}
 
 def run(values: RigValues, protocol: dict, *, effects: dict | None = None, **settings) -> RigRecord:
     made = {name: HIDDEN[name](**keys) for name, keys in (effects or {}).items()}
-    return simulate_rig(values, read_protocol(protocol, where="test"), effects=made, sensor=EXACT, **settings)
+    setup = Setup(sensor=EXACT, **settings)
+    return simulate_rig(values, read_protocol(protocol, where="test"), effects=made, setup=setup)
 
 
 def stable_cycle(values: RigValues) -> tuple[float, float, float]:

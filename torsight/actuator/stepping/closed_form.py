@@ -87,12 +87,6 @@ def heated_angle(rig: Rig, *, theta_1_rad: float, theta_l_rad: float, xi_12: flo
     return theta_1_rad + stiffness / (stiffness + rig.k_stress_induced) * (xi - xi_12) * theta_l_rad
 
 
-def cooled_angle(rig: Rig, *, theta_2_rad: float, theta_l_rad: float, xi_23: float, xi: float) -> float:
-    """Return θ^A while it slides on cooling (26), before the stop angle, rad."""
-    stiffness = rig.stiffness(xi)
-    return theta_2_rad + stiffness / (stiffness + rig.k_martensite) * (xi - xi_23) * theta_l_rad
-
-
 def stop_angle(rig: Rig, theta_2_rad: float) -> float:
     """Return θ_3 (28), or θ_2 where the actuator does not move back (29), rad."""
     if theta_2_rad >= critical_angle(rig):

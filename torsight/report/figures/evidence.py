@@ -49,16 +49,15 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     gains = {name: float(gain) for name, gain in (evidence.get("gains") or {}).items() if gain is not None}
     best = max([*gains.values(), 0.0])
     verdict = discovery.get("verdict")
-    if best <= 0.0 or verdict == "none" or (verdict == "unknown" and not _whole(discovery)):
+    if best <= 0.0 or verdict in ("none", "unknown"):
         # A share of next to nothing would look like an explanation.
         return None
-    share_of = "what there is to explain" if _whole(discovery) else "the best one's"
     ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
     plot = Panel(
-        Axis(f"explained alone (% of {share_of})", 0.0, 118.0),
+        Axis("explained alone (% of the best one's)", 0.0, 118.0),
         Axis("", 0.4, len(ranked) + 0.6),
         width=520,
         height=70.0 + 26.0 * len(ranked),
@@ -66,27 +65,24 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         y_names=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
     )
     for place, (name, gain) in zip(places, ranked, strict=True):
-        share = 100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0)
+        share = 100.0 * max(gain, 0.0) / best
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
         plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
         plot.note(share, place, f"{share:.1f} %" if share < 99.95 else "100 %")
     data: dict[str, list[Any]] = {
         "effect": [name for name, _ in ranked],
         "gain": [gain for _, gain in ranked],
-        "percent": [100.0 * max(gain, 0.0) / best * _whole(discovery, otherwise=1.0) for _, gain in ranked],
+        "percent": [100.0 * max(gain, 0.0) / best for _, gain in ranked],
     }
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
-    title = "What the known effects explain" if verdict == "unknown" else "What else could explain it"
-    return Figure("candidates", title, caption.strip(), (plot,), "What every candidate explains alone", data=data)
-
-
-def _whole(discovery: Mapping[str, Any], *, otherwise: float = 0.0) -> float:
-    """Return the share of what there is to explain that the best single effect explains, where no effect was named."""
-    evidence = discovery.get("evidence") or {}
-    share = evidence.get("share_explained")
-    if discovery.get("verdict") != "unknown" or len(evidence.get("best_set") or []) != 1 or share is None:
-        return otherwise
-    return float(share)
+    return Figure(
+        "candidates",
+        "What else could explain it",
+        caption.strip(),
+        (plot,),
+        "What every candidate explains alone",
+        data=data,
+    )
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:

@@ -19,7 +19,7 @@ recoverable     half_cycle, cycle (of the spring itself)              relative c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -50,7 +50,6 @@ OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "ha
 _GROWS: Final = (("friction", "rate"), ("friction", "dwell"))
 _LINEAR: Final = (("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
 _SHORTEST, _LONGEST = 0.1, 0.5
-_MOST_TRIES: Final = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,29 +136,3 @@ def read_with(laws: Iterable[RigLaw], *, angle_rad: Floats, time_s: Floats) -> F
         if item.port == "reading":
             added += item(angle_rad if item.driver == "angle" else time_s)
     return added
-
-
-def factor_for(wanted: float, change: Callable[[float], float], *, first: float, most: float, within: float) -> float:
-    """Return the factor at which a change has the wanted size; ``most`` where it stays below it.
-
-    Parameters
-    ----------
-    wanted : float
-        Size of the change.
-    change : callable
-        Size for a factor; it grows with it, about.
-    first, most : float
-        A guess, and the largest factor allowed.
-    within : float
-        Relative error of the size that is good enough.
-    """
-    low, high, factor = 0.0, most, min(first, most)
-    for _ in range(_MOST_TRIES):
-        size = change(factor)
-        if abs(size / wanted - 1.0) < within or (size < wanted and factor >= most):
-            return factor
-        low, high = (factor, high) if size < wanted else (low, factor)
-        # In proportion where that stays between the bounds, else the middle.
-        guess = factor * wanted / max(size, 1e-3 * wanted)
-        factor = min(guess, most) if low < guess < high or guess >= most == high else 0.5 * (low + high)
-    return factor

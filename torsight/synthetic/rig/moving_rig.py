@@ -57,6 +57,15 @@ class Sensor:
     quantum_c: float = key(0.01, "step of a reading; 0 for none", lower=0.0, upper=5.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a rig is built with beside its springs: masses and friction, heat, and sensors."""
+
+    mechanics: Mechanics = Mechanics()
+    thermal: Thermal = Thermal()
+    sensor: Sensor = Sensor()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RigRecord:
     """What a rig did, sample by sample on its own clock; 0 is the first sample.
@@ -132,9 +141,7 @@ def simulate_rig(
     *,
     effects: Mapping[str, HiddenEffect] | None = None,
     laws: Sequence[RigLaw] = (),
-    mechanics: Mechanics | None = None,
-    thermal: Thermal | None = None,
-    sensor: Sensor | None = None,
+    setup: Setup = Setup(),
     rng: np.random.Generator | None = None,
     before_s: float = 0.0,
     after_s: float = 0.0,
@@ -152,8 +159,8 @@ def simulate_rig(
     laws : sequence of RigLaw
         Laws of no particular form (:mod:`torsight.synthetic.effects.random_laws`); those of the reading are not part of
         the record.
-    mechanics, thermal, sensor
-        Sections of the scene; defaults where left out.
+    setup : Setup
+        Masses, heat and sensors.
     rng : numpy Generator, optional
         Noise of the temperature readings; none where left out.
     before_s, after_s : float
@@ -165,8 +172,8 @@ def simulate_rig(
         Signals at every sample, homing left out.
     """
     effects = effects or {}
-    mechanics, thermal, sensor = mechanics or Mechanics(), thermal or Thermal(), sensor or Sensor()
-    constants = scaled_constants(values, protocol, effects, mechanics=mechanics, thermal=thermal, sensor=sensor)
+    sensor, thermal = setup.sensor, setup.thermal
+    constants = scaled_constants(values, protocol, effects, setup=setup)
     orders = commands(protocol, sample_s=sensor.sample_s, room_c=thermal.room_c, before_s=before_s, after_s=after_s)
     count = len(orders.command)
     noise_c = np.zeros((count, 2)) if rng is None else sensor.noise_c * rng.standard_normal((count, 2))
@@ -182,26 +189,21 @@ def simulate_rig(
         zones(effects),
         Course(orders.command, orders.reference_c, orders.cycle, share, noise_c),
         sensor.sample_s,
-        mechanics.substeps,
+        setup.mechanics.substeps,
     )
     return _record(rows, orders, sample_s=sensor.sample_s)
 
 
 def scaled_constants(
-    values: RigValues,
-    protocol: Protocol,
-    effects: Mapping[str, HiddenEffect],
-    *,
-    mechanics: Mechanics,
-    thermal: Thermal,
-    sensor: Sensor,
+    values: RigValues, protocol: Protocol, effects: Mapping[str, HiddenEffect], *, setup: Setup
 ) -> Constants:
     """Return the rig's constants scaled to the protocol's pace.
 
     Heat capacities and integral time go with the time factor f, inertia with f², damping with f: a shortened record is
     the paper's record on a faster clock, as quasi-static as it was.
     """
-    plain = pack(values, mechanics=mechanics, thermal=thermal, quantum_c=sensor.quantum_c, effects=effects)
+    quantum_c = setup.sensor.quantum_c
+    plain = pack(values, mechanics=setup.mechanics, thermal=setup.thermal, quantum_c=quantum_c, effects=effects)
     factor = protocol.time_factor
     return plain._replace(
         capacity=plain.capacity * factor,
