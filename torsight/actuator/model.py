@@ -306,50 +306,43 @@ def run_ports(
     )
 
 
-def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> Array:
-    """Return the kernel's scalars (2, N_SCALARS): with spring A's values, and with spring B's."""
-    common = _common_scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg)
-    springs = np.stack([_with_spring(common, rig) for rig in (ports.rig, ports.rig_b)])
-    for i, (side, loading) in enumerate(((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))):
-        springs[i, places.SIDE_ROW] = 0 if ports.side_nm[i] is None else side
-        springs[i, places.LOADING_ROW] = 0 if ports.loading_nm[i] is None else loading
-        springs[i, places.FOLLOWS] = ports.loading_follows[i]
-    return springs
-
-
-def _with_spring(common: Array, rig: Rig) -> Array:
-    p = common.copy()
-    p[places.K_A], p[places.K_M], p[places.K_S] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
-    # A fit may try values out of order: a window never closes.
-    p[places.A_START], p[places.A_WIDTH] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
-    p[places.M_FINISH], p[places.M_WIDTH] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
-    p[places.TEMP_PER_TORQUE_A] = rig.stress_per_torque / rig.c_austenite
-    p[places.TEMP_PER_TORQUE_M] = rig.stress_per_torque / rig.c_martensite
-    p[places.THETA_CR] = rig.theta_cr_rad
-    return p
-
-
-def _common_scalars(ports: Ports, *, tanaka: bool, theta_l_deg: float | None) -> Array:
+def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
+    """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
+    p = np.zeros(2, places.SCALARS)
+    _fill_springs(p, ports)
     rig, grid = ports.rig, ports.grid_rad()
-    p = np.zeros(places.N_SCALARS)
-    p[places.THETA_P] = rig.theta_p_rad
-    p[places.TAU_C], p[places.VISCOUS], p[places.VISCOUS_POWER] = rig.tau_c_nm, ports.viscous_nms, ports.viscous_power
-    p[places.LATENT] = ports.latent_c_s
-    p[places.SPEED_STEP] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
-    p[places.DWELL_STEP] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
-    p[places.PASSIVE_SHARE], p[places.TANAKA] = ports.passive_share, float(tanaka)
-    p[places.ROOM_C], p[places.HOME_HOLD] = ports.room_c, ports.home_hold
-    p[places.GRID_START], p[places.GRID_STEP] = grid[0], grid[1] - grid[0]
-    p[places.HAS_FRICTION] = float(ports.friction_down_nm is not None)
-    p[places.HAS_STRAY] = float(ports.stray_nm is not None)
-    p[places.FIRST_SHARE] = ports.first_share
-    p[places.HEATING_BEND], p[places.COOLING_BEND] = ports.heating_bend, ports.cooling_bend
+    p["theta_p"], p["tau_c"], p["viscous"] = rig.theta_p_rad, rig.tau_c_nm, ports.viscous_nms
+    p["viscous_power"], p["latent"] = ports.viscous_power, ports.latent_c_s
+    p["speed_step"] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
+    p["dwell_step"] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
+    p["passive_share"], p["tanaka"], p["room_c"] = ports.passive_share, float(tanaka), ports.room_c
+    p["grid_start"], p["grid_step"] = grid[0], grid[1] - grid[0]
+    p["has_friction"], p["has_stray"] = ports.friction_down_nm is not None, ports.stray_nm is not None
+    p["home_hold"], p["first_share"] = ports.home_hold, ports.first_share
+    p["heating_bend"], p["cooling_bend"] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
-    p[places.STEADY] = float(not moving_load)
-    p[places.UNWOUND_A], p[places.UNWOUND_B] = ports.history.unwound_rad or (-1.0, -1.0)
-    p[places.FIXED_THETA_L] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
+    p["steady"] = float(not moving_load)
+    p["unwound_a"], p["unwound_b"] = ports.history.unwound_rad or (-1.0, -1.0)
+    p["fixed_theta_l"] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
     return p
+
+
+def _fill_springs(p: NDArray[np.void], ports: Ports) -> None:
+    """Set the values of either spring."""
+    own_rows = ((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))
+    for i, (rig, (side, loading)) in enumerate(zip((ports.rig, ports.rig_b), own_rows, strict=True)):
+        one = p[i]
+        one["k_a"], one["k_m"], one["k_s"] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
+        # A fit may try values out of order: a window never closes.
+        one["a_start"], one["a_width"] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
+        one["m_finish"], one["m_width"] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
+        one["temp_per_torque_a"] = rig.stress_per_torque / rig.c_austenite
+        one["temp_per_torque_m"] = rig.stress_per_torque / rig.c_martensite
+        one["theta_cr"] = rig.theta_cr_rad
+        one["side_row"] = 0 if ports.side_nm[i] is None else side
+        one["loading_row"] = 0 if ports.loading_nm[i] is None else loading
+        one["follows"] = ports.loading_follows[i]
 
 
 def _tables(ports: Ports) -> Array:

@@ -31,25 +31,8 @@ from numpy.typing import NDArray
 from torsight.actuator.stepping.compiled import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
-    DWELL_STEP,
-    FIRST_SHARE,
-    FIXED_THETA_L,
-    HAS_STRAY,
-    HOME_HOLD,
-    K_M,
-    K_S,
-    LOADING_ROW,
-    PASSIVE_SHARE,
-    ROOM_C,
-    SPEED_STEP,
-    STEADY,
     STRAY,
-    TANAKA,
-    THETA_CR,
-    THETA_P,
-    UNWOUND_A,
-    UNWOUND_B,
-    VISCOUS,
+    Scalars,
     cold_torque,
     friction_torque,
     from_table,
@@ -118,60 +101,60 @@ _LONG_S: Final = 1e6
 
 
 @compiled
-def _wound_for(x: float, limit: float, p: Array, tables: Array) -> float:
+def _wound_for(x: float, limit: float, p: Scalars, tables: Array) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
     if loading_torque(x, p, tables) <= limit:
         return x
     # Past the loading curve's first slope, unwinding from further off leaves less torque: linearly for two slopes.
-    start = max(x, p[THETA_CR])
+    start = max(x, p["theta_cr"])
     over = max(0.0, cold_torque(x, start, p, tables) - limit)
-    wound = start + over / (p[K_M] - p[K_S])
-    if p[LOADING_ROW] > 0.0:
+    wound = start + over / (p["k_m"] - p["k_s"])
+    if p["loading_row"] > 0.0:
         # The curve is less steep than K_M everywhere, so that these steps close in on the answer.
         for _ in range(40):
             off = cold_torque(x, wound, p, tables) - limit
-            wound = min(max(start, wound + off / (p[K_M] - p[K_S])), 2.0 * p[THETA_P])
+            wound = min(max(start, wound + off / (p["k_m"] - p["k_s"])), 2.0 * p["theta_p"])
             if abs(off) < TORQUE_TOLERANCE:
                 break
     return wound
 
 
 @compiled
-def _home(theta_start: float, first: int, scale: float, springs: Array, tables: Array) -> Array:
+def _home(theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Array) -> Array:
     """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
     The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
     unwound, that holds.
     """
     wound, p = np.empty(2), springs[0]
-    if p[UNWOUND_A] >= 0.0:
-        wound[0], wound[1] = theta_start + p[UNWOUND_A], p[THETA_P] - theta_start + p[UNWOUND_B]
+    if p["unwound_a"] >= 0.0:
+        wound[0], wound[1] = theta_start + p["unwound_a"], p["theta_p"] - theta_start + p["unwound_b"]
         return wound
     for i in range(2):
-        own = theta_start if i == 0 else p[THETA_P] - theta_start
+        own = theta_start if i == 0 else p["theta_p"] - theta_start
         hold = scale * friction_torque(theta_start, i == 1, p, tables)
-        if p[HAS_STRAY] > 0.0:
+        if p["has_stray"] > 0.0:
             hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        other = loading_torque(p[THETA_P] - own, springs[1 - i], tables)
-        other += side_torque(p[THETA_P] - own, springs[1 - i], tables)
-        limit = (other + hold) / p[FIRST_SHARE] if i == first else other * p[FIRST_SHARE] + hold
+        other = loading_torque(p["theta_p"] - own, springs[1 - i], tables)
+        other += side_torque(p["theta_p"] - own, springs[1 - i], tables)
+        limit = (other + hold) / p["first_share"] if i == first else other * p["first_share"] + hold
         wound[i] = _wound_for(own, limit - side_torque(own, springs[i], tables), springs[i], tables)
     return wound
 
 
 @compiled
-def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Array, tables: Array) -> Array:
+def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Scalars, tables: Array) -> Array:
     """Return by how much both springs are unwound, as the next half-cycle will find them."""
     who = int(g[WHO])
-    left = wound - np.array([theta_a, p[THETA_P] - theta_a])
+    left = wound - np.array([theta_a, p["theta_p"] - theta_a])
     left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW]
     return np.maximum(left, 0.0)
 
 
 @inlined
-def _recoverable(wound: float, left: Array, p: Array, tables: Array) -> float:
+def _recoverable(wound: float, left: Array, p: Scalars, tables: Array) -> float:
     """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
-    whole = p[FIXED_THETA_L]
+    whole = p["fixed_theta_l"]
     if not whole > 0.0:
         whole = left_by_winding(wound, p, tables)
     return max(0.0, whole * left[0] - left[1])
@@ -179,7 +162,7 @@ def _recoverable(wound: float, left: Array, p: Array, tables: Array) -> float:
 
 @compiled
 def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: float, g: Array, q: Array, w: Array,
-                      wound: Array, springs: Array, tables: Array) -> None:  # fmt: skip
+                      wound: Array, springs: NDArray[np.void], tables: Array) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
@@ -188,18 +171,18 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
     before, p, o = int(g[WHO]), springs[who], springs[1 - who]
     if before >= 0:
         wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, springs[before], tables)
-    x = theta_a if who == 0 else p[THETA_P] - theta_a
+    x = theta_a if who == 0 else p["theta_p"] - theta_a
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
     g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
     if before < 0:
-        other = cold_torque(p[THETA_P] - x, wound[1 - who], o, tables) + side_torque(p[THETA_P] - x, o, tables)
-        if p[HAS_STRAY] > 0.0:
+        other = cold_torque(p["theta_p"] - x, wound[1 - who], o, tables) + side_torque(p["theta_p"] - x, o, tables)
+        if p["has_stray"] > 0.0:
             other += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
         most = other + scale * friction_torque(theta_a, who == 1, p, tables)
-        most = min(g[TAU_NOW], most / p[FIRST_SHARE] - side_torque(x, p, tables))
+        most = min(g[TAU_NOW], most / p["first_share"] - side_torque(x, p, tables))
         least = other - scale * friction_torque(theta_a, who == 0, p, tables)
-        least = min(most, least / p[FIRST_SHARE] - side_torque(x, p, tables))
-        g[TAU_NOW] = least + 0.5 * (1.0 + p[HOME_HOLD]) * (most - least)
+        least = min(most, least / p["first_share"] - side_torque(x, p, tables))
+        g[TAU_NOW] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], left, p, tables)
@@ -208,7 +191,7 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
 
 @compiled
 def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Array, tables: Array) -> None:  # fmt: skip
+          wound: Array, p: Scalars, tables: Array) -> None:  # fmt: skip
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -237,15 +220,15 @@ def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, 
 
 
 @compiled
-def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array) -> bool:
+def _settle(g: Array, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
     First the way in which the transformation drives, then (after sticking) the other way.
     """
     x, scale = g[X_NOW], c[SCALE]
     hold = scale
-    if p[DWELL_STEP] > 0.0:
-        hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p[DWELL_STEP], tables)[0])
+    if p["dwell_step"] > 0.0:
+        hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p["dwell_step"], tables)[0])
     for attempt in range(2):
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = load_torque(x, sense, hold, c, p, o, tables)
@@ -282,17 +265,17 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Array, o: Array, tables: 
 
 
 @inlined
-def _nothing_to_do(c: Array, g: Array, w: Array, p: Array, sections: Array) -> bool:
+def _nothing_to_do(c: Array, g: Array, w: Array, p: Scalars, sections: Array) -> bool:
     """Return whether the angle stands and no section's transformation advances at the torque as it is.
 
     What depends on the speed or on the time at rest has to have come to rest before.
     """
-    if p[STEADY] == 0.0 or (g[REST_S] == 0.0 and p[VISCOUS] + p[SPEED_STEP] + p[DWELL_STEP] > 0.0):
+    if p["steady"] == 0.0 or (g[REST_S] == 0.0 and p["viscous"] + p["speed_step"] + p["dwell_step"] > 0.0):
         return False
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
-        complete = w[2, j] >= 1.0 and p[TANAKA] < 0.5
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
+        complete = w[2, j] >= 1.0 and p["tanaka"] < 0.5
         if not complete and window_place(heating, own, g[TAU_NOW], p) > w[2, j]:
             return False
     return True
@@ -324,7 +307,7 @@ def run(
     recoverable: Array,
     friction_scale: Array,
     load_change: Array,
-    springs: Array,
+    springs: NDArray[np.void],
     tables: Array,
     sections: Array,
     theta_start: float,
@@ -350,7 +333,7 @@ def run(
     load_change : (3, n) float64
         Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
         column where nothing of it is.
-    springs : (2, N_SCALARS) float64
+    springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
         Scalars in SI units, with the values of spring A and with those of spring B.
     tables : (9, m) float64
         See :mod:`torsight.actuator.stepping.kernel_laws`.
@@ -371,7 +354,7 @@ def run(
     c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
     w, saved_w = np.ones((5, sections.shape[1])), np.ones((5, sections.shape[1]))
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
-    theta_a, theta_p, p, o = theta_start, springs[0, THETA_P], springs[0], springs[1]
+    theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
     wound = _home(theta_start, active[0], friction_scale[0], springs, tables)
     c[FACTOR] = 1.0
     for k in range(n):
@@ -397,13 +380,13 @@ def run(
         c[SIGN] = 1.0 if who == 0 else -1.0
         c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
         c[TURN_NOW] = directions[1, k]
-        if p[PASSIVE_SHARE] > 0.0:
+        if p["passive_share"] > 0.0:
             c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
         if load_change.shape[1] > 0:
             c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
         total = g[XI_NOW]
         # Only after a sample that slid.
-        easy = not fresh and p[TANAKA] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
+        easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
         slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(g, c, q, w, p, o, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.

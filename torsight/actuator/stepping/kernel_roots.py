@@ -23,29 +23,11 @@ from numpy.typing import NDArray
 
 from torsight.actuator.stepping.compiled import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
-    A_WIDTH,
-    DWELL_STEP,
     FRICTION_DOWN,
     FRICTION_UP,
-    HAS_FRICTION,
-    HAS_STRAY,
-    K_A,
-    K_M,
-    LATENT,
-    M_WIDTH,
-    PASSIVE_SHARE,
-    ROOM_C,
-    SIDE_ROW,
     SPEED,
-    SPEED_STEP,
-    STEADY,
     STRAY,
-    TAU_C,
-    TEMP_PER_TORQUE_A,
-    TEMP_PER_TORQUE_M,
-    THETA_P,
-    VISCOUS,
-    VISCOUS_POWER,
+    Scalars,
     bend,
     bent,
     cold_torque,
@@ -77,16 +59,16 @@ _NEWTON_STEPS: Final = 8
 
 
 @inlined
-def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
+def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Return the wire's ξ at this torque: each section's law, advanced only."""
     total = 0.0
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
         place = window_place(heating, own, torque, p)
         xi = w[0, j]
         if place > w[2, j]:
-            if p[LATENT] > 0.0:
+            if p["latent"] > 0.0:
                 place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
             done = share_done(heating, place, p)
             xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
@@ -95,15 +77,15 @@ def wire_fraction(torque: float, c: Array, p: Array, sections: Array, w: Array) 
 
 
 @compiled
-def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> float:
+def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
         place = window_place(heating, own, torque, p)
         if place > w[2, j]:
-            if p[LATENT] > 0.0:
+            if p["latent"] > 0.0:
                 place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
             done = share_done(heating, place, p)
             w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
@@ -113,14 +95,14 @@ def advance(torque: float, c: Array, p: Array, sections: Array, w: Array) -> flo
 
 
 @inlined
-def passive_torque(x: float, c: Array, o: Array, tables: Array) -> float:
+def passive_torque(x: float, c: Array, o: Scalars, tables: Array) -> float:
     """Return the passive spring's torque where the active one's angle is ``x``."""
-    other = o[THETA_P] - x
+    other = o["theta_p"] - x
     return cold_torque(other, c[WOUND], o, tables) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, o, tables)
 
 
 @inlined
-def speed_friction(x: float, sense: float, c: Array, p: Array, tables: Array) -> float:
+def speed_friction(x: float, sense: float, c: Array, p: Scalars, tables: Array) -> float:
     """Return the friction that depends on speed at a sample's end, from the mean speeds over it and the one before.
 
     The backward differentiation formula of second order for steps of any length: the mean speed of one sample is that
@@ -128,42 +110,42 @@ def speed_friction(x: float, sense: float, c: Array, p: Array, tables: Array) ->
     """
     speed = (x - c[X0]) * c[PER_S]
     speed = max(0.0, sense * (speed + c[AHEAD] * (speed - c[BEFORE])))
-    friction = p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
-    if p[SPEED_STEP] > 0.0:
-        friction += held_table(speed, SPEED, p[SPEED_STEP], tables)[0]
+    friction = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
+    if p["speed_step"] > 0.0:
+        friction += held_table(speed, SPEED, p["speed_step"], tables)[0]
     return friction
 
 
 @inlined
-def load_torque(x: float, sense: float, scale: float, c: Array, p: Array, o: Array, tables: Array) -> float:
+def load_torque(x: float, sense: float, scale: float, c: Array, p: Scalars, o: Scalars, tables: Array) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
     −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
     """
-    theta_a = x if c[SIGN] > 0.0 else p[THETA_P] - x
+    theta_a = x if c[SIGN] > 0.0 else p["theta_p"] - x
     friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
-    if p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0:
+    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
         friction = max(0.0, friction + speed_friction(x, sense, c, p, tables))
     torque = passive_torque(x, c, o, tables) - sense * friction
-    if p[HAS_STRAY] > 0.0:
+    if p["has_stray"] > 0.0:
         torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
     return torque
 
 
 @inlined
-def beside(x: float, c: Array, p: Array, tables: Array) -> float:
+def beside(x: float, c: Array, p: Scalars, tables: Array) -> float:
     """Return what the active spring makes beside its phase's torque: by the sample, and by its angle."""
     return c[OWN] + side_torque(x, p, tables)
 
 
 @inlined
-def made_torque(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array) -> float:
+def made_torque(x: float, xi: float, c: Array, q: Array, p: Scalars, tables: Array) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
 
     That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
     What it makes beside that (:func:`beside`) is not in the reference state.
     """
-    stiffness = p[K_A] + xi * (p[K_M] - p[K_A])
+    stiffness = p["k_a"] + xi * (p["k_m"] - p["k_a"])
     torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
     if c[HEATING] > 0.0:
         return torque + beside(x, c, p, tables)
@@ -172,7 +154,7 @@ def made_torque(x: float, xi: float, c: Array, q: Array, p: Array, tables: Array
 
 @inlined
 def excess(
-    x: float, sense: float, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array
+    x: float, sense: float, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array
 ) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
@@ -190,7 +172,7 @@ def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) ->
 
 @compiled
 def slide(
-    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Array, o: Array, tables: Array,
+    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array,
     sections: Array,
 ) -> float:  # fmt: skip
     """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
@@ -224,69 +206,72 @@ def slide(
 
 
 @inlined
-def _cold_and_slope(x: float, c: Array, o: Array, tables: Array) -> tuple[float, float]:
+def _cold_and_slope(x: float, c: Array, o: Scalars, tables: Array) -> tuple[float, float]:
     """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
-    other = o[THETA_P] - x
-    slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o[K_M]
+    other = o["theta_p"] - x
+    slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o["k_m"]
     return cold_torque(other, c[WOUND], o, tables), slope
 
 
 @inlined
-def _load_and_slope(x: float, sense: float, c: Array, p: Array, o: Array, tables: Array) -> tuple[float, float]:
+def _load_and_slope(x: float, sense: float, c: Array, p: Scalars, o: Scalars, tables: Array) -> tuple[float, float]:
     """Return :func:`load_torque` with its derivative."""
-    other = p[THETA_P] - x
+    other = p["theta_p"] - x
     load, slope = _cold_and_slope(x, c, o, tables)
     load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
-    if o[SIDE_ROW] > 0.0:
-        side, side_slope = table_and_slope(other, int(o[SIDE_ROW]), o, tables)
+    if o["side_row"] > 0.0:
+        side, side_slope = table_and_slope(other, int(o["side_row"]), o, tables)
         load, slope = load + side, slope - side_slope
     theta_a = x if c[SIGN] > 0.0 else other
-    friction, friction_slope = p[TAU_C], 0.0
-    if p[HAS_FRICTION] > 0.0:
+    friction, friction_slope = p["tau_c"], 0.0
+    if p["has_friction"] > 0.0:
         friction, friction_slope = table_and_slope(
             theta_a, FRICTION_UP if sense * c[SIGN] > 0.0 else FRICTION_DOWN, p, tables
         )
         if friction < 0.0:
             friction, friction_slope = 0.0, 0.0
     friction, friction_slope = friction * c[SCALE], c[SIGN] * friction_slope * c[SCALE]
-    if p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0:
+    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
         per_angle = sense * c[PER_S] * (1.0 + c[AHEAD])
         speed = sense * ((x - c[X0]) * c[PER_S] * (1.0 + c[AHEAD]) - c[AHEAD] * c[BEFORE])
         if speed > 0.0:
-            torque = p[VISCOUS] * (speed if p[VISCOUS_POWER] == 1.0 else speed ** p[VISCOUS_POWER])
-            friction, friction_slope = friction + torque, friction_slope + p[VISCOUS_POWER] * torque / speed * per_angle
-        if p[SPEED_STEP] > 0.0:
-            torque, per_speed = held_table(max(speed, 0.0), SPEED, p[SPEED_STEP], tables)
+            torque = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
+            friction, friction_slope = (
+                friction + torque,
+                friction_slope + p["viscous_power"] * torque / speed * per_angle,
+            )
+        if p["speed_step"] > 0.0:
+            torque, per_speed = held_table(max(speed, 0.0), SPEED, p["speed_step"], tables)
             friction += torque
             if speed > 0.0:
                 friction_slope += per_speed * per_angle
         if friction < 0.0:
             friction, friction_slope = 0.0, 0.0
     load, slope = load - sense * friction, slope - sense * friction_slope
-    if p[HAS_STRAY] > 0.0:
+    if p["has_stray"] > 0.0:
         stray, stray_slope = table_and_slope(theta_a, STRAY, p, tables)
         load, slope = load + c[SIGN] * stray, slope + stray_slope
     return load, slope
 
 
 @inlined
-def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: Array) -> tuple[float, float, bool]:
+def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> tuple[float, float, bool]:
     """Return :func:`wire_fraction` by Liang and Rogers, its derivative, and whether any section advances.
 
     Each section's ξ and place are kept as the trial's.
     """
     heating = c[HEATING] > 0.0
     # By how much the window's place moves per torque.
-    per_torque = -p[TEMP_PER_TORQUE_A] / p[A_WIDTH] if heating else p[TEMP_PER_TORQUE_M] / p[M_WIDTH]
+    per_torque = -p["temp_per_torque_a"] / p["a_width"] if heating else p["temp_per_torque_m"] / p["m_width"]
     ahead = bend(heating, p)
     total, slope, advances = 0.0, 0.0, False
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p[ROOM_C])
+        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
         place = window_place(heating, own, torque, p)
         xi, follows = w[0, j], 1.0
         if place > w[2, j]:
             advances = True
-            if p[LATENT] > 0.0:
+            if p["latent"] > 0.0:
                 delay = latent_delay(heating, w[1, j], c[PER_S], p)
                 place = held_back(heating, place, w[2, j], delay, p)
                 follows = 1.0 / (1.0 + delay * done_slope(heating, place, p))
@@ -303,37 +288,37 @@ def _fraction_and_slope(torque: float, c: Array, p: Array, sections: Array, w: A
 
 
 @compiled
-def glide(c: Array, q: Array, g: Array, w: Array, p: Array, o: Array, tables: Array, sections: Array) -> bool:
+def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
     For Liang–Rogers. Monotone excess: where its root lies on the way that the spring slides, it slides there.
     """
     heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
-    spread = p[K_M] - p[K_A]
+    spread = p["k_m"] - p["k_a"]
     # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
-    may_creep = p[STEADY] == 0.0 or p[VISCOUS] > 0.0 or p[SPEED_STEP] > 0.0
-    bare = not may_creep and p[HAS_FRICTION] + p[HAS_STRAY] + p[SIDE_ROW] + o[SIDE_ROW] + p[DWELL_STEP] == 0.0
+    may_creep = p["steady"] == 0.0 or p["viscous"] > 0.0 or p["speed_step"] > 0.0
+    bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
     for _ in range(_NEWTON_STEPS):
         if bare:
             load, load_slope = _cold_and_slope(x, c, o, tables)
-            load -= sense * p[TAU_C]
+            load -= sense * p["tau_c"]
         else:
             load, load_slope = _load_and_slope(x, sense, c, p, o, tables)
         xi, xi_slope, advances = _fraction_and_slope(load, c, p, sections, w)
         if not (advances or may_creep):
             return False
-        stiffness, stretch = p[K_A] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
+        stiffness, stretch = p["k_a"] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
         made = q[TAU_REF] + stiffness * stretch
         slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * load_slope
         if not heating:
             least = cold_torque(x, q[FLOOR], p, tables)
             if made < least:
-                made, slope = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p[K_M]
+                made, slope = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p["k_m"]
         made += c[OWN]
-        if p[SIDE_ROW] > 0.0:
-            side, side_slope = table_and_slope(x, int(p[SIDE_ROW]), p, tables)
+        if p["side_row"] > 0.0:
+            side, side_slope = table_and_slope(x, int(p["side_row"]), p, tables)
             made, slope = made + side, slope + side_slope
         if abs(load - made) <= TORQUE_TOLERANCE:
             if sense * (x - g[X_NOW]) * abs(load_slope - slope) < least_excess:
@@ -348,7 +333,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Array, o: Array, tables: Ar
 
 
 @compiled
-def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables: Array, sections: Array) -> float:
+def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tables: Array, sections: Array) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
     xi = total
@@ -372,13 +357,13 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Array, tables
 
 
 @compiled
-def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Array) -> float:
+def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Scalars) -> float:
     """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
     a, b = xi_from, xi_to
-    slope = p[K_M] - p[K_A]
+    slope = p["k_m"] - p["k_a"]
     for _ in range(60):
         xi = 0.5 * (a + b)
-        torque = q[TAU_REF] + (p[K_A] + xi * slope) * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
+        torque = q[TAU_REF] + (p["k_a"] + xi * slope) * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
         # While ξ falls the torque grows towards the load, while ξ grows it falls towards it.
         if (torque - load) * (xi_to - xi_from) > 0.0:
             a = xi
@@ -388,18 +373,18 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, 
 
 
 @inlined
-def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, o: Array) -> float:
+def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, o: Scalars) -> float:
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
-    torque = base + (o[K_A] + xi * (o[K_M] - o[K_A])) * angle * (1.0 - xi)
+    torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
     done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o), o)
     return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
 
 
 @compiled
-def crosstalk(theta: float, c: Array, g: Array, o: Array, tables: Array) -> float:
+def crosstalk(theta: float, c: Array, g: Array, o: Scalars, tables: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], o, tables)
-    angle = left_by_winding(c[WOUND], o, tables) * o[PASSIVE_SHARE]
+    angle = left_by_winding(c[WOUND], o, tables) * o["passive_share"]
     if c[TURN_NOW] != g[TURN_P]:
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]
@@ -418,4 +403,4 @@ def crosstalk(theta: float, c: Array, g: Array, o: Array, tables: Array) -> floa
     if abs(fraction - xi) > 1e-12:
         g[XI_P] = fraction
     fraction = g[XI_P]
-    return (o[K_A] + fraction * (o[K_M] - o[K_A])) * angle * (1.0 - fraction)
+    return (o["k_a"] + fraction * (o["k_m"] - o["k_a"])) * angle * (1.0 - fraction)
