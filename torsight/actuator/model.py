@@ -271,14 +271,8 @@ def run_ports(
     per_s[1:] = 1.0 / np.diff(ports.time_s)
     half_turn = 0.5 * ports.rig.theta_p_rad
     out, unwound = kernel.run(
-        per_s,
-        temps,
-        ports.active,
-        ports.half,
-        directions,
+        places.Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
         np.stack([ports.theta_l_scale, ports.theta_l_loss_rad], axis=1),
-        ports.friction_scale,
-        ports.load_change(),
         scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
         _tables(ports),
         np.stack([ports.section_weight, ports.section_drop_c, ports.section_drop_share]),

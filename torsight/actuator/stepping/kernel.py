@@ -18,7 +18,7 @@ Arrays that go from function to function:
 ``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
 reference state; ``w`` (5, m) per section: ξ, ξ0, the furthest place in the law's window, and a trial's ξ and place;
-``g`` what goes on from sample to sample.
+``g`` what goes on from sample to sample; :class:`State` holds them together.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ from torsight.actuator.stepping.compiled import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
     STRAY,
+    Samples,
     Scalars,
+    State,
     cold_torque,
     friction_torque,
     from_table,
@@ -92,8 +94,6 @@ from torsight.actuator.stepping.kernel_roots import (
 )
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.int8]
-Counts = NDArray[np.int64]
 
 
 _LONG_S: Final = 1e6
@@ -161,13 +161,16 @@ def _recoverable(wound: float, left: Array, p: Scalars, tables: Array) -> float:
 
 
 @compiled
-def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: float, g: Array, q: Array, w: Array,
-                      wound: Array, springs: NDArray[np.void], tables: Array) -> None:  # fmt: skip
+def _start_half_cycle(
+    who: int, theta_a: float, scale: float, left: Array, own: float, state: State, springs: NDArray[np.void],
+    tables: Array,
+) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
     the first carries as much as the other and a share of the friction hold, from all of it one way to all the other.
     """
+    g, q, w, wound = state.g, state.q, state.w, state.wound
     before, p, o = int(g[WHO]), springs[who], springs[1 - who]
     if before >= 0:
         wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, springs[before], tables)
@@ -190,12 +193,12 @@ def _start_half_cycle(who: int, theta_a: float, scale: float, left: Array, own: 
 
 
 @compiled
-def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, saved_q: Array, saved_w: Array,
-          wound: Array, p: Scalars, tables: Array) -> None:  # fmt: skip
+def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tables: Array) -> None:
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
     """
+    g, q, w, saved_q, saved_w = state.g, state.q, state.w, state.saved_q, state.saved_w
     if g[CHANGED] > 0.0:
         saved_q[:], saved_w[:] = q, w
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
@@ -206,7 +209,7 @@ def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, 
             # martensite and not yet wound that far, what it recovered before is what it recovers again.
             most = _recoverable(q[FLOOR], left, p, tables)
             if g[XI_NOW] > 1.0 - 1e-9:
-                wound[int(g[WHO])] = q[FLOOR]
+                state.wound[int(g[WHO])] = q[FLOOR]
                 q[THETA_L] = most
             else:
                 q[THETA_L] = min(q[THETA_L], most / max(g[XI_NOW], 1e-9))
@@ -220,11 +223,12 @@ def _turn(heating: bool, left: Array, own: float, g: Array, q: Array, w: Array, 
 
 
 @compiled
-def _settle(g: Array, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
+def _settle(state: State, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
     First the way in which the transformation drives, then (after sticking) the other way.
     """
+    c, q, g, w = state.c, state.q, state.g, state.w
     x, scale = g[X_NOW], c[SCALE]
     hold = scale
     if p["dwell_step"] > 0.0:
@@ -244,12 +248,12 @@ def _settle(g: Array, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tabl
                 held -= beside(x, c, p, tables)
                 q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
             if begins or hold > scale:
-                first = excess(x, sense, c, q, w, p, o, tables, sections)
+                first = excess(x, sense, state, p, o, tables, sections)
             else:
                 first = sense * (limit - made_torque(x, reached, c, q, p, tables))
             if first > 0.0:
                 # As far as in the sample before, and the change between the two before.
-                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, c, q, w, p, o, tables, sections)
+                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, state, p, o, tables, sections)
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
             g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
@@ -297,16 +301,19 @@ def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
 
 
+@inlined
+def _at_home(sections: int, wound: Array) -> State:
+    """Return the state before the first sample, with so many sections of the wire."""
+    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((5, sections))
+    c[FACTOR] = 1.0
+    g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
+    return State(c, q, g, w, q.copy(), w.copy(), wound)
+
+
 @compiled
 def run(
-    per_s: Array,
-    temps: Array,
-    active: Flags,
-    half: Counts,
-    directions: NDArray[np.int8],
+    samples: Samples,
     recoverable: Array,
-    friction_scale: Array,
-    load_change: Array,
     springs: NDArray[np.void],
     tables: Array,
     sections: Array,
@@ -316,23 +323,10 @@ def run(
 
     Parameters
     ----------
-    per_s : (n,) float64
-        One over the time since the sample before, 1/s (0 for the first).
-    temps : (2, n) float64
-        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
-    active : (n,) int8
-        0 while A is driven, 1 while B is.
-    half : (n,) int64
-        Number of the half-cycle, from 0.
-    directions : (2, n) int8
-        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
+    samples : Samples
+        Temperatures and what changes with them.
     recoverable : (halves, 2) float64
         In each half-cycle: factor on the recoverable angle, and what is lost of it whatever the winding (rad).
-    friction_scale : (n,) float64
-        Factor on the friction at each sample.
-    load_change : (3, n) float64
-        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
-        column where nothing of it is.
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
         Scalars in SI units, with the values of spring A and with those of spring B.
     tables : (9, m) float64
@@ -349,24 +343,23 @@ def run(
     (2,) float64
         By how much A and B are unwound in the end (rad).
     """
+    per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
+    directions, friction_scale, load_change = samples.directions, samples.friction_scale, samples.load_change
     n = active.size
     out = np.empty((5, n))
-    c, q, saved_q, g = np.zeros(15), np.zeros(6), np.zeros(6), np.zeros(11)
-    w, saved_w = np.ones((5, sections.shape[1])), np.ones((5, sections.shape[1]))
-    g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
+    state = _at_home(sections.shape[1], _home(theta_start, active[0], friction_scale[0], springs, tables))
+    c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
     theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
-    wound = _home(theta_start, active[0], friction_scale[0], springs, tables)
-    c[FACTOR] = 1.0
     for k in range(n):
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
         if starts or turns:
             own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
             if starts:
-                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, g, q, w, wound, springs, tables)
+                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, state, springs, tables)
                 p, o = springs[active[k]], springs[1 - active[k]]
             else:
-                _turn(directions[0, k] > 0, left, own, g, q, w, saved_q, saved_w, wound, p, tables)
+                _turn(directions[0, k] > 0, left, own, state, p, tables)
         fresh = starts or turns
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
@@ -387,7 +380,7 @@ def run(
         total = g[XI_NOW]
         # Only after a sample that slid.
         easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
-        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(g, c, q, w, p, o, tables, sections)
+        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0

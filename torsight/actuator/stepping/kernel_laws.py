@@ -12,7 +12,7 @@ factor on friction over log10(1 + rest in s).
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from torsight.actuator.stepping.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.int8]
+Counts = NDArray[np.int64]
 
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
@@ -43,6 +45,52 @@ SCALARS: Final = np.dtype(
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 _LN100: Final = 4.605170185988092
+
+
+class Samples(NamedTuple):
+    """What drives the springs, sample by sample.
+
+    Attributes
+    ----------
+    per_s : (n,) float64
+        One over the time since the sample before, 1/s (0 for the first).
+    temps : (2, n) float64
+        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
+    active : (n,) int8
+        0 while A is driven, 1 while B is.
+    half : (n,) int64
+        Number of the half-cycle, from 0.
+    directions : (2, n) int8
+        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
+    friction_scale : (n,) float64
+        Factor on the friction at each sample.
+    load_change : (3, n) float64
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
+        column where nothing of it is.
+    """
+
+    per_s: Array
+    temps: Array
+    active: Flags
+    half: Counts
+    directions: NDArray[np.int8]
+    friction_scale: Array
+    load_change: Array
+
+
+class State(NamedTuple):
+    """What goes through one run: ``c``, ``q``, ``g`` and ``w``, and of both springs the largest winding so far.
+
+    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature.
+    """
+
+    c: Array
+    q: Array
+    g: Array
+    w: Array
+    saved_q: Array
+    saved_w: Array
+    wound: Array
 
 
 @inlined

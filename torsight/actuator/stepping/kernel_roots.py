@@ -28,6 +28,7 @@ from torsight.actuator.stepping.kernel_laws import (
     SPEED,
     STRAY,
     Scalars,
+    State,
     bend,
     bent,
     cold_torque,
@@ -153,10 +154,9 @@ def made_torque(x: float, xi: float, c: Array, q: Array, p: Scalars, tables: Arr
 
 
 @inlined
-def excess(
-    x: float, sense: float, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array
-) -> float:
+def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
+    c, q, w = state.c, state.q, state.w
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
     return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p, tables))
 
@@ -172,19 +172,18 @@ def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) ->
 
 @compiled
 def slide(
-    sense: float, guess: float, first: float, c: Array, q: Array, w: Array, p: Scalars, o: Scalars, tables: Array,
-    sections: Array,
-) -> float:  # fmt: skip
+    sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array
+) -> float:
     """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
 
     A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
     """
-    a, fa, b, fb = c[X0], first, c[X0], 0.0
+    a, fa, b, fb = state.c[X0], first, state.c[X0], 0.0
     bracketed = False
     step = max(guess, 1e-7)
     x = a + sense * step
     for _ in range(120):
-        fx = excess(x, sense, c, q, w, p, o, tables, sections)
+        fx = excess(x, sense, state, p, o, tables, sections)
         if not bracketed:
             b, fb = x, fx
             if fx <= TORQUE_TOLERANCE:
