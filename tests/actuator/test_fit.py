@@ -10,7 +10,7 @@ import pytest
 from actuator_programmes import programme
 
 from torsight.actuator import fit_model
-from torsight.actuator.fit import require_motion
+from torsight.actuator.fit_result import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.wrong_frames import wrong_frames

@@ -17,7 +17,7 @@ _HOMES: Final = {
     "Rig": "springs",
     "half_cycle": "stepping.closed_form",
     "stable_cycle": "stepping.closed_form",
-    "FitResult": "fit",
+    "FitResult": "fit_result",
     # The fit is made by the discovery, above this room: the name alone is here, nothing in this room uses it.
     "fit_model": ".discovery.model_fit",
     "FittedModel": "fitted",

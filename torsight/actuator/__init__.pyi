@@ -5,7 +5,7 @@ from torsight.actuator.characterising.spring_tests import read_tests as read_tes
 from torsight.actuator.drive import Drive as Drive
 from torsight.actuator.effects import Effect as Effect
 from torsight.actuator.effects import load_effects as load_effects
-from torsight.actuator.fit import FitResult as FitResult
+from torsight.actuator.fit_result import FitResult as FitResult
 from torsight.actuator.fitted import FittedModel as FittedModel
 from torsight.actuator.fitted import fitted_model as fitted_model
 from torsight.actuator.fitted import read_model as read_model

@@ -11,7 +11,7 @@ from torsight.cli.answer import Answer
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from torsight.actuator.fit import FitResult
+    from torsight.actuator.fit_result import FitResult
 
 
 def _effect_ids(begun: str) -> list[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
-from torsight.actuator.fit import middle_deg
+from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History

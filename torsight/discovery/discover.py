@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
-from torsight.actuator.fit import require_motion
+from torsight.actuator.fit_result import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec

@@ -10,7 +10,7 @@ import numpy as np
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import always_fitted
-from torsight.actuator.fit import FitResult, notes_of_fit, quiet, require_motion
+from torsight.actuator.fit_result import FitResult, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.parameter import Estimate

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.model import Simulation
+from torsight.actuator.predicted import Prediction
+from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
-from torsight.core.words.shown import Shown, draw_series, share, span
+from torsight.core.words.shown import span
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
 
 Array = NDArray[np.float64]
@@ -24,41 +25,33 @@ _DRAWS: Final = 8
 """Draws of the temperatures' noise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PredictedAngle(Shown):
-    """Angles for the instants of a temperature log, all (n,).
+@dataclass(frozen=True, eq=False, repr=False)
+class PredictedAngle(Prediction):
+    """Angles for the instants of a temperature log, and how far to trust them.
 
     Attributes
     ----------
-    angle_rad : (n,) float64
-        As a camera would read it; NaN where the log has no temperature for too long.
+    angle_rad, drive, simulation
+        See :class:`torsight.actuator.predicted.Prediction`.
     sigma_rad : (n,) float64
-        Its standard deviation; NaN where the model does not say how far it may be wrong.
-    simulation : Simulation
-        Everything else that the model says.
+        Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
     """
 
-    angle_rad: Array
     sigma_rad: Array
-    simulation: Simulation
 
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and its standard deviation."""
-        return {
-            "rows": str(len(self.angle_rad)),
-            "time": span(self.simulation.time_s, "s"),
-            "angle": f"{span(self.angle_rad / DEG, '°')} in {share(np.isfinite(self.angle_rad))} of the rows",
-            "standard deviation": span(self.sigma_rad / DEG, "°"),
-        }
+        return {**super().facts(), "standard deviation": span(self.sigma_rad / DEG, "°")}
 
     def _columns(self) -> dict[str, Any]:
-        columns = dict(self.simulation.to_frame())
-        return {**columns, "angle_deg": self.angle_rad / DEG, "angle_sigma_deg": self.sigma_rad / DEG}
+        return {**super()._columns(), "angle_sigma_deg": self.sigma_rad / DEG}
 
     def _draw(self, axes: Any) -> None:
-        time_s, angle_deg, reach_deg = self.simulation.time_s, self.angle_rad / DEG, 1.96 * self.sigma_rad / DEG
-        axes.fill_between(time_s, angle_deg - reach_deg, angle_deg + reach_deg, alpha=0.25, label="95 %")
-        draw_series(axes, time_s, {"angle": angle_deg}, label="angle, °")
+        angle_deg, reach_deg = self.angle_rad / DEG, REACH * self.sigma_rad / DEG
+        axes.fill_between(
+            self.simulation.time_s, angle_deg - reach_deg, angle_deg + reach_deg, alpha=0.25, label="95 %"
+        )
+        super()._draw(axes)
 
 
 def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Array:
@@ -104,14 +97,15 @@ def predict_with_sigma(
     drive, simulation = prediction.drive, prediction.simulation
     angle = prediction.angle_rad
     if model.doubt is None:
-        return PredictedAngle(angle, np.full(len(angle), np.nan), simulation)
+        return PredictedAngle(angle, drive, simulation, np.full(len(angle), np.nan))
     own = simulation.angle_rad
     square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
     for done, (other, its_drive, weight) in enumerate(others):
         progress("uncertainty", done, len(others))
         square += weight * (other.simulate(its_drive).angle_rad - own) ** 2
     progress("uncertainty", len(others), len(others))
-    return PredictedAngle(angle, np.where(np.isfinite(angle), np.sqrt(square), np.nan), simulation)
+    sigma = np.where(np.isfinite(angle), np.sqrt(square), np.nan)
+    return PredictedAngle(angle, drive, simulation, sigma)
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.parameter import REACH
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
@@ -166,7 +167,7 @@ def _draw_frame(
 def _draw_angle(axes: Axes, angles: StickAngles, shown: list[Shown]) -> None:
     """Draw the angle over time, its 95 % band, the gaps as bands, and where the frames above are."""
     time_s, angle_deg = angles.time_s, angles.angle_rad / DEG
-    band = 1.96 * angles.sigma_rad / DEG
+    band = REACH * angles.sigma_rad / DEG
     axes.fill_between(time_s, angle_deg - band, angle_deg + band, color="#0072b2", alpha=0.25, lw=0)
     axes.plot(time_s, angle_deg, color="#0072b2", lw=1.0, label="angle, with its 95 % band")
     if not angles.valid.all() and len(time_s):

@@ -25,10 +25,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.corners import mend_corners
+from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import measure_noise, resolution
-from torsight.actuator.stepping.compiled import compiled, inlined
+from torsight.actuator.stepping.decorators import compiled, inlined
 
 Array = NDArray[np.float64]
 
@@ -132,17 +132,7 @@ def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: 
     sides[:, 0] /= interval
     sides[:, 1] /= interval**2
     left_over *= _SELECTION
-    mend_corners(
-        time_s,
-        temp_c,
-        sides,
-        lag_s=lag_s,
-        sigma_c=sigma,
-        smallest=smallest,
-        value=value,
-        rate=rate,
-        left_over=left_over,
-    )
+    mend_corners(Log(time_s, temp_c, lag_s, sigma, smallest), sides, (value, rate, left_over))
     if len(time_s) == len(wanted_s):
         return value, rate, left_over
     return (

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.compiled import compiled
+from torsight.actuator.stepping.decorators import compiled
 
 Array = NDArray[np.float64]
 
@@ -38,47 +38,43 @@ class _Around:
     rows: NDArray[np.int64]
 
 
-def mend_corners(
-    time_s: Array,
-    temp_c: Array,
-    sides: Array,
-    *,
-    lag_s: float,
-    sigma_c: float,
-    smallest: int,
-    value: Array,
-    rate: Array,
-    left_over: Array,
-) -> None:
-    """Replace value, slope and sigma around every corner by a fit of both its sides, in place.
+@dataclass(frozen=True, slots=True, eq=False)
+class Log:
+    """What was measured, and how.
 
-    Parameters
+    Attributes
     ----------
     time_s, temp_c : (n,) float64
         As measured.
-    sides : (2, 3, n) float64
-        For the window before and after each sample: slope, its variance, the window's length.
     lag_s : float
         Time constant of the sensor.
     sigma_c : float
         Noise.
     smallest : int
         Length of the smallest window.
-    value, rate, left_over : (n,) float64
-        What to mend, of the wire: °C, °C/s, °C.
     """
-    log = _Log(time_s, temp_c, lag_s, sigma_c, smallest)
-    for found in _certain(log, _candidates(sides, smallest)):
-        _write(found, log, (value, rate, left_over))
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Log:
     time_s: Array
     temp_c: Array
     lag_s: float
     sigma_c: float
     smallest: int
+
+
+def mend_corners(log: Log, sides: Array, mended: tuple[Array, Array, Array]) -> None:
+    """Replace value, slope and sigma around every corner by a fit of both its sides, in place.
+
+    Parameters
+    ----------
+    log : Log
+        The record.
+    sides : (2, 3, n) float64
+        For the window before and after each sample: slope, its variance, the window's length.
+    mended : three (n,) float64
+        Value, slope and sigma of the wire's temperature: °C, °C/s, °C.
+    """
+    for found in _certain(log, _candidates(sides, log.smallest)):
+        _write(found, log, mended)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +86,7 @@ class _Found:
     sigmas: float
 
 
-def _certain(log: _Log, places: list[int]) -> list[_Found]:
+def _certain(log: Log, places: list[int]) -> list[_Found]:
     """Return the corners whose bend is certain.
 
     A corner that is none cuts its neighbours' windows short: in every round those go that are weaker than both their
@@ -125,7 +121,7 @@ def _candidates(sides: Array, smallest: int) -> list[int]:
     return found
 
 
-def _around(log: _Log, places: list[int], k: int, half_window_s: float) -> _Around | None:
+def _around(log: Log, places: list[int], k: int, half_window_s: float) -> _Around | None:
     """Return the log around a corner, up to its neighbours; None where a side is too short for a fit."""
     number = places.index(k)
     time_s, smallest = log.time_s, log.smallest
@@ -139,7 +135,7 @@ def _around(log: _Log, places: list[int], k: int, half_window_s: float) -> _Arou
     return _Around(time_s[rows] - time_s[k], log.temp_c[rows] - log.temp_c[k], rows)
 
 
-def _fitted(log: _Log, places: list[int], k: int) -> _Found:
+def _fitted(log: Log, places: list[int], k: int) -> _Found:
     """Return the fit to the largest neighbourhood that it describes to within the noise."""
     before = 0
     for half_window_s in _HALF_WINDOWS_S:
@@ -263,7 +259,7 @@ def _best_place(t: Array, y: Array, lag: float) -> tuple[float, float]:
     return at, error
 
 
-def _write(found: _Found, log: _Log, out: tuple[Array, Array, Array]) -> None:
+def _write(found: _Found, log: Log, out: tuple[Array, Array, Array]) -> None:
     part, at, lag = found.part, found.at, log.lag_s
     if part is None:
         return

@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.compiled import compiled, inlined
+from torsight.actuator.stepping.decorators import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
     STRAY,

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.compiled import compiled, inlined
+from torsight.actuator.stepping.decorators import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,

@@ -10,7 +10,7 @@ with them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from torsight.core.progress import Progress, silent
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel
-from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
@@ -35,26 +34,15 @@ class HeldOut:
     ----------
     residual : (n,) float64
         Measured less predicted; NaN where a sample does not count.
-    information : float
-        Of the residual, by the record's weight.
-    prior : float
-        What the distance of the values fitted without a block costs, mean over the blocks.
     rms : float
         Root mean square over the samples that count.
     folds : tuple of (int, mapping)
-        For each block its label and the parameters fitted without it; empty where no refit was made.
+        For each block its label and the parameters fitted without it.
     """
 
     residual: Array
-    information: float
     rms: float
-    prior: float = 0.0
-    folds: tuple[tuple[int, dict[str, float]], ...] = ()
-
-    @property
-    def score(self) -> float:
-        """Information left on unseen blocks and what the values cost."""
-        return self.information + self.prior
+    folds: tuple[tuple[int, dict[str, float]], ...]
 
 
 def block_labels(problem: Problem) -> NDArray[np.int64]:
@@ -83,8 +71,8 @@ def held_out_by_refit(
         rows = (block == label) & problem.valid
         left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
     folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
-    prior = float(np.mean([prior_cost(problem, fold) for fold in fits]))
-    return replace(_score(problem, fitter.weight, left), prior=prior, folds=folds)
+    rms = float(np.sqrt(np.mean(left[problem.valid] ** 2)))
+    return HeldOut(np.where(problem.valid, left, np.nan), rms, folds)
 
 
 def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
@@ -94,11 +82,3 @@ def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
     squares = fit.solution.jacobian**2
     nothing = weight.each @ squares <= _NOTHING * (fitter.weight.each @ squares)
     return [p.name for p, untold in zip(fit.parameters, nothing, strict=True) if untold and p.name in once]
-
-
-def _score(problem: Problem, weight: Weight, left: Array) -> HeldOut:
-    return HeldOut(
-        residual=np.where(problem.valid, left, np.nan),
-        information=weight.square(left),
-        rms=float(np.sqrt(np.mean(left[problem.valid] ** 2))),
-    )

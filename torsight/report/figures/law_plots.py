@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from torsight.core.files.storage import atomic_path, write_table
+from torsight.core.parameter import REACH
 from torsight.core.series import runs
 from torsight.core.words.wording import effect_name, variable_name
 from torsight.discovery.measured_law import MeasuredLaw
@@ -36,8 +37,6 @@ _UNITS: Final = {
     "dwell_s": "s",
 }
 _OWN_FILES: Final = re.compile(rf"law_({'|'.join(PORTS)})_[a-z0-9_]+\.(csv|png)")
-_TWO_SIDED: Final = 1.96
-"""Standard deviations of a 95 % interval."""
 
 
 def law_figure(law: MeasuredLaw) -> Figure:
@@ -55,7 +54,7 @@ def law_figure(law: MeasuredLaw) -> Figure:
 
 def law_panel(law: MeasuredLaw) -> Panel:
     """Return the plot of one law."""
-    x, half = law.driver_values, _TWO_SIDED * law.sigma
+    x, half = law.driver_values, REACH * law.sigma
     low, high = law.value - half, law.value + half
     counts = law.driver == "spring"
     unit = _UNITS.get(law.driver)

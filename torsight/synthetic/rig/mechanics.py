@@ -28,14 +28,10 @@ Springs: TypeAlias = tuple[Spring, Spring]
 """Spring A and spring B."""
 
 # Entries of the motion's state.
-PHI: Final = 0
-SPEED: Final = 1
-BRISTLE: Final = 2
-REST: Final = 3
+PHI, SPEED, BRISTLE, REST = range(4)
 
-# Entries of the temperatures: both wires, the body, and the spring that was switched on last.
-BODY: Final = 2
-DRIVEN: Final = 3
+# Entries of the temperatures after both wires': the body's, and the spring that was switched on last.
+BODY, DRIVEN = 2, 3
 
 _RESIDUAL_NM: Final = 1e-10
 _TORQUE: Final = SLOTS["torque", "angle"]

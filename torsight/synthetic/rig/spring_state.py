@@ -17,23 +17,11 @@ from torsight.core.compiled import njit
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
-# Columns of a spring's state.
-THETA_MAX: Final = 0
-MODE: Final = 1
-THETA_R: Final = 2
-TAU_R: Final = 3
-XI_R: Final = 4
-THETA_L: Final = 5
-TURN_C: Final = 6
-WARMING: Final = 7
-TAU: Final = 8
-XI: Final = 9
-FACTOR: Final = 10
-COLUMNS: Final = 11
+# Columns of a spring's state, and how many there are.
+THETA_MAX, MODE, THETA_R, TAU_R, XI_R, THETA_L, TURN_C, WARMING, TAU, XI, FACTOR, COLUMNS = range(12)
 
-COLD: Final = 0.0
-HEATING: Final = 1.0
-COOLING: Final = 2.0
+COLD, HEATING, COOLING = 0.0, 1.0, 2.0
+"""What a spring's mode may be."""
 
 
 class Spring(NamedTuple):
