@@ -96,7 +96,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
     rivals = [model_of(problem, rival) for rival in decision.rivals]
-    left_deg = hypot(unforetold_deg(findings), _of_time_deg(problem, chosen))
+    left_deg = hypot(held_out_error_deg(findings), _of_time_deg(problem, chosen))
     doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), left_deg, rivals)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
@@ -173,7 +173,7 @@ def doubt_of(parameters: Sequence[Parameter], spread: Array, left_deg: float, ri
     )
 
 
-def unforetold_deg(findings: Findings) -> float:
+def held_out_error_deg(findings: Findings) -> float:
     """Return what is left on half-cycles that the fit has not seen (of the fit, where none was left out), degrees.
 
     Root mean square over time, less what errors of tops account for: a prediction adds those of its own temperatures.
@@ -226,13 +226,13 @@ def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretc
     return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
 
 
-def errors_of(problem: ActuatorProblem, contender: Explanation, held_out: HeldOut | None) -> Errors:
+def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: HeldOut | None) -> Errors:
     """Return the errors over every row of the record, blocks predicted from the others for the held-out ones."""
-    drive, effects = problem.drive, contender.fit.effects
-    own = _problem(contender)
+    drive, effects = problem.drive, explanation.fit.effects
+    own = _problem(explanation)
     observed = drive.angle_rad / DEG
     good = np.isfinite(observed) & drive.known
-    fitted = own.simulate(contender.fit.values, effects).angle_rad / DEG
+    fitted = own.simulate(explanation.fit.values, effects).angle_rad / DEG
     train = float(np.sqrt(np.mean((observed - fitted)[good] ** 2)))
     if held_out is None:
         return Errors(train, float("nan"), float("nan"))
@@ -251,9 +251,9 @@ def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int])
     return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
 
 
-def pulls_of(problem: Problem, contender: Explanation) -> tuple[Pull, ...]:
+def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:
     """Return how far a fit has moved the values that are known beforehand."""
-    values = contender.fit.values
+    values = explanation.fit.values
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
 
 

@@ -31,11 +31,11 @@ from torsight.discovery.discover import (
     evidence_of,
     fixed_values,
     found_effects,
+    held_out_error_deg,
     model_of,
     noise_floor,
     notes_of,
     pulls_of,
-    unforetold_deg,
 )
 from torsight.discovery.inference.engine import Findings, find_missing, law_shares
 from torsight.discovery.inference.explanation import Explanation, Field, covariance, joint_covariance
@@ -228,7 +228,7 @@ def _report(
     model, *rivals = (model_of(problem.parts[last], view) for view in views)
     places = _places(problem, chosen.fit, last, [p.name for p in views[0].fit.parameters])
     doubt = doubt_of(
-        views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], unforetold_deg(findings), rivals
+        views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], held_out_error_deg(findings), rivals
     )
     return JointReport(
         verdict=findings.verdict,

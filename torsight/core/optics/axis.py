@@ -40,7 +40,7 @@ class Axis:
     direction : (3,) float64
         Unit vector along the axis, towards the camera.
     direction_sigma_rad : float
-        Standard deviation of its tilt, in the direction that is known worst; errors that hang together are allowed for.
+        Standard deviation of its tilt, in the direction that is known worst; correlated errors are allowed for.
     radius_mm, height_mm : (k,) float64
         Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
     misfit : float

@@ -194,7 +194,7 @@ class Circles:
         return Turns(np.where(known, angle, np.nan), variance, chi_squared, np.maximum(2.0 * seen - 1.0, 0.0))
 
     def weighed(self, *, usual: float) -> Circles:
-        """Return the fit with residuals taken as they hang together; see :mod:`torsight.core.optics.hanging`."""
+        """Return the fit under the correlation of its residuals; see :mod:`torsight.core.optics.hanging`."""
         errors = hanging_errors(
             self.turns().angle_rad,
             lambda part: self.misfit(self._with(part)),

@@ -1,4 +1,4 @@
-"""Errors that hang together: what is left of a fit follows the direction of the stick, and does not average out.
+"""Correlated errors: what is left of a fit follows the direction of the stick, and does not average out.
 
 Compression, the pixels' own pattern, uneven light and the edge of a stick next to a dot shift a marker by a few
 hundredths of a pixel, alike wherever the stick points nearly the same way. A fit that takes them for white noise is
@@ -25,10 +25,10 @@ from torsight.core.minimise import jacobian_of
 Floats = NDArray[np.float64]
 
 USUAL_PX: Final = 0.02
-"""Usual size of a marker's errors that hang together, on films from lossless to CRF 30."""
+"""Usual size of a marker's correlated errors, on films from lossless to CRF 30."""
 _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
-"""Size of the errors that hang together over the usual one, as tried."""
+"""Ratios of the size of the correlated errors to the usual one that are tried."""
 _SPREAD: Final = 1.2
 """Standard deviation of the logarithm of that ratio: a factor of three."""
 _AS_LIKELY: Final = 2.0
@@ -39,16 +39,16 @@ _BIN_RAD: Final = np.deg2rad(2.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingErrors:
-    """How the errors of a fit hang together.
+    """How the errors of a fit are correlated.
 
     Attributes
     ----------
     whiten : (n, n) float64
         Takes residuals in units of white noise to independent ones of unit variance.
     white : float
-        a: white noise over what it was said to be; 1 at least.
+        a: white noise over its stated size; 1 at least.
     ratio : float
-        κ: errors that hang together over white noise.
+        κ: size of the correlated errors over that of the white noise.
     length_rad : float
         ℓ.
     """
@@ -62,7 +62,7 @@ class HangingErrors:
 def hanging_errors(
     direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float
 ) -> HangingErrors:
-    """Estimate how a fit's errors hang together.
+    """Estimate how a fit's errors are correlated.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def hanging_errors(
     values : (p,) float64
         What was fitted.
     usual : float
-        Usual size of errors that hang together, in units of white noise.
+        Usual size of correlated errors, in units of white noise.
     """
     error = misfit(values)
     n, q = error.shape
