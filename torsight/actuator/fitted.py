@@ -32,10 +32,11 @@ from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
 KIND: Final = "torsight actuator model"
-_MOST_CYCLES: Final = 1_000_000
-_MOST_TURNS: Final = 1_000_000
+_MOST_COUNTED: Final = 1_000_000
+"""Cycles or whole turns: at a cycle a minute two years without a pause."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 _COLD: Final = 0.999
+"""Martensite fraction from which a spring counts as cold; the law itself ends at 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,7 +331,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
     model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
     cycles = get_table(content, "cycles", where=where, required=True)
-    counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_CYCLES) for name in ("a", "b"))
+    counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_COUNTED) for name in ("a", "b"))
     start_rad = None
     if content.get("start_angle_deg") is not None:
         start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
@@ -347,7 +348,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         values=_values(get_table(content, "values", where=where, required=True), model),
         cycles=(counts[0], counts[1]),
         account=get_table(content, "account", where=where),
-        turns=get_whole(content, "turns", where=where, lower=-_MOST_TURNS, upper=_MOST_TURNS),
+        turns=get_whole(content, "turns", where=where, lower=-_MOST_COUNTED, upper=_MOST_COUNTED),
         start_angle_rad=start_rad,
         duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
         end=end,

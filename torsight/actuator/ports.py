@@ -19,6 +19,8 @@ from torsight.actuator.springs import Rig
 Array = NDArray[np.float64]
 Reading = Callable[[Array, Array], Array]
 
+STEEPEST: Final = 0.9
+"""Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
 _GRID_POINTS = 1201
 _GRID_MARGIN = 0.25
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)

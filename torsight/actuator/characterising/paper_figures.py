@@ -52,6 +52,7 @@ _HOT_C: Final = 76.0
 _STEP_S: Final = 0.25
 _BLOCK_DEG: Final = 85.0
 _LEVER_MM: Final = 26.4
+"""Pre-deformation in the block test and length of the lever, as in the paper."""
 _WARMING: Final = 0.1
 _ANGLE_NOISE_RAD: Final = 0.1 * DEG
 _MOST_TAU_C: Final = 4.0

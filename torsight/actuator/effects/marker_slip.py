@@ -23,6 +23,7 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 _LEAST_HALF_S: Final = 0.25
+"""Half of the time over which a row is a mean at least."""
 
 
 def half_widths_s(time_s: Array) -> Array:

@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
+from torsight.actuator.ports import STEEPEST, Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
 _REACH_RAD: Final = 100.0 * DEG
-_STEEPEST: Final = 0.9
-"""Share of the way from the second slope to the first one that a third one may go."""
 
 
 def extra_torque(
@@ -41,7 +39,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen."""
     rig, share = ports.rig, values["stiffening_loading_share"]
     whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
-    steepest_nm = _STEEPEST * (rig.k_martensite - rig.k_stress_induced)
+    steepest_nm = STEEPEST * (rig.k_martensite - rig.k_stress_induced)
     if whole_nm * share > 0.0:
         third_nm = min(share * whole_nm * _REACH_RAD**2, steepest_nm)
         ports = ports.with_loading(third_nm * np.maximum(0.0, ports.grid_rad() - onset_rad))

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.record.segments import TURN_C
 from torsight.actuator.record.turns import turning_points
 
 Array = NDArray[np.float64]
 
-_TURN_C: Final = 1.0
 _REACH_S: Final = 20.0
 _LEAST_S: Final = 4.0
 _LEAST_ROWS: Final = 12
@@ -41,7 +41,7 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
     value, rate, left_over : (n,) float64
         Conditioned temperature, slope and sigma.
     """
-    turn_c = max(_TURN_C, 8.0 * noise_c)
+    turn_c = max(TURN_C, 8.0 * noise_c)
     sense = turning_points(value, np.zeros(len(value), np.int64), turn_c)
     for edge in np.flatnonzero(np.diff(sense) < 0):
         window = _longest_level(time_s, temp_c, noise_c, int(edge))

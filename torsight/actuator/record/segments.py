@@ -21,7 +21,7 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
-_TURN_C: Final = 1.0
+TURN_C: Final = 1.0
 """A turn of the temperature counts when it goes this far back, °C (more where noise is large)."""
 _RISE_C: Final = 4.0
 _COOLED: Final = 0.8
@@ -106,7 +106,7 @@ def half_cycles(
     if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
     else:
-        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(_TURN_C, 8.0 * noise_c))
+        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(TURN_C, 8.0 * noise_c))
     if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
         raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)
