@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.turns import turning_points
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.series import runs
+from torsight.core.series import extremes, runs
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -187,19 +186,10 @@ def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray
 
 def _driven(temps: tuple[Array, Array], *, rise_c: float, turn_c: float) -> list[Heating]:
     """Return the rises of either spring that its own heating made."""
-    one = np.zeros(len(temps[0]), np.int64)
     found: list[Heating] = []
     for spring in (0, 1):
         own, other = temps[spring], temps[1 - spring]
-        sense = turning_points(own, one, turn_c)
-        edges = np.flatnonzero(np.diff(sense)) + 1
-        bounds = [0, *edges.tolist(), len(own)]
-        for first, last in pairwise(bounds):
-            if sense[first] < 0:
-                continue
-            start = max(first - 1, 0)
-            start += int(np.argmin(own[start:last]))
-            top = start + int(np.argmax(own[start:last]))
+        for start, top in pairwise(extremes(own, turn_c)):
             rise = own[top] - own[start]
             if rise >= rise_c and own[top] > other[top] and rise > other[top] - other[start]:
                 found.append(Heating(spring, start, top, float(own[start]), float(own[top])))

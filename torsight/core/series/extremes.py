@@ -22,17 +22,19 @@ def extremes(value: NDArray[np.float64], threshold: float, *, stride: int = 1) -
     """
     turns = [0]
     low = high = 0
+    lowest = highest = float(value[0])
     direction = 0
-    for index in range(0, len(value), stride):
-        if value[index] > value[high]:
-            high = index
-        if value[index] < value[low]:
-            low = index
-        if direction <= 0 and value[index] - value[low] >= threshold:
+    for place, sample in enumerate(value[::stride].tolist()):
+        index = place * stride
+        if sample > highest:
+            high, highest = index, sample
+        if sample < lowest:
+            low, lowest = index, sample
+        if direction <= 0 and sample - lowest >= threshold:
             turns.append(low)
-            direction, high = 1, index
-        elif direction >= 0 and value[high] - value[index] >= threshold:
+            direction, high, highest = 1, index, sample
+        elif direction >= 0 and highest - sample >= threshold:
             turns.append(high)
-            direction, low = -1, index
+            direction, low, lowest = -1, index, sample
     turns.append(high if direction > 0 else low)
     return turns
