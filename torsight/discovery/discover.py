@@ -34,7 +34,6 @@ from torsight.discovery.inference.search import TIME
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
-from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
 
@@ -87,48 +86,75 @@ def discover(
 
 
 def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress: Progress) -> DiscoveryReport:
-    field, decision = findings.field, findings.decision
-    base, chosen = field.plain, decision.chosen
-    spread = covariance(chosen)
-    parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
-    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(covariance(base))))
-    fixed = fixed_values(problem)
+    base, chosen = findings.field.plain, findings.decision.chosen
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
-    rivals = [model_of(problem, rival) for rival in decision.rivals]
+    rivals = [model_of(problem, rival) for rival in findings.decision.rivals]
     left_deg = hypot(held_out_error_deg(findings), _of_time_deg(problem, chosen))
     doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), left_deg, rivals)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
-    pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
+    floor = noise_floor(problem, chosen, findings.field.stretches)
     return DiscoveryReport(
-        verdict=findings.verdict,
-        effects=found_effects(findings, seed=seed),
-        alternatives=tuple(rival.members for rival in decision.rivals),
-        drivers=findings.drivers,
+        **decided(problem, findings, record=problem, seed=seed),
         before=before,
         after=after,
         held_out=blocks,
-        noise_floor_deg=min(noise_floor(problem, chosen, field.stretches), before.rmse_train_deg, after.rmse_train_deg),
-        parameters=parameters | fixed,
-        plain_parameters=plain | fixed,
-        pulls=pulls,
-        plain_pulls=plain_pulls,
+        noise_floor_deg=min(floor, before.rmse_train_deg, after.rmse_train_deg),
         next_experiment=_next(problem, findings, progress=progress),
-        notes=notes_of(findings, *(characterised(problem.spec, listed) for listed in (pulls, plain_pulls))),
-        evidence=evidence_of(findings),
         curves=curve_columns(problem, base.fit, model, blocks),
         model=model,
-        covariance=spread,
-        laws=_laws(problem, findings),
     )
 
 
-def _laws(problem: ActuatorProblem, findings: Findings) -> tuple[MeasuredLaw, ...]:
-    """Return the measured laws of the chosen set as they are told."""
-    decision, field = findings.decision, findings.field
-    names = {law: name for law, (name, _) in decision.named.items()}
-    return measured_laws(problem, decision.chosen, law_shares(field, decision.chosen), names)
+def decided(
+    problem: Problem,
+    findings: Findings,
+    *,
+    record: ActuatorProblem,
+    seed: int,
+    effect_of: Callable[[str], str] = str,
+) -> dict[str, Any]:
+    """Return the members of a report that follow from the decision, be it on one record or on several.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one record, or of all.
+    findings : Findings
+        Of the engine.
+    record : ActuatorProblem
+        One of the records: the rig's exact values, and the range in which laws are shown.
+    seed : int
+        Of the draws for values that follow from fitted ones.
+    effect_of : callable
+        From a candidate's id to its effect's, where it has another.
+    """
+    field, decision = findings.field, findings.decision
+    base, chosen = field.plain, decision.chosen
+    fixed = fixed_values(record)
+    pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
+    names = {law: effect_of(name) for law, (name, _) in decision.named.items()}
+    return {
+        "verdict": findings.verdict,
+        "effects": found_effects(findings, seed=seed, effect_of=effect_of),
+        "alternatives": tuple(tuple(effect_of(name) for name in rival.members) for rival in decision.rivals),
+        "drivers": findings.drivers,
+        "parameters": fitted_values(chosen) | fixed,
+        "plain_parameters": fitted_values(base) | fixed,
+        "pulls": pulls,
+        "plain_pulls": plain_pulls,
+        "notes": notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
+        "evidence": evidence_of(findings),
+        "covariance": covariance(chosen),
+        "laws": measured_laws(record, chosen, law_shares(field, chosen), names),
+    }
+
+
+def fitted_values(explanation: Explanation) -> dict[str, Estimate]:
+    """Return the free parameters' estimates."""
+    fit = explanation.fit
+    return estimates_of(fit.parameters, fit.solution.x, np.sqrt(np.diag(covariance(explanation))))
 
 
 def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
@@ -292,8 +318,7 @@ def own_parameters(
     effect: Effect, parameters: Sequence[Parameter], where: Explanation, *, seed: int
 ) -> dict[str, Estimate]:
     """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
-    spread, x = covariance(where), where.fit.solution.x
-    estimates = estimates_of(where.fit.parameters, x, np.sqrt(np.diag(spread)))
+    spread, x, estimates = covariance(where), where.fit.solution.x, fitted_values(where)
     names = [p.name for p in where.fit.parameters]
     draws = _drawn(x, spread, np.random.default_rng(seed))
     own = {p.name: estimates[p.name] for p in parameters}

@@ -19,10 +19,9 @@ from torsight.core.series import correlation_time, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.discover import errors_of, fixed_values, own_parameters
+from torsight.discovery.discover import errors_of, fitted_values, fixed_values, own_parameters
 from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.search import Search
-from torsight.discovery.report import estimates_of
 from torsight.discovery.settings import Settings
 
 
@@ -95,7 +94,7 @@ def _result(problem: ActuatorProblem, found: Explanation, search: Search) -> Fit
     return FitResult(
         model=model,
         values=values,
-        estimates=estimates_of(fit.parameters, fit.solution.x, sigma) | _derived(model, found) | fixed_values(problem),
+        estimates=fitted_values(found) | _derived(model, found) | fixed_values(problem),
         free=tuple(p.name for p in fit.parameters),
         covariance=spread,
         simulation=simulation,

@@ -20,29 +20,23 @@ from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator.curves import curve_columns
-from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.discover import (
-    characterised,
+    decided,
     doubt_of,
     errors_of,
-    evidence_of,
-    fixed_values,
-    found_effects,
     held_out_error_deg,
     model_of,
     noise_floor,
-    notes_of,
-    pulls_of,
 )
-from torsight.discovery.inference.engine import Findings, find_missing, law_shares
-from torsight.discovery.inference.explanation import Explanation, Field, covariance, joint_covariance
+from torsight.discovery.inference.engine import Findings, find_missing
+from torsight.discovery.inference.explanation import Explanation, Field, joint_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
-from torsight.discovery.report import DiscoveryReport, Errors, estimates_of
+from torsight.discovery.report import DiscoveryReport, Errors
 
 Array = NDArray[np.float64]
 
@@ -210,19 +204,12 @@ def _own_held_out(problem: SeveralRecords, joint: HeldOut, record: int) -> HeldO
 def _report(
     problem: SeveralRecords, findings: Findings, names: Sequence[str], *, seed: int, progress: Progress
 ) -> JointReport:
-    field, decision = findings.field, findings.decision
-    base, chosen = field.plain, decision.chosen
-    spread, base_spread = covariance(chosen), covariance(base)
-    parameters = estimates_of(chosen.fit.parameters, chosen.fit.solution.x, np.sqrt(np.diag(spread)))
-    plain = estimates_of(base.fit.parameters, base.fit.solution.x, np.sqrt(np.diag(base_spread)))
-    fixed = fixed_values(problem.parts[0])
-    records = _records(problem, findings, parameters, names, progress=progress)
+    decision, last = findings.decision, len(problem.parts) - 1
+    base, chosen = findings.field.plain, decision.chosen
+    shared = decided(problem, findings, record=problem.parts[0], seed=seed, effect_of=problem.effect_of)
+    records = _records(problem, findings, shared["parameters"], names, progress=progress)
     before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
     floor = _mean_square(problem, [one.noise_floor_deg for one in records])
-    pulls, plain_pulls = pulls_of(problem, chosen), pulls_of(problem, base)
-    lasting = {law: problem.effect_of(name) for law, (name, _) in decision.named.items()}
-    shares = law_shares(field, chosen)
-    last = len(problem.parts) - 1
     account = {"found_by": "discovery", "records": list(names), **after.to_json()}
     views = [single(problem, one, last) for one in (chosen, *decision.rivals)]
     model, *rivals = (model_of(problem.parts[last], view) for view in views)
@@ -231,25 +218,14 @@ def _report(
         views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], held_out_error_deg(findings), rivals
     )
     return JointReport(
-        verdict=findings.verdict,
-        effects=found_effects(findings, seed=seed, effect_of=problem.effect_of),
-        alternatives=tuple(tuple(problem.effect_of(name) for name in rival.members) for rival in decision.rivals),
-        drivers=findings.drivers,
+        **shared,
         before=before,
         after=after,
         held_out=tuple(label for label, _ in base.held_out.folds),
         noise_floor_deg=min(floor, before.rmse_train_deg, after.rmse_train_deg),
-        parameters=parameters | fixed,
-        plain_parameters=plain | fixed,
-        pulls=pulls,
-        plain_pulls=plain_pulls,
         next_experiment=_next(problem, findings, progress=progress),
-        notes=notes_of(findings, *(characterised(problem.spec, listed) for listed in (pulls, plain_pulls))),
-        evidence=evidence_of(findings),
         curves=records[0].curves,
         model=replace(model, account=account, doubt=doubt),
-        covariance=spread,
-        laws=measured_laws(problem.parts[0], chosen, shares, lasting),
         records=records,
     )
 
