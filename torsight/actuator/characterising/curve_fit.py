@@ -55,45 +55,6 @@ class CurveFit(Frozen):
     r2: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scaled:
-    """Free parameters in scaled form: value = centre + scale · u.
-
-    Attributes
-    ----------
-    parameters : tuple of Parameter
-        Their values are the centre, and with a ``sigma`` a prior.
-    scale : (p,) float64
-        A change of each that matters.
-    """
-
-    parameters: tuple[Parameter, ...]
-    scale: Array
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-    @property
-    def _centre(self) -> Array:
-        return np.array([parameter.value for parameter in self.parameters])
-
-    def values(self, u: Array) -> dict[str, float]:
-        """Return the free parameters by name, in their own units."""
-        return dict(zip(self.names, (self._centre + self.scale * u).tolist(), strict=True))
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Return the bounds in scaled form."""
-        lower, upper = np.array([(p.lower, p.upper) for p in self.parameters]).T
-        return (lower - self._centre) / self.scale, (upper - self._centre) / self.scale
-
-    def prior(self) -> Array:
-        """Return, per parameter, how much one scaled unit is worth to the prior (0 without one)."""
-        sigma = [math.inf if p.sigma is None else p.sigma for p in self.parameters]
-        return np.asarray(self.scale / np.array(sigma), np.float64)
-
-
 def fit_curve(
     model: Model,
     parameters: Sequence[Parameter],
@@ -129,11 +90,15 @@ def fit_curve(
     from scipy.optimize import least_squares
 
     scale = np.array([parameter.sigma or max(abs(parameter.value), 1e-3) * 0.1 for parameter in parameters])
-    scaled = _Scaled(tuple(parameters), scale)
-    names, prior, (lower, upper) = scaled.names, scaled.prior(), scaled.bounds()
+    names, begin = tuple(p.name for p in parameters), np.array([p.value for p in parameters])
+    lower, upper = (np.array([(p.lower, p.upper) for p in parameters]).T - begin) / scale
+    prior = scale / np.array([math.inf if p.sigma is None else p.sigma for p in parameters])
+
+    def values_at(u: Array) -> dict[str, float]:
+        return dict(zip(names, (begin + scale * u).tolist(), strict=True))
 
     def curve(u: Array) -> Array:
-        return model(scaled.values(u))
+        return model(values_at(u))
 
     def misfit(u: Array, spread: Array) -> Array:
         return np.concatenate([(curve(u) - measured) / spread, prior * u])
@@ -158,7 +123,7 @@ def fit_curve(
     )
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     covariance = np.asarray(inverse * np.outer(scale, scale), np.float64)
-    values = scaled.values(u)
+    values = values_at(u)
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
     estimates = {p.name: Estimate.normal(values[p.name], s, p.unit) for p, s in zip(parameters, sigmas, strict=True)}
     for name in profiled:

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 RESIDUAL_DEG: Final = 0.3
 CORRELATION_S: Final = 10.0
-"""What a good record leaves, and for how long it hangs together: a sample is worth its interval over this."""
+"""What a good record leaves, and its correlation time: a sample counts as its interval over this."""
 
 
 _SPREAD: Final = 2.0 * 1.645
