@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from blind_hidden import FORMS, PLACES, Key, drawn_effect, effect_piece, law_piece, shown_deg, together
 from blind_rig import Record, draw_rig, log_uniform, run_rig, seen
-from cases import LIBRARY
 
 FIRST_SEED: Final = {"work": 100_000, "report": 200_000}
 COUNTS: Final = {"clean": 100, "law": 100, "form": 50, "pair": 50}
@@ -66,12 +65,6 @@ def suite(part: str) -> list[Case]:
     }
     order = [((i + 0.5) / len(cases), k, case) for k, cases in enumerate(made.values()) for i, case in enumerate(cases)]
     return [case for _, _, case in sorted(order, key=lambda item: item[:2])]
-
-
-def singles(part: str, count: int) -> list[Case]:
-    """Return cases of one effect each in the library's own form, for trials."""
-    names = list(LIBRARY)
-    return [Case("single", FIRST_SEED[part] + 4000 + i, (names[i % len(names)],)) for i in range(count)]
 
 
 def make_record(case: Case, *, turned: bool | None = None) -> Record:

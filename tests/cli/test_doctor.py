@@ -64,7 +64,7 @@ def test_the_temperatures_of_motion_are_those_of_the_reference_rig() -> None:
     assert round(limits.start_deg, 1) == 177.6
 
 
-def test_half_cycles_rates_and_holds_are_read_from_the_log(tmp_path: Path) -> None:
+def test_half_cycles_and_rates_are_read_from_the_log(tmp_path: Path) -> None:
     programme = [
         ("a", {"start_s": 20.0, "peak_c": 80.0, "rate_c_s": 0.5}),
         ("b", {"start_s": 290.0, "peak_c": 62.0, "rate_c_s": 0.2, "hold_c": 55.0, "hold_s": 60.0}),
@@ -77,8 +77,6 @@ def test_half_cycles_rates_and_holds_are_read_from_the_log(tmp_path: Path) -> No
     assert [cycle.spring for cycle in cycles] == ["a", "b"]
     assert [cycle.peak_c for cycle in cycles] == pytest.approx([80.0, 62.0], abs=0.1)
     assert [cycle.rate_c_s for cycle in cycles] == pytest.approx([0.5, 0.2], rel=0.05)
-    assert cycles[0].holds_s == ()
-    assert cycles[1].holds_s == pytest.approx((60.0,), abs=4.0)
     assert distinct_rates(cycles) == pytest.approx([0.2, 0.5], rel=0.05)
 
 

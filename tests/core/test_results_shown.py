@@ -46,7 +46,6 @@ TRACKS = MarkerTracks(
 )
 START_RAD = 3.0
 TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
-TAUS = {"tau_c_mnm": TAU.to_json()}
 
 
 @pytest.fixture(scope="session")

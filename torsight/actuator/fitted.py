@@ -131,7 +131,7 @@ class FittedModel(Frozen, Shown):
             began_rad = np.inf if self.start_angle_rad is None else self.start_angle_rad
             if off_rad <= min(_SAME_HOME_RAD, abs(start_angle_rad - began_rad)):
                 unwound_rad = self.end.unwound_rad
-        return History(self.cycles, after_record=True, unwound_rad=unwound_rad, elapsed_s=self.duration_s)
+        return History(self.cycles, after_record=True, unwound_rad=unwound_rad)
 
     def predict(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Prediction:
         """Predict a later temperature log at its own instants.

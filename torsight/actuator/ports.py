@@ -41,14 +41,11 @@ class History:
         True where the simulated log comes after the record that the model was fitted to.
     unwound_rad : (float, float) or None
         By how much A and B had been wound further than they stand when the log begins; None: by the rule for homes.
-    elapsed_s : float
-        Length of that record.
     """
 
     cycles: tuple[int, int] = (0, 0)
     after_record: bool = False
     unwound_rad: tuple[float, float] | None = None
-    elapsed_s: float = 0.0
 
 
 Pair = tuple[Array | None, Array | None]

@@ -20,8 +20,6 @@ class ClosedForm:
     ----------
     theta_1_rad, theta_2_rad, theta_3_rad : float
         Angle before heating, after it, and after cooling.
-    beta_cr_rad : float
-        Case (a) below, case (b) above this θ_2 (29).
     case : str
         ``"a"`` when the actuator moves back while cooling, else ``"b"``.
     xi_12, xi_23 : float
@@ -33,7 +31,6 @@ class ClosedForm:
     theta_1_rad: float
     theta_2_rad: float
     theta_3_rad: float
-    beta_cr_rad: float
     case: str
     xi_12: float
     xi_23: float
@@ -104,14 +101,13 @@ def half_cycle(rig: Rig, theta_1_rad: float) -> ClosedForm:
     xi_12 = sticking_end(rig, theta_l_rad=theta_l, xi_start=1.0, torque_change_nm=torque_12 - torque_1)
     beta = critical_angle(rig)
     if math.isnan(xi_12):
-        return ClosedForm(theta_1_rad, theta_1_rad, theta_1_rad, beta, "b", math.nan, math.nan, theta_l)
+        return ClosedForm(theta_1_rad, theta_1_rad, theta_1_rad, "b", math.nan, math.nan, theta_l)
     theta_2 = heated_angle(rig, theta_1_rad=theta_1_rad, theta_l_rad=theta_l, xi_12=xi_12, xi=0.0)
     xi_23 = sticking_end(rig, theta_l_rad=theta_l, xi_start=0.0, torque_change_nm=-2.0 * rig.tau_c_nm)
     return ClosedForm(
         theta_1_rad=theta_1_rad,
         theta_2_rad=theta_2,
         theta_3_rad=stop_angle(rig, theta_2),
-        beta_cr_rad=beta,
         case="a" if theta_2 < beta else "b",
         xi_12=xi_12,
         xi_23=xi_23,

@@ -18,9 +18,6 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
-_HOLD_S: Final = 20.0
-_HOLD_C: Final = 0.5
-"""A hold: the driven spring's temperature stays within this band for that long."""
 _RATE_RATIO: Final = 1.3
 """Heating rates closer than this count as one."""
 
@@ -78,20 +75,16 @@ class HalfCycle:
     ----------
     spring : str
         ``"a"`` or ``"b"``.
-    start_c, peak_c, end_c : float
-        Temperature of the driven spring before, at the top, and lowest after it.
+    peak_c, end_c : float
+        Temperature of the driven spring at the top, and lowest after it.
     rate_c_s : float
         Median rate of its heating within the range of motion.
-    holds_s : tuple of float
-        Lengths of holds within the range of motion, below the top.
     """
 
     spring: str
-    start_c: float
     peak_c: float
     end_c: float
     rate_c_s: float
-    holds_s: tuple[float, ...]
 
 
 def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
@@ -108,29 +101,11 @@ def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
         found.append(
             HalfCycle(
                 spring="ab"[spring],
-                start_c=float(temp_c[0]),
                 peak_c=float(temp_c[top]),
                 end_c=float(temp_c[top:].min()),
                 rate_c_s=float(np.median(rising)) if len(rising) else 0.0,
-                holds_s=tuple(_holds(time_s, temp_c, limits)),
             )
         )
-    return found
-
-
-def _holds(time_s: Array, temp_c: Array, limits: Limits) -> list[float]:
-    """Return lengths of the stretches within the range of motion in which the temperature stands."""
-    inside = (temp_c > limits.onset_c) & (temp_c < limits.full_c - _HOLD_C)
-    found: list[float] = []
-    first = 0
-    for row in range(1, len(temp_c) + 1):
-        standing = row < len(temp_c) and inside[row] and np.ptp(temp_c[first : row + 1]) < _HOLD_C
-        if standing and inside[first]:
-            continue
-        length_s = float(time_s[row - 1] - time_s[first])
-        if length_s >= _HOLD_S and inside[first]:
-            found.append(length_s)
-        first = row
     return found
 
 
