@@ -28,7 +28,7 @@ _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
 """A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
 _MIN_ROWS: Final = 3
-"""Two steps of time: with one no usual step can be told from a gap."""
+"""Two steps of time: with one a usual step cannot be distinguished from a gap."""
 _MOST_RESTARTS: Final = 20
 """A logger that restarts more often was not logging; the stamps are of another kind."""
 

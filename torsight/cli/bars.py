@@ -29,7 +29,7 @@ class LeftColumn(ProgressColumn):
 
 
 class Bars:
-    """One bar for each step that has been told of; ``now`` gives the time, s."""
+    """One bar for each step that has been reported; ``now`` gives the time, s."""
 
     def __init__(self, *, now: Callable[[], float] = time.monotonic) -> None:
         columns = (

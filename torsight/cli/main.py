@@ -1,4 +1,4 @@
-"""Entry point: the commands, how errors are told, and the exit codes."""
+"""Entry point: the commands, how errors are reported, and the exit codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kinds of failure and how each is told.
+"""The kinds of failure and how each is reported.
 
 Every error that a user can cause is a :class:`TorsightError`. Its message says what is wrong, where, which value
 was met, which is allowed and what to do. The command line prints it on one line and leaves with its exit code.

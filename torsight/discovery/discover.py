@@ -69,7 +69,7 @@ def discover(
         Standard deviation of the offset between the two clocks where an event that both saw has told it; None where
         nothing but motion and temperature has.
     progress : Progress
-        Told how far the work is.
+        Called with how far the work is.
     where : str
         Name of the record in messages.
 

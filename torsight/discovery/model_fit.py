@@ -39,7 +39,7 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
     drive : Drive
         From ``model.prepare``.
     progress : Progress
-        Told how far the work is.
+        Called with how far the work is.
     where : str
         Name of the record in messages.
 

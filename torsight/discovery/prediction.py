@@ -86,7 +86,7 @@ def predict_with_sigma(
     where : str
         Name of the log in messages.
     progress : Progress
-        Told after every simulation.
+        Called after every simulation.
 
     Raises
     ------

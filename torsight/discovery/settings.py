@@ -18,7 +18,7 @@ class Settings:
     certain : float
         Probability that something is missing from which it is said.
     credible : float
-        Share of the probability whose sets are told as explanations.
+        Share of the probability whose sets are reported as explanations.
     explained : float
         What is left after an explanation, in noise floors, up to which it is called explained.
     form_share : float
@@ -48,5 +48,5 @@ class Settings:
 
     @property
     def apart(self) -> float:
-        """Change of −2 log L from which, of two that were as likely, one alone is told."""
+        """Change of −2 log L from which, of two that were as likely, one alone is reported."""
         return 2.0 * math.log(self.credible / (1.0 - self.credible))

@@ -124,7 +124,7 @@ def discover_together(
     seed : int
         Of every random draw.
     progress : Progress
-        Told how far the work is.
+        Called with how far the work is.
 
     Raises
     ------

@@ -32,7 +32,7 @@ _LARGEST: Final = 100_000
 
 
 class Server(ThreadingHTTPServer):
-    """Answers the page of one session, which :func:`pick` gives it: a port that is taken is told before any work.
+    """Answers the page of one session, which :func:`pick` gives it: a port that is in use is reported before any work.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
         ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is
         left out.
     progress : Progress
-        Told which part of the page is drawn.
+        Called with which part of the page is drawn.
 
     The page draws its plots with zoom and values under the pointer; on paper, and where scripts are off, it shows them
     as pictures. Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its

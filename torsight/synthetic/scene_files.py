@@ -39,7 +39,7 @@ def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> 
         ``temps.csv``, ``truth.csv``, ``camera.toml``, ``markers.toml``, ``actuator.toml``, ``experiment.toml`` and
         ``truth.toml``.
     progress : Progress
-        Told after every frame.
+        Called after every frame.
 
     Returns
     -------

@@ -7,7 +7,7 @@ nothing comes out for LIMIT seconds.
 
 Its arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
 video levels (16 to 235); ``e`` is the end. Without an end the sender is gone, and so goes this process. What is wrong
-is told as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts
+is reported as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts
 with little more than PyAV.
 """
 
@@ -42,7 +42,7 @@ def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s
     # Who is asked to stop at the terminal is the sender, and closes what this process reads.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = Path(os.devnull).open("w")  # noqa: SIM115 - faulthandler writes there until the end
-    # The encoder tells its settings on standard error unless it is told to keep to errors.
+    # The encoder prints its settings on standard error unless it is limited to errors.
     os.environ.setdefault("SVT_LOG", "1")
     if hasattr(os, "sched_setscheduler"):
         # An encoder that ran within the sender may have given it real-time priority, which this process inherits.

@@ -127,7 +127,7 @@ def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
     import rerun as rr
 
     results = read_results(folder)
-    # One recording per run: its name is the folder's, so that two runs opened together can be told apart.
+    # One recording per run: its name is the folder's, so that two runs opened together can be distinguished.
     stream = rr.RecordingStream(view_layout.APPLICATION, recording_id=folder.resolve().name)
     laws = laws_of(results)
     stream.save(target, default_blueprint=view_layout.blueprint(span_s(results), laws=list(laws)))

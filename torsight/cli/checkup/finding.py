@@ -28,7 +28,7 @@ class Finding:
     do : str
         What to do about it; empty where there is nothing to do.
     angle_deg : float or None
-        Error of the angle that it makes, where that can be told; the larger ones come first.
+        Error of the angle that it makes, where that is known; the larger ones come first.
     error : TorsightError or None
         The refusal that ``torsight run`` would end with.
     """

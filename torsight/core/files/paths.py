@@ -45,7 +45,7 @@ def missing_file(path: Path) -> InputError:
 
 
 def require_ordinary(path: Path) -> None:
-    """Refuse a pipe, a socket or a device: reading it might never end. What is missing is told by who reads it.
+    """Refuse a pipe, a socket or a device: reading it might never end. A missing file is reported by whoever reads it.
 
     Raises
     ------

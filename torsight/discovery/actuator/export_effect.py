@@ -77,7 +77,7 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
     model : FittedModel
         Of ``discover``.
     laws : tuple of MeasuredLaw
-        As they are told, strongest first.
+        As they are reported, strongest first.
 
     Raises
     ------

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
 _TELL_AFTER: Final = 3
-"""Frames for which a marker must be away, or back, before it is told."""
+"""Frames for which a marker must be away, or back, before it is reported."""
 _EARLIER_EVERY_S: Final = 0.2
 _EARLIER_MOST: Final = 20_000
 """Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
