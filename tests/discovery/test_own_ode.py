@@ -67,3 +67,12 @@ def test_what_is_not_declared_is_told() -> None:
     record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")
     with pytest.raises(InputError, match="how state 'v' begins is not known"):
         ode(plain, states=("x", "v"), output="x", inputs=("force",), initial={"x": "x0"})(VALUES, record)
+
+
+def test_an_input_by_name_is_told_where_numba_cannot_compile_it() -> None:
+    record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")
+    by_name = njit(lambda _t, x, u, p: (x[1], u.force - p.stiffness * x[0]))
+    model = ode(by_name, states=("x", "v"), output="x", inputs=("force",), initial={"x": "x0", "v": 0.0})
+    with pytest.raises(InputError, match=r"numba cannot compile.*Unknown attribute 'force'") as told:
+        model(VALUES, record)
+    assert "u[0]" in str(told.value)

@@ -67,13 +67,8 @@ class Ode:
         """Return the outputs for a record."""
         time = time_of(record, self.time)
         start = self._start(p, record)
-        if self.compiled:
-            from torsight.discovery.own.model.compiled_ode import integrate
-
-            inputs = np.column_stack([column_of(record, name) for name in self.inputs] or [np.zeros(len(time))])
-            states = integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.rtol)
-        else:
-            states = self._integrated(p, record, time, start)
+        integrated = self._compiled if self.compiled else self._integrated
+        states = integrated(p, record, time, start)
         if callable(self.output):
             named = {name: states[:, k] for k, name in enumerate(self.states)}
             return self.output(_Named(named), record, p)
@@ -99,6 +94,26 @@ class Ode:
                     do=f"give initial={{'{name}': …}}",
                 )
         return np.array(made)
+
+    def _compiled(self, p: Any, record: Record, time: Array, start: Array) -> Array:
+        """Integrate with the compiled stepper."""
+        from numba.core.errors import NumbaError
+
+        from torsight.discovery.own.model.compiled_ode import integrate
+
+        inputs = np.column_stack([column_of(record, name) for name in self.inputs] or [np.zeros(len(time))])
+        try:
+            return integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.rtol)
+        except NumbaError as error:
+            lines = str(error).splitlines()
+            # One "Failed in …" per function on the way; the reason comes after them.
+            reason = next((line for line in lines if not line.startswith("Failed in")), lines[0])
+            raise InputError(
+                f"numba cannot compile the right-hand side: {reason}",
+                where=getattr(self.rhs, "__name__", "rhs"),
+                limit="inputs by their place (u[0]) in the order of inputs=…; of p numbers only, no laws",
+                do="change it, or leave off @njit",
+            ) from error
 
     def _integrated(self, p: Any, record: Record, time: Array, start: Array) -> Array:
         """Integrate with SciPy, from event to event."""
