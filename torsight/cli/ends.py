@@ -1,11 +1,13 @@
-"""Requests to end that reach a command from outside: SIGTERM, and SIGHUP when its terminal is closed."""
+"""Requests to end that reach a command from outside: Ctrl-C, SIGTERM, and SIGHUP when its terminal is closed."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from types import FrameType
 from typing import Final
@@ -14,7 +16,7 @@ _ASKED_AGAIN_S: Final = 0.3
 
 
 class Ended(BaseException):
-    """Someone asked the process to end (SIGTERM, a closed terminal): what it holds open is put away as after Ctrl-C."""
+    """Someone asked the process to end (Ctrl-C, SIGTERM, a closed terminal): what it holds open is put away."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -23,7 +25,7 @@ class Ended(BaseException):
 
 def asks() -> list[int]:
     """Return the signals that ask this process to end; what it was told to ignore (by ``nohup``) is none."""
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 
 
@@ -43,7 +45,9 @@ def asked_to_end() -> Iterator[None]:
     """Let a request to end unwind the command, so that it leaves no half-written file behind.
 
     An exception that is raised while compiled code calls back into Python is lost there. So the process asks itself
-    again until the request has come through; while it unwinds, further requests change nothing.
+    again until the request has come through; while it unwinds, further requests change nothing. Objects that it left
+    half made (those of a compiler, say) may fail as they are thrown away: that follows from the request and says
+    nothing new, so they are thrown away here, in silence.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -63,19 +67,31 @@ def asked_to_end() -> Iterator[None]:
             asking[0].start()
         raise Ended(number)
 
-    def tell_nobody(lost: sys.UnraisableHookArgs, /) -> None:
-        if not isinstance(lost.exc_value, Ended):
+    def tell_unless_ended(lost: sys.UnraisableHookArgs, /) -> None:
+        if not asking and not isinstance(lost.exc_value, Ended):
             tell_lost(lost)
 
-    tell_lost, sys.unraisablehook = sys.unraisablehook, tell_nobody
+    tell_lost, sys.unraisablehook = sys.unraisablehook, tell_unless_ended
     with handled(asks(), end):
         try:
-            yield
+            with _thrown_away():
+                yield
         finally:
             ended.set()
             for thread in asking:
                 thread.join()
             sys.unraisablehook = tell_lost
+
+
+@contextlib.contextmanager
+def _thrown_away() -> Iterator[None]:
+    """Let go of what the frames that a request to end went through had in hand."""
+    try:
+        yield
+    except Ended as error:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+        raise
 
 
 def _unwinding() -> bool:

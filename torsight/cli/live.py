@@ -163,11 +163,9 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
 
 def _ended_by(stop: threading.Event) -> contextlib.AbstractContextManager[None]:
     """Let Ctrl-C and a request to end set ``stop``, while the block lasts."""
-    import signal
-
     from torsight.cli.ends import asks, handled
 
-    return handled([signal.SIGINT, *asks()], lambda *_: stop.set())
+    return handled(asks(), lambda *_: stop.set())
 
 
 @contextlib.contextmanager

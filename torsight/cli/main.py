@@ -87,8 +87,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with asked_to_end():
             code = app(args=words, prog_name="torsight", standalone_mode=False)
-        if code == 130:  # the parser has caught Ctrl-C and says nothing
-            code = _interrupted(130)
     except TorsightError as error:
         _tell(error, debug=debug)
         code = error.exit_code

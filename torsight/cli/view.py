@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -34,6 +35,7 @@ def view(
     Example: torsight view results
     """
     from torsight.cli.console import say
+    from torsight.cli.ends import Ended
     from torsight.viewer.program import Viewer, address_of, browser_address, chosen_port, free_port, has_display
 
     if pictures is None and at is not None:
@@ -61,7 +63,9 @@ def view(
     try:
         code = viewer.wait()
         reason = viewer.why_ended()
-    except KeyboardInterrupt:
+    except Ended as ended:
+        if ended.number != signal.SIGINT:
+            raise
         return
     finally:
         viewer.end()
