@@ -7,6 +7,7 @@ posterior, and a model that is a little wrong in every block in another way, whi
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,9 @@ from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
+from torsight.discovery.interface import Problem
+
+Places = frozenset[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,18 @@ class Field:
     def base(self) -> Explanation:
         """The base model."""
         return self.explanations[()]
+
+
+def places_of(problem: Problem, members: Iterable[str]) -> Places:
+    """Return where a set acts: a law's port, driver and spring; for an effect those of the law it is a form of."""
+    laws = {law.id: law for law in problem.laws}
+    own = {candidate.id: candidate.laws for candidate in problem.candidates}
+
+    def place(name: str) -> str:
+        law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
+        return name if law is None else f"{law.port} {law.driver} {law.spring}"
+
+    return frozenset(place(name) for name in members)
 
 
 def covariance(explanation: Explanation) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
-from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.explanation import Explanation, Field, Places, places_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
@@ -52,6 +52,8 @@ class Search:
         self._progress = progress
         self._stretches = Stretches.of(problem)
         self._explanations: dict[EffectSet, Explanation] = {}
+        self._grown: set[tuple[EffectSet, str]] = set()
+        self._laws = {law.id: law for law in problem.laws}
         self._likelihood = Likelihood.of(self._stretches, problem.sigma, 1.0, least=problem.resolution)
 
     def run(self) -> Field:
@@ -59,11 +61,11 @@ class Search:
         first = self.plain()
         self._keep([first])
         for size in range(1, self._settings.most + 1):
-            parents = self._ranked(size - 1)[: self._settings.beam if size > 1 else 1]
-            parents = [parent for parent in parents if self._may_lead(parent)]
+            parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
             self._extend(parents, size)
+            self._grow_otherwise(size)
             self._look_again(size)
             self._fit_parts(self._best())
             # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
@@ -84,9 +86,22 @@ class Search:
         """How many effects and laws there are to choose from."""
         return len(self._problem.candidates) + len(self._problem.laws)
 
+    def _parents(self, size: int) -> list[Explanation]:
+        """Return the sets of so many members to extend: the best of each place that is tried."""
+        found: dict[Places, Explanation] = {}
+        for one in self._ranked(size):
+            found.setdefault(places_of(self._problem, one.members), one)
+        return list(found.values())[: self._settings.beam]
+
     def _may_lead(self, parent: Explanation) -> bool:
-        """Return whether one more member could make a set that is told beside the best one, or instead of it."""
+        """Return whether one more member could make a set that is told beside the best one, or instead of it.
+
+        One that explains alone is tried with a second in any case: what two leave apart (a late sensor and a clock
+        that wanders), one may take up with values that are wrong, down to what passes for noise.
+        """
         best = self._best()
+        if parent is best and len(best.members) == 1:
+            return True
         most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
         return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
 
@@ -169,25 +184,50 @@ class Search:
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
         """Fit every effect and measure every law beside each of the parents, and keep them."""
-        work: list[tuple[Explanation, str | Law]] = []
+        work: list[tuple[EffectSet, str]] = []
         planned: set[EffectSet] = set()
         for parent in parents:
-            more: list[str | Law] = [candidate.id for candidate in self._problem.candidates]
-            # A law of time says when something differs and not why: beside an explanation it would take up its error.
-            more += [law for law in self._problem.laws if size == 1 or law.driver != TIME]
-            for item in more:
-                name = item.id if isinstance(item, Law) else item
-                members = tuple(sorted((*parent.members, name)))
+            for name in self._choices(size):
+                members = _with(parent.members, name)
                 if name not in parent.members and members not in planned:
                     planned.add(members)
-                    work.append((parent, item))
-        step = "effects and laws" if size == 1 else f"sets of {size}"
+                    work.append((parent.members, name))
+        self._grow(work, step="effects and laws" if size == 1 else f"sets of {size}")
+
+    def _choices(self, size: int) -> list[str]:
+        """Return what a set of so many members may consist of.
+
+        A law of time says when something differs and not why: beside an explanation it would take up its error.
+        """
+        laws = [law.id for law in self._problem.laws if size == 1 or law.driver != TIME]
+        return [*(candidate.id for candidate in self._problem.candidates), *laws]
+
+    def _grow_otherwise(self, size: int) -> None:
+        """Fit the best sets from each of their parts, and with other means at the same places.
+
+        The valley of a pair may lie by one of its parts and not by the other.
+        """
+        best = [one.members for one in self._ranked(size)[: 2 * self._settings.beam]]
+        place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
+        work = [
+            (less(members, member), name)
+            for members in best
+            for member in members
+            for name in place
+            if place[name] == place.get(member) and name not in less(members, member)
+        ]
+        self._grow(list(dict.fromkeys(work)), step="from other parts")
+
+    def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
+        """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
+        work = [item for item in work if item[0] in self._explanations and item not in self._grown]
+        self._grown.update(work)
         found: list[Explanation] = in_parallel(work, self._extended, step=step, progress=self._progress)
         self._keep(found)
 
-    def _extended(self, item: tuple[Explanation, str | Law]) -> Explanation:
-        parent, more = item
-        return self._with_law(parent, more) if isinstance(more, Law) else self.with_effect(parent, more)
+    def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
+        parent, name = self._explanations[item[0]], item[1]
+        return self._with_law(parent, self._laws[name]) if name in self._laws else self.with_effect(parent, name)
 
     def with_effect(self, parent: Explanation, name: str) -> Explanation:
         """Fit one more effect beside a fitted set."""
@@ -314,6 +354,11 @@ def shared_errors(problem: Problem, values: Mapping[str, float], effects: Effect
     """Return what errors that many samples share do to them (n, k); none where a problem knows of none."""
     own = getattr(problem, "shared_errors", None)
     return np.zeros((len(problem.observed), 0)) if own is None else np.asarray(own(values, effects))
+
+
+def _with(members: EffectSet, name: str) -> EffectSet:
+    """Return a set with one more member."""
+    return tuple(sorted((*members, name)))
 
 
 def _left(problem: Problem, prediction: Array) -> Array:

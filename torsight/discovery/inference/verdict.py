@@ -15,11 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torsight.discovery.inference.explanation import Explanation, Field
+from torsight.discovery.inference.explanation import Explanation, Field, Places, places_of
 from torsight.discovery.inference.fitting import EffectSet, less
 from torsight.discovery.settings import Settings
-
-Places = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,15 +107,8 @@ class _Judge:
         self.probability = dict(zip(sets, (weight / weight.sum()).tolist(), strict=True))
 
     def places(self, members: Iterable[str]) -> Places:
-        """Return where a set acts: a law's port, driver and spring; for an effect those of the law it is a form of."""
-        return frozenset(self._place(name) for name in members)
-
-    def _place(self, name: str) -> str:
-        problem = self._field.base.fitter.problem
-        laws = {law.id: law for law in problem.laws}
-        own = {candidate.id: candidate.laws for candidate in problem.candidates}
-        law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
-        return name if law is None else f"{law.port} {law.driver} {law.spring}"
+        """Return where a set acts."""
+        return places_of(self._field.base.fitter.problem, members)
 
     def answers(self) -> list[Explanation]:
         """Return the best set of every answer of the smallest group that holds the credible share, best first.
