@@ -252,6 +252,14 @@ class Ports:
         temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
         return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
+    def at_log_times(self, wanted_s: Array) -> Ports:
+        """Return ports whose temperatures and half-cycles are those that stand in the log at other times (n,)."""
+        rows = np.clip(np.searchsorted(self.time_s, wanted_s), 0, len(wanted_s) - 1)
+        moved = self.with_temperatures(
+            lambda temp, rate: (np.interp(wanted_s, self.time_s, temp), np.interp(wanted_s, self.time_s, rate))
+        )
+        return replace(moved, active=self.active[rows], half=self.half[rows])
+
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""
         return replace(self, reading=(*self.reading, reading))

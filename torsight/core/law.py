@@ -19,6 +19,8 @@ from torsight.core.parameter import Parameter
 
 Array = NDArray[np.float64]
 
+TIME = "time_s"
+"""The driver that is the record's own time."""
 _KEPT = 1e-5
 """Share of a kernel's largest eigenvalue below which a direction of the law is left out: a third of a per cent of its
 size."""
@@ -65,7 +67,7 @@ class Law:
         The bank of its prior.
     time_like : bool
         True where the driver only counts time or cycles: such a law says when something changed and not why, and holds
-        for no later time.
+        for no later time. The course of a clock over time is its own cause, and no such law.
     covered : (float, float)
         Range of the driver that the record covers; beyond it a law is what its prior says.
     """
@@ -81,6 +83,11 @@ class Law:
     spring: str = ""
     time_like: bool = False
     covered: tuple[float, float] = (-np.inf, np.inf)
+
+    @property
+    def says_when(self) -> bool:
+        """Whether it is a law of time that says when something differs and not why: a reference, no explanation."""
+        return self.time_like and self.driver == TIME
 
     def free(self) -> LawForm:
         """Return the law with its values on the nodes as parameters."""

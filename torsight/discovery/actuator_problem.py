@@ -113,7 +113,9 @@ class ActuatorProblem:
     @cached_property
     def laws(self) -> tuple[Law, ...]:
         """Places and variables at which a law may be missing."""
-        return laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
+        found = laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
+        # Where events that both recorders saw have put the clocks together, a clock's course is no open question.
+        return found if self.clock_sigma_s is None else tuple(law for law in found if law.id != "clock_time_s")
 
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
         """Return the problem with these forms of laws among its candidates."""
@@ -341,7 +343,11 @@ def _candidate(effect: Effect, angle_rad: Array) -> Candidate:
     propose = None if own is None else in_radians
     # The time of an event is known to about a second once it is found; its bounds span all times.
     scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
-    return Candidate(effect.id, effect.family, effect.parameters, starts, propose, scales, laws=effect.laws)
+    # Clocks that differ do so whatever the form in time.
+    any_form = effect.is_clock
+    return Candidate(
+        effect.id, effect.family, effect.parameters, starts, propose, scales, laws=effect.laws, any_form=any_form
+    )
 
 
 def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -30,7 +30,6 @@ from torsight.discovery.inference.engine import Findings, find_missing, law_shar
 from torsight.discovery.inference.explanation import Explanation, covariance, joint_covariance
 from torsight.discovery.inference.fitting import less
 from torsight.discovery.inference.noise import Stretches, reading_noise
-from torsight.discovery.inference.search import TIME
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
@@ -217,7 +216,7 @@ def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:
 
     They hold for no later time: what they explain in the record is missing in a prediction.
     """
-    names = {name for item in chosen.laws if item.law.driver == TIME for name in item.form.names}
+    names = {name for item in chosen.laws if item.law.says_when for name in item.form.names}
     if not names:
         return 0.0
     own, effects, values = _problem(chosen), chosen.fit.effects, chosen.fit.values

@@ -47,6 +47,8 @@ class Candidate:
         From times and a residual (measured less model; NaN where not measured) to more such points.
     laws : tuple of str
         Ids of the problem's laws of which it is a usual form.
+    any_form : bool
+        Whether these laws carry its name whatever their form: it is what they are, and not one form of it.
     """
 
     id: str
@@ -56,6 +58,7 @@ class Candidate:
     propose: Propose | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
     laws: tuple[str, ...] = ()
+    any_form: bool = False
 
     def starting_points(
         self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None

@@ -9,7 +9,6 @@ time synchronisation, e.g. Mills, RFC 5905.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -33,12 +32,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     offset_s, drift_ppm = values["clock_offset_s"], values["clock_drift_ppm"]
     if offset_s == 0.0 and drift_ppm == 0.0:
         return ports
-    wanted = temperature_time(ports.time_s, offset_s=offset_s, drift_ppm=drift_ppm)
-    rows = np.clip(np.searchsorted(ports.time_s, wanted), 0, len(wanted) - 1)
-    moved = ports.with_temperatures(
-        lambda temp, rate: (np.interp(wanted, ports.time_s, temp), np.interp(wanted, ports.time_s, rate))
-    )
-    return replace(moved, active=ports.active[rows], half=ports.half[rows])
+    return ports.at_log_times(temperature_time(ports.time_s, offset_s=offset_s, drift_ppm=drift_ppm))
 
 
 EFFECT: Final = Effect(
@@ -53,5 +47,6 @@ EFFECT: Final = Effect(
     apply=apply,
     starts=({"clock_offset_s": -1.0}, {"clock_offset_s": 5.0}, {"clock_offset_s": -5.0}),
     is_clock=True,
+    laws=("clock_time_s",),
     order=1,
 )

@@ -110,6 +110,14 @@ def temperature_time(ports: Ports, law: Curve) -> Ports:
     return replace(ports, temp_a_c=ports.temp_a_c + off_c, temp_b_c=ports.temp_b_c + off_c)
 
 
+def clock(ports: Ports, law: Curve) -> Ports:
+    """Let the temperature log's clock be ahead of the film's by so many seconds over film time; not in later records.
+
+    Later records have clocks of their own.
+    """
+    return ports if ports.history.after_record else ports.at_log_times(ports.time_s + law(ports.time_s))
+
+
 def _over_winding(ports: Ports, law: Curve) -> Array:
     """Return the law over a spring's own angle on the grid, N·m; its driver is the winding beyond θ_P/2."""
     return law((ports.grid_rad() - 0.5 * ports.rig.theta_p_rad) / DEG) * MNM

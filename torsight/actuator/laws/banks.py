@@ -84,6 +84,16 @@ def drifting(nodes: Array) -> tuple[Kernel, ...]:
     return (Kernel("slope", slope(nodes), smooth=False), *kernels)
 
 
+def wandering(nodes: Array) -> tuple[Kernel, ...]:
+    """Return a constant, a slope, and smooth functions with both: how far one clock is ahead of another."""
+    constant = np.ones_like(nodes)
+    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
+    return (
+        *usual_kernels([("constant", constant), ("slope", nodes - nodes.mean())]),
+        *(Kernel(kernel.name, kernel.matrix + outer(constant), smooth=True) for kernel in smooth),
+    )
+
+
 def unlike(nodes: Array) -> tuple[Kernel, ...]:
     """Return what two springs of one kind may differ by: transformation temperatures together, moduli, and all.
 

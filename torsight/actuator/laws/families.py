@@ -98,6 +98,8 @@ _ALL: Final = (
              nodes.rate_nodes, 0.3, banks.through_zero, spring=one) for one in "ab"),
     Family("temperature_time_s", "temperature", "time_s", "°C", "the wires' temperatures over time", "temperature",
            acts.temperature_time, nodes.time_nodes, 0.3, banks.drifting, time_like=True),
+    Family("clock_time_s", "temperature", "time_s", "s", "the temperature log's clock over time", "temperature",
+           acts.clock, nodes.time_nodes, 1.0, banks.wandering),
     Family("phase_half_cycle", "phase", "cycle", "", "the recoverable angle over the half-cycles", "phase",
            acts.theta_l_half, nodes.half_nodes, 0.03, banks.counted),
     Family("phase_cycle", "phase", "cycle", "", "the recoverable angle over a spring's own cycles", "phase",

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.law import Law
 from torsight.core.words.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import Explanation, joint_covariance
@@ -77,7 +78,7 @@ def _law(
         counted = law.driver == "cycle"
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
         curve, width = np.interp(driver, law.nodes, values), np.interp(driver, law.nodes, sigma)
-        scales = _scales(problem, chosen, law.port, law.driver)
+        scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     told = MeasuredLaw(
         effect=names.get(law.id),
@@ -95,7 +96,8 @@ def _law(
     return replace(told, sentence=law_sentence(told, chosen.fit.values["tau_c_mnm"]))
 
 
-def _scales(problem: ActuatorProblem, chosen: Explanation, port: str, driver: str) -> _Scales:
+def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
+    port, driver = law.port, law.driver
     values = chosen.fit.values
     ahead_deg = 360.0 * problem.drive.turns
     zero_deg = values.get("zero_deg", problem.spec.values.get("zero_deg", 0.0))
@@ -110,7 +112,7 @@ def _scales(problem: ActuatorProblem, chosen: Explanation, port: str, driver: st
         return _Scales(values["tau_c_mnm"], "mN·m", moved)
     if port == "phase":
         return _Scales(_PER_CENT, "%", moved)
-    return _Scales(1.0, {"torque": "mN·m", "winding": "mN·m", "reading": "°"}.get(port, "°C"), moved)
+    return _Scales(1.0, law.unit, moved)
 
 
 _WHAT: Final = {
@@ -121,6 +123,7 @@ _WHAT: Final = {
     "winding": "a spring's torque beside its own",
     "phase": "the recoverable angle",
 }
+_CLOCK: Final = "what the temperature log's clock is ahead by"
 _UNITS: Final = {
     "angle_deg": "°",
     "winding_deg": "°",
@@ -139,6 +142,7 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float) -> str:
     if law.driver == "spring":
         way = "higher" if value[-1] > 0.0 else "lower"
         return f"spring B's transformation temperatures are {number(abs(value[-1]))} °C {way} than spring A's"
+    what = _CLOCK if law.unit == "s" else _WHAT[law.port]
     unit = _UNITS.get(law.driver, "")
     over = f"between {number(driver[0])} and {number(driver[-1])}{unit}"
     if law.driver == "cycle":
@@ -149,9 +153,9 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float) -> str:
     if law.port in ("friction", "phase") and monotone:
         whole = tau_c_mnm if law.port == "friction" else _PER_CENT
         share = (whole + value[-1]) / max(whole + value[0], 1e-9) - 1.0
-        return f"{_WHAT[law.port]} {'rises' if share > 0 else 'falls'} by {abs(share) * _PER_CENT:.0f} % {over}"
+        return f"{what} {'rises' if share > 0 else 'falls'} by {abs(share) * _PER_CENT:.0f} % {over}"
     if law.port == "friction":
         value = value + tau_c_mnm
     low, high = float(value.min()), float(value.max())
     size = f"from {number(low)} to {number(high)} {law.unit}"
-    return f"{_WHAT[law.port]} goes {size} over {variable_name(law.driver)}, {over}"
+    return f"{what} goes {size} over {variable_name(law.driver)}, {over}"

@@ -24,10 +24,9 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.effects import load_effects
 from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
-from torsight.core.law import Law, LawForm
+from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.inference.search import TIME
 from torsight.discovery.interface import Candidate, Propose
 
 Array = NDArray[np.float64]

@@ -113,13 +113,13 @@ class Field:
 
 
 def places_of(problem: Problem, members: Iterable[str]) -> Places:
-    """Return where a set acts: a law's port, driver and spring; for an effect those of the law it is a form of."""
+    """Return where a set acts: port, driver, spring and unit of a law; for an effect those of the law it is a form of."""
     laws = {law.id: law for law in problem.laws}
     own = {candidate.id: candidate.laws for candidate in problem.candidates}
 
     def place(name: str) -> str:
         law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
-        return name if law is None else f"{law.port} {law.driver} {law.spring}"
+        return name if law is None else f"{law.port} {law.driver} {law.spring} {law.unit}"
 
     return frozenset(place(name) for name in members)
 

@@ -134,12 +134,22 @@ class Likelihood:
         return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
     def promise(self, residual: Array) -> float:
-        """Return by how much the logarithm would grow if nothing but what the inputs account for were left."""
-        rows, weight = self.count > 0.0, self.weight(residual)
-        count = self.count[rows]
-        beyond = weight.square(residual) - float(np.sum(count))
-        least = self.floor[rows] ** 2 + self.least**2 + 1e-30
-        return 0.5 * max(0.0, beyond) + 0.5 * float(count @ np.log(count / weight.each[rows] / least))
+        """Return by how much the logarithm would grow if nothing but what the inputs account for were left.
+
+        In motion, at rest, in opening blocks, and of the shared errors, each by itself: what one has to spare, another
+        may still gain.
+        """
+        weight = self.weight(residual)
+        errors = weight.errors(residual)
+        left = residual - self.shared @ errors
+        gain = max(0.0, float(errors @ errors) - len(errors))
+        for kind in (MOTION, REST, OPENING):
+            rows = (self.kind == kind) & (self.count > 0.0)
+            count, each = self.count[rows], weight.each[rows]
+            least = self.floor[rows] ** 2 + self.least**2 + 1e-30
+            gain += max(0.0, float(each @ left[rows] ** 2 - np.sum(count)))
+            gain += float(count @ np.log(count / each / least))
+        return 0.5 * gain
 
     def weight(self, residual: Array) -> Weight:
         """Return the information in a residual, with discrepancy and shared errors at their most probable values."""

@@ -36,8 +36,6 @@ from torsight.discovery.settings import Settings
 _SETTLED: Final = 0.3
 """Gain in log units below which a further round of weights no longer matters."""
 _ROUNDS: Final = 6
-TIME: Final = "time_s"
-"""The driver that is a reference and no explanation."""
 _FIRST_CORRELATION: Final = 4.0
 """Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
 leaves is correlated over a whole stroke and says nothing of the noise."""
@@ -199,7 +197,7 @@ class Search:
 
         A law of time says when something differs and not why: beside an explanation it would take up its error.
         """
-        laws = [law.id for law in self._problem.laws if size == 1 or law.driver != TIME]
+        laws = [law.id for law in self._problem.laws if size == 1 or not law.says_when]
         return [*(candidate.id for candidate in self._problem.candidates), *laws]
 
     def _grow_otherwise(self, size: int) -> None:

@@ -171,6 +171,9 @@ class _Judge:
             if not forms:
                 continue
             name, best = max(forms, key=lambda form: form[1].log_evidence)
+            if self._field.base.fitter.candidates[name].any_form:
+                found[item.law.id] = (name, best)
+                continue
             part = self._field.explanations.get(others)
             without = before if part is None else self._square(part)
             explained = without - self._square(best)

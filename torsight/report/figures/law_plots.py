@@ -42,7 +42,7 @@ _OWN_FILES: Final = re.compile(rf"law_({'|'.join(PORTS)})_[a-z0-9_]+\.(csv|png)"
 def law_figure(law: MeasuredLaw) -> Figure:
     """Draw one law as a curve with its 95 % band; where the record reached its driver is shaded."""
     panel = law_panel(law)
-    title = f"{PORTS.get(law.port, law.port).capitalize()} against {variable_name(law.driver)}"
+    title = f"{_gives(law).capitalize()} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
     named = (
         "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
@@ -50,6 +50,11 @@ def law_figure(law: MeasuredLaw) -> Figure:
     said = f"{law.sentence[:1].upper()}{law.sentence[1:].rstrip('.')}. " if law.sentence else ""
     caption = f"{said}{named}{about}".strip()
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
+
+
+def _gives(law: MeasuredLaw) -> str:
+    """Return what a law gives, in a few words."""
+    return "lead of the temperature log's clock" if law.unit == "s" else PORTS.get(law.port, law.port)
 
 
 def law_panel(law: MeasuredLaw) -> Panel:
@@ -61,7 +66,7 @@ def law_panel(law: MeasuredLaw) -> Panel:
     across = variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
     panel = Panel(
         Axis.around(across, x, margin=0.3 if counts else 0.0),
-        Axis.around(PORTS.get(law.port, law.port) + (f" ({law.unit})" if law.unit else ""), low, high),
+        Axis.around(_gives(law) + (f" ({law.unit})" if law.unit else ""), low, high),
         height=300.0,
         x_names=[(0.0, "A"), (1.0, "B")] if counts else None,
     )
