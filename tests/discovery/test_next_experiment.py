@@ -135,8 +135,9 @@ def field_of(table: SyncedTable, spec: ActuatorSpec, names: tuple[str, ...]) -> 
     fitter = Fitter(problem, information(stretches, scales, problem.sigma))
     base = fitter.base()
     fits = [base, *(fitter.extend(base, name) for name in names)]
-    found = {fit.effects: Explanation(fitter, fit, (), -0.5 * fit.cost) for fit in fits}
-    return problem, Field(Likelihood.of(stretches, np.hypot(problem.sigma, 0.1), 4.0), stretches, found)
+    likelihood = Likelihood.of(stretches, np.hypot(problem.sigma, 0.1), 4.0)
+    found = {fit.effects: Explanation(fitter, fit, (), likelihood, -0.5 * fit.cost) for fit in fits}
+    return problem, Field(likelihood, stretches, found)
 
 
 def test_the_proposed_programme_tells_a_late_sensor_from_a_late_clock_whichever_is_true() -> None:

@@ -207,7 +207,7 @@ def held_out_error_deg(findings: Findings) -> float:
     residual = chosen.residual if held_out is None else np.nan_to_num(held_out.residual)
     problem = chosen.fitter.problem
     lasts_s = np.abs(np.gradient(problem.time_s))[problem.valid]
-    left = findings.field.likelihood.left(residual)[problem.valid]
+    left = chosen.likelihood.left(residual)[problem.valid]
     return float(np.sqrt(np.average(left**2, weights=lasts_s)))
 
 

@@ -86,7 +86,7 @@ def _result(problem: ActuatorProblem, found: Explanation, search: Search) -> Fit
     simulation = problem.simulate(fit.values, fit.effects)
     counted = np.isfinite(drive.angle_rad) & drive.known
     residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
-    variance = search.likelihood.variance(found.residual)
+    variance = found.likelihood.variance(found.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
     white = (residual / row_sigma)[counted]
     silent_about = quiet(fit.parameters, sigma)

@@ -179,7 +179,8 @@ def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanat
         prediction=solution.prediction[rows],
         jacobian=solution.jacobian[rows][:, places],
     )
-    found = Explanation(fitter, Fit(effects, parameters, own), joint.laws, joint.log_evidence)
+    fit, likelihood = Fit(effects, parameters, own), joint.likelihood.at(rows)
+    found = Explanation(fitter, fit, joint.laws, likelihood, joint.log_evidence)
     found.__dict__["held_out"] = _own_held_out(problem, joint.held_out, record)
     return found
 
@@ -194,11 +195,13 @@ def _own_held_out(problem: SeveralRecords, joint: HeldOut, record: int) -> HeldO
     """Return what a joint prediction of unseen half-cycles says of a record's, numbered as in the record."""
     first = problem.first_halves[record]
     halves = range(first, first + len(problem.parts[record].drive.cycles.springs))
-    residual = joint.residual[problem.rows_of(record)]
+    rows = problem.rows_of(record)
+    residual = joint.residual[rows]
     folds = tuple(
         (label - first, problem.values_of(record, values)) for label, values in joint.folds if label in halves
     )
-    return replace(joint, residual=residual, rms=float(np.sqrt(np.nanmean(residual**2))), folds=folds)
+    rms = float(np.sqrt(np.nanmean(residual**2)))
+    return HeldOut(residual, rms, folds, joint.unsure[rows])
 
 
 def _report(
@@ -304,11 +307,9 @@ def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) ->
     decision, last = findings.decision, len(problem.parts) - 1
     if findings.verdict != "ambiguous":
         return None
-    whole, rows = findings.field.likelihood, problem.rows_of(last)
-    likelihood = whole.at(rows)
     part = problem.parts[last]
     views = [single(problem, one, last) for one in (decision.chosen, *decision.rivals)]
-    field = Field(likelihood, Stretches.of(part), {(): single(problem, findings.field.base, last)})
+    field = Field(views[0].likelihood, Stretches.of(part), {(): single(problem, findings.field.base, last)})
     return next_experiment(part, field, views, needed_gain=NEEDED_GAIN, progress=progress)
 
 

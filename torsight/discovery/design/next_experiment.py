@@ -151,7 +151,7 @@ class _Planner:
         self._progress = progress
         self._rivals = [_rival(problem, one) for one in explanations]
         chosen = explanations[0]
-        self._left = field.likelihood.discrepancy(chosen.residual).tolist()
+        self._left = chosen.likelihood.discrepancy(chosen.residual).tolist()
         simulation = problem.with_laws(_forms(chosen)).simulate(chosen.fit.values, chosen.fit.effects)
         self._heat = Heat.of(problem.drive)
         habits = Habits.of(problem.drive, (simulation.xi_a, simulation.xi_b))

@@ -38,6 +38,8 @@ class Explanation:
         The optimum.
     laws : tuple of Measured
         The laws of the set.
+    likelihood : Likelihood
+        What its residual is worth: what errors of the inputs do to the angle depends on the model.
     log_evidence : float
         Comparable among explanations of one field.
     """
@@ -45,6 +47,7 @@ class Explanation:
     fitter: Fitter
     fit: Fit
     laws: tuple[Measured, ...]
+    likelihood: Likelihood
     log_evidence: float
     progress: Progress = silent
 
@@ -113,7 +116,7 @@ class Field:
 
 
 def places_of(problem: Problem, members: Iterable[str]) -> Places:
-    """Return where a set acts: port, driver, spring and unit of a law; for an effect those of the law it is a form of."""
+    """Return where a set acts: port, driver, spring and unit of a law, or of the law that an effect is a form of."""
     laws = {law.id: law for law in problem.laws}
     own = {candidate.id: candidate.laws for candidate in problem.candidates}
 

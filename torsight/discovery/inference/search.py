@@ -52,7 +52,8 @@ class Search:
         self._explanations: dict[EffectSet, Explanation] = {}
         self._grown: set[tuple[EffectSet, str]] = set()
         self._laws = {law.id: law for law in problem.laws}
-        self._likelihood = Likelihood.of(self._stretches, problem.sigma, 1.0, least=problem.resolution)
+        self._reading = problem.sigma
+        self._correlation_samples = 1.0
 
     def run(self) -> Field:
         """Return the base model and the sets that grew out of the best ones."""
@@ -72,7 +73,7 @@ class Search:
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
-        return Field(self._likelihood, self._stretches, self._explanations, first)
+        return Field(self._best().likelihood, self._stretches, self._explanations, first)
 
     @property
     def needed(self) -> float:
@@ -105,7 +106,7 @@ class Search:
 
     def promise(self, explanation: Explanation) -> float:
         """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
-        return self._likelihood.promise(explanation.residual) + self._pulled(explanation)
+        return explanation.likelihood.promise(explanation.residual) + self._pulled(explanation)
 
     @staticmethod
     def _pulled(explanation: Explanation) -> float:
@@ -113,30 +114,28 @@ class Search:
         held = sum(parameter.sigma is not None for parameter in explanation.fit.parameters)
         return 0.5 * max(0.0, explanation.prior - held)
 
-    @property
-    def likelihood(self) -> Likelihood:
-        """The likelihood under which sets are compared now."""
-        return self._likelihood
-
     def plain(self) -> Explanation:
         """Fit the base model from the priors' means and from elsewhere."""
         problem, stretches = self._problem, self._stretches
         fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), problem.sigma))
         fit = fitter.base()
         for _ in range(2):
-            inputs = self._under(problem, fit)
+            self._reading = self._reading_noise(problem, fit)
+            inputs = self._likelihood_of(problem, fit)
             scales = residual_scales(_left(problem, fit.solution.prediction), stretches, inputs.noise)
             fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
-        self._likelihood = inputs.correlated(stretches, min(scales.correlation_samples, _FIRST_CORRELATION))
+        self._correlation_samples = min(scales.correlation_samples, _FIRST_CORRELATION)
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
         return max(first, *again, key=self.value_of)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from values of one's own, under the likelihood of :meth:`plain`."""
-        fitter = self._weighted(self._problem, self._problem.predict(start, effects))
+        """Fit a set of effects from values of one's own."""
+        prediction = self._problem.predict(start, effects)
+        likelihood = self._likelihood_at(self._problem, start, effects)
+        fitter = _weighted(likelihood, self._problem, prediction)
         fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
         return self._settled(self._problem, fit, ())
 
@@ -147,38 +146,38 @@ class Search:
 
     def value_of(self, explanation: Explanation) -> float:
         """Return the posterior density's logarithm at an explanation's optimum."""
-        return self._value(explanation.fitter.problem, explanation.fit)
+        return _value(explanation.likelihood, explanation.fitter.problem, explanation.fit)
 
-    def _under(self, problem: Problem, fit: Fit) -> Likelihood:
-        """Return the likelihood with what the inputs account for at a fit; its correlation is that of now."""
-        reading = problem.sigma
-        if not reading[problem.valid].any():
-            left = _left(problem, fit.solution.prediction)
-            reading = np.full(len(left), reading_noise(problem, self._stretches, left))
-        floor = np.hypot(reading, problem.input_noise(fit.values, fit.effects))
-        shared, tau = shared_errors(problem, fit.values, fit.effects), self._likelihood.correlation_samples
+    def _reading_noise(self, problem: Problem, fit: Fit) -> Array:
+        """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
+        if problem.sigma[problem.valid].any():
+            return problem.sigma
+        left = _left(problem, fit.solution.prediction)
+        return np.full(len(left), reading_noise(problem, self._stretches, left))
+
+    def _likelihood_of(self, problem: Problem, fit: Fit) -> Likelihood:
+        return self._likelihood_at(problem, fit.values, fit.effects)
+
+    def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
+        """Return the likelihood with what the inputs account for there; its correlation is that of now."""
+        floor = np.hypot(self._reading, problem.input_noise(values, effects))
+        shared, tau = shared_errors(problem, values, effects), self._correlation_samples
         return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
 
     def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
         """Return a fit at the weights that its own residual gives, with its evidence."""
-        best, best_value = fit, self._value(problem, fit)
+        likelihood = self._likelihood_of(problem, fit)
+        best, best_value = fit, _value(likelihood, problem, fit)
         for _ in range(_ROUNDS):
-            found = self._weighted(problem, best.solution.prediction).refit(best, max_iterations=8)
-            gained = self._value(problem, found) - best_value
+            found = _weighted(likelihood, problem, best.solution.prediction).refit(best, max_iterations=8)
+            gained = _value(likelihood, problem, found) - best_value
             if gained >= 0.0:
                 best, best_value = found, best_value + gained
             if gained <= _SETTLED:
                 break
-        fitter = self._weighted(problem, best.solution.prediction)
-        return Explanation(fitter, best, laws, log_evidence(fitter, best, self._likelihood), self._progress)
-
-    def _weighted(self, problem: Problem, prediction: Array) -> Fitter:
-        """Return a fitter with the weights that what a prediction leaves has under the likelihood."""
-        return Fitter(problem, self._likelihood.weight(_left(problem, prediction)))
-
-    def _value(self, problem: Problem, fit: Fit) -> float:
-        """Return the posterior density's logarithm at a fit."""
-        return self._likelihood.log(_left(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
+        fitter = _weighted(likelihood, problem, best.solution.prediction)
+        evidence = log_evidence(fitter, best, likelihood)
+        return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
         """Fit every effect and measure every law beside each of the parents, and keep them."""
@@ -240,16 +239,13 @@ class Search:
         """
         problem, fit = parent.fitter.problem, parent.fit
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
-        found = [
-            measure_law(problem, law, fit.values, effects=parent.members, likelihood=self._likelihood, known=known)
-        ]
+        under = parent.likelihood
+        found = [measure_law(problem, law, fit.values, effects=parent.members, likelihood=under, known=known)]
         if self._pulled(parent) > 0.0:
             nominal = parent.fitter.nominal
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
             means = {**fit.values, **nominal.values}
-            found.append(
-                measure_law(problem, law, means, effects=parent.members, likelihood=self._likelihood, known=known)
-            )
+            found.append(measure_law(problem, law, means, effects=parent.members, likelihood=under, known=known))
         best = max(found, key=lambda measured: measured.log_evidence)
         return self._explained(problem, parent.laws, best, parent.members)
 
@@ -258,12 +254,14 @@ class Search:
     ) -> Explanation:
         """Return a measured law as an explanation: its form is one more candidate."""
         extended = problem.with_laws((*problem.forms, measured.form))
-        fitter = self._weighted(extended, measured.prediction)
+        likelihood = self._likelihood_at(extended, measured.values, (*members, measured.law.id))
+        fitter = _weighted(likelihood, extended, measured.prediction)
         effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
-        return Explanation(fitter, fit, (*laws, measured), measured.log_evidence, self._progress)
+        evidence = log_evidence(fitter, fit, likelihood) + measured.bank
+        return Explanation(fitter, fit, (*laws, measured), likelihood, evidence, self._progress)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets once more from where the others have led the base values, and the smaller ones, too."""
@@ -308,7 +306,7 @@ class Search:
             )
             members = tuple(name for name in one.members if name != last.law.id)
             start = {name: value for name, value in values.items() if name not in last.form.names}
-            again = measure_law(without, last.law, start, effects=members, likelihood=self._likelihood)
+            again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood)
             return self._explained(without, one.laws[:-1], again, members)
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1)
         return self._settled(one.fitter.problem, fit, one.laws)
@@ -319,15 +317,21 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        inputs = self._under(best.fitter.problem, best.fit)
-        tau = min(correlation_samples(inputs.left(best.residual), self._stretches), longest)
-        self._likelihood = inputs.correlated(self._stretches, tau)
+        before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
+        left = best.likelihood.left(best.residual)
+        self._correlation_samples = min(correlation_samples(left, self._stretches), longest)
         for members, one in list(self._explanations.items()):
+            floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
+            likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
-            fitter = self._weighted(one.fitter.problem, one.fit.solution.prediction) if members else one.fitter
+            weighted = _weighted(likelihood, one.fitter.problem, one.fit.solution.prediction)
             bank = one.laws[-1].bank if one.laws else 0.0
-            evidence = log_evidence(fitter, one.fit, self._likelihood) + bank
-            self._explanations[members] = replace(one, fitter=fitter, log_evidence=evidence)
+            self._explanations[members] = replace(
+                one,
+                fitter=weighted if members else one.fitter,
+                likelihood=likelihood,
+                log_evidence=log_evidence(weighted, one.fit, likelihood) + bank,
+            )
 
     def _keep(self, found: list[Explanation]) -> None:
         """Keep sets that are new, or better than the set's own."""
@@ -357,6 +361,16 @@ def shared_errors(problem: Problem, values: Mapping[str, float], effects: Effect
 def _with(members: EffectSet, name: str) -> EffectSet:
     """Return a set with one more member."""
     return tuple(sorted((*members, name)))
+
+
+def _weighted(likelihood: Likelihood, problem: Problem, prediction: Array) -> Fitter:
+    """Return a fitter with the weights that what a prediction leaves has under a likelihood."""
+    return Fitter(problem, likelihood.weight(_left(problem, prediction)))
+
+
+def _value(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
+    """Return the posterior density's logarithm at a fit."""
+    return likelihood.log(_left(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
 
 
 def _left(problem: Problem, prediction: Array) -> Array:

@@ -15,9 +15,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from torsight.core.progress import Progress, silent
-from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel
+from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
+from torsight.discovery.inference.measure import prior_information
 from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
@@ -38,11 +40,14 @@ class HeldOut:
         Root mean square over the samples that count.
     folds : tuple of (int, mapping)
         For each block its label and the parameters fitted without it.
+    unsure : (n, k) float64
+        What one standard deviation of the values does to the block that they were fitted without, one column each.
     """
 
     residual: Array
     rms: float
     folds: tuple[tuple[int, dict[str, float]], ...]
+    unsure: Array
 
 
 def block_labels(problem: Problem) -> NDArray[np.int64]:
@@ -61,18 +66,33 @@ def held_out_by_refit(
     block = problem.block if block is None else block
     labels = np.unique(block[problem.valid])
 
-    def without(label: int) -> Fit:
+    def without(label: int) -> tuple[Fit, Array]:
         weight = fitter.weight.only(block != label)
-        return fitter.refit(fit, weight=weight, kept=_unforetold(fitter, fit, weight), rough=True)
+        kept = _unforetold(fitter, fit, weight)
+        spread = _spread(fit, weight, kept, base=len(problem.parameters))
+        return fitter.refit(fit, weight=weight, kept=kept, rough=True), spread
 
-    fits: list[Fit] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
-    left = np.zeros(len(problem.observed))
-    for label, fold in zip(labels, fits, strict=True):
+    fits: list[tuple[Fit, Array]] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
+    left, unsure = np.zeros(len(problem.observed)), []
+    for label, (fold, spread) in zip(labels, fits, strict=True):
         rows = (block == label) & problem.valid
         left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
-    folds = tuple((int(label), fold.values) for label, fold in zip(labels, fits, strict=True))
+        unsure.append(np.where(rows[:, None], spread, 0.0))
+    folds = tuple((int(label), fold.values) for label, (fold, _) in zip(labels, fits, strict=True))
     rms = float(np.sqrt(np.mean(left[problem.valid] ** 2)))
-    return HeldOut(np.where(problem.valid, left, np.nan), rms, folds)
+    return HeldOut(np.where(problem.valid, left, np.nan), rms, folds, np.hstack(unsure))
+
+
+def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Array:
+    """Return what one standard deviation of the values does (n, m), as the samples that count tell them.
+
+    The first ``base`` of the values are the base model's.
+    """
+    free = [i for i, p in enumerate(fit.parameters) if p.name not in kept]
+    derivative = fit.solution.jacobian[:, free]
+    prior = prior_information(space_of(fit.parameters), fit.solution.x, base)[free]
+    information = derivative.T @ weight.times(derivative) + np.diag(prior)
+    return np.asarray(solve_triangular(np.linalg.cholesky(information), derivative.T, lower=True).T)
 
 
 def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:

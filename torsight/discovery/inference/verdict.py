@@ -11,7 +11,7 @@ no other half-cycle can tell.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -154,8 +154,12 @@ class _Judge:
         return one.fitter.candidates[name].propose is not None
 
     def _score(self, one: Explanation) -> float:
-        """Return the log score on blocks that were each predicted from the others."""
-        return self._field.likelihood.log(np.nan_to_num(one.held_out.residual))
+        """Return the log score on blocks that were each predicted from the others.
+
+        How little the others tell of a block (of a clock that wanders, say) is a part of what was predicted.
+        """
+        shared = np.hstack([one.likelihood.shared, one.held_out.unsure])
+        return replace(one.likelihood, shared=shared).log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
         """Return the names of a set's members: effects their own, laws the name of a usual form that does as much."""
