@@ -17,6 +17,7 @@ from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.quicken import quickened
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings
@@ -68,8 +69,9 @@ def find_missing(
         if not isinstance(problem, ModelProblem):
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
-        with problem.evaluator.processes(wanted=processes):
-            made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        asked = quickened(problem) if processes is None else problem
+        with problem.evaluator.processes(wanted=processes if asked is problem else False):
+            made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 
