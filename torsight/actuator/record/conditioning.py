@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import measure_noise, resolution
-from torsight.actuator.stepping.decorators import compiled, inlined
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 
