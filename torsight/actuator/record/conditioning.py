@@ -116,6 +116,8 @@ def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]
 
 def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
     """Return value, slope and sigma of the wire's temperature at the wanted times."""
+    # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
+    time_s, temp_c = np.array(time_s, np.float64), np.array(temp_c, np.float64)
     noise, correlation = measure_noise(time_s, temp_c)
     sigma = max(noise, 0.2 * least) * math.sqrt(correlation)
     interval = float(np.median(np.diff(time_s)))
@@ -290,12 +292,13 @@ def _local_fits(
     sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
     sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
-    decay, made_for = np.ones(n), -1
+    # Of the type that the loop gives them: a literal compiles what takes it a second time.
+    decay, made_for, zero = np.ones(n), np.int64(-1), np.int64(0)
     for k in range(n):
         sums[:] = 0.0
         made_for = _renewed(decay, time, k, made_for, sizes[-1], lag)
         state[:, 0], state[:, 1], state[:, 2] = 1.0, -np.inf, np.inf
-        best, done = np.inf, 0
+        best, done = np.inf, zero
         for size in sizes:
             _grow(sums, time, temp_c, decay, k, done, size, lag)
             done = size
