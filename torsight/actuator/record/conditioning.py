@@ -259,7 +259,9 @@ def _grow(m: Array, time: Array, temp_c: Array, decay: Array, k: int, first: int
         if lag > 0.0:
             _add_rest(m[row], time[low:high], temp_c[low:high], decay[low:high], time[k], temp_c[k], 1.0 / decay[k])
     # Sample k itself is in both; around it, it counts once.
-    m[2] = m[0] + m[1]
+    for a in range(4):
+        for b in range(a, 5):
+            m[2, a, b] = m[0, a, b] + m[1, a, b]
     m[2, 0, 0] -= 1.0
     if lag > 0.0:
         m[2, 0, 3] -= 1.0
@@ -293,7 +295,7 @@ def _local_fits(
     sides[:, 1] = np.inf
     sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
     # Of the type that the loop gives them: a literal compiles what takes it a second time.
-    decay, made_for, zero = np.ones(n), np.int64(-1), np.int64(0)
+    decay, made_for, zero = np.ones(n), int(np.int64(-1)), int(np.int64(0))
     for k in range(n):
         sums[:] = 0.0
         made_for = _renewed(decay, time, k, made_for, sizes[-1], lag)
