@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from torsight.discovery import candidate, find_missing, law, model_problem, parameter
+from torsight.discovery import Reading, candidate, find_missing, law, model_problem, parameter
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -95,10 +95,10 @@ def problem(missing: str, rows: int) -> ModelProblem:
             candidate("leak", parameter("leak", 0.002, null=0.0, lower=0.0, upper=0.1)),
             candidate("weaker_pump", parameter("weaker", 0.02, null=0.0, lower=-0.1, upper=0.1)),
             candidate("warm_sensor", parameter("warm", 0.02, null=0.0)),
+            law("pipe", driver="level"),
         ],
-        laws=[law("pipe", driver="level")],
         output="level_v",
-        sigma=_NOISE_V,
+        reading=Reading(sigma=_NOISE_V),
     )  # fmt: skip
 
 

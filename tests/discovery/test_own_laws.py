@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from torsight.core.errors import InputError
-from torsight.discovery import Candidate, Findings, candidate, find_missing, law, model_problem, parameter
+from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
 from torsight.discovery.own.answer.saved import Declared, SavedModel
 from torsight.discovery.own.model.check import check_problem
 
@@ -130,9 +130,9 @@ def sledge() -> Findings:
     port = law("friction", driver="speed", unit="N", driver_unit="m/s", nodes=13, low=-1.5, high=1.5)
     known = [parameter("viscous", 0.3, sigma=0.01)]
     problem = model_problem(
-        move_sledge, sledge_record(1), known, output="speed", laws=[port], sigma=0.01, drivers=[], processes=False
+        move_sledge, sledge_record(1), known, [port], output="speed", drivers=[], reading=Reading(sigma=0.01)
     )
-    return find_missing(problem)
+    return find_missing(problem, processes=False)
 
 
 def test_a_law_inside_a_differential_equation_is_measured_through_it(sledge: Findings) -> None:
@@ -167,7 +167,7 @@ def test_a_law_that_changes_nothing_is_refused() -> None:
         return p.offset + p.gain * record.v
 
     free = [parameter("gain", 1.0), parameter("offset", 0.0)]
-    problem = model_problem(deaf, waves(), free, output="y", laws=[law("friction", driver="u")])
+    problem = model_problem(deaf, waves(), free, [law("friction", driver="u")], output="y")
     with pytest.raises(InputError, match="the law 'friction' changes nothing"):
         find_missing(problem)
 
@@ -176,7 +176,9 @@ def test_where_nothing_may_be_missing_much_that_is_left_is_told() -> None:
     """No candidates, no laws: the verdict rests on the noise that was given."""
     free = [parameter("gain", 1.0), parameter("offset", 0.0)]
     for size, verdict in ((0.0, "none"), (0.5, "unknown")):
-        problem = model_problem(read_waves, waves(ripple=size), free, output="y", drivers=[], sigma=NOISE)
+        problem = model_problem(
+            read_waves, waves(ripple=size), free, output="y", drivers=[], reading=Reading(sigma=NOISE)
+        )
         assert not problem.laws
         assert not check_problem(problem)
         assert find_missing(problem).verdict == verdict

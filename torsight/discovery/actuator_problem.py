@@ -28,7 +28,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
 from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, top_errors, with_errors
-from torsight.discovery.interface import Candidate
+from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ _STOPPED_DEG: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class ActuatorProblem:
+class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
     The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change

@@ -27,7 +27,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.interface import Candidate, Propose
+from torsight.discovery.interface import Candidate, OptionalMembers, Propose
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def own_name(name: str, record: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class SeveralRecords:
+class SeveralRecords(OptionalMembers):
     """Records of one rig with the plain model and every effect as a candidate.
 
     Attributes

@@ -21,6 +21,7 @@ from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
+from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.records import Table
 from torsight.discovery.report import estimates_of
@@ -109,8 +110,7 @@ class Findings(Shown):
 
         Where neither effects nor laws explain anything, and far more than the noise is left, that is ``unknown``, too.
         """
-        least = getattr(self.problem, "over_floor", None)
-        if self.found.verdict == "none" and least is not None and self.decision.over_floor > least:
+        if self.found.verdict == "none" and self.decision.over_floor > self.problem.over_floor:
             return "unknown"
         return self.found.verdict
 
@@ -180,7 +180,7 @@ class Findings(Shown):
     @cached_property
     def laws(self) -> tuple[MeasuredCurve, ...]:
         """Laws that were measured: those of the answer, then declared ones that were tried alone."""
-        ports = getattr(self.problem, "ports", ())
+        ports = self.ports
         held = {item.law.id for item in self._chosen.laws}
         alone = [self.field.explanations[(p.name,)] for p in ports if (p.name,) in self.field.explanations]
         alone = [one for one in alone if one.members[0] not in held]
@@ -188,6 +188,11 @@ class Findings(Shown):
         gains |= {one.members[0]: one.log_evidence - self.field.base.log_evidence for one in alone}
         names = {member: name for member, (name, _) in self.decision.named.items() if member in held}
         return measured_curves(self._chosen, alone, gains, names, ports)
+
+    @property
+    def ports(self) -> tuple[LawPort, ...]:
+        """Laws as declared."""
+        return self.problem.ports if isinstance(self.problem, ModelProblem) else ()
 
     def _estimates(self, one: Explanation) -> dict[str, Estimate]:
         spread = np.sqrt(np.maximum(np.diag(covariance(one)), 0.0))

@@ -31,7 +31,7 @@ def verdict_words(found: Findings) -> str:
         others = " or ".join(" and ".join(one) for one in found.alternatives)
         return f"{named} or {others}: this record cannot tell them apart"
     beside = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing, and " if found.effects else ""
-    declared = {port.name for port in getattr(found.problem, "ports", ())}
+    declared = {port.name for port in found.ports}
     laws = [name for name in found.decision.unnamed if name in declared]
     if laws and len(laws) == len(found.decision.unnamed):
         what = f"{' and '.join(laws)} {'is' if len(laws) == 1 else 'are'} missing, in a form that no candidate has"
@@ -85,7 +85,7 @@ def _noise(found: Findings) -> list[str]:
     """Return how the error compares with the noise of one reading."""
     problem = found.problem
     ratio = found.decision.over_floor
-    known = getattr(problem, "sigma_known", True)
+    known = not isinstance(problem, ModelProblem) or problem.sigma_known
     whose = "the noise that was given" if known else "the noise of a reading, measured from the scatter of neighbours"
     return [] if ratio > _NO_FLOOR else [f"what is left is {number(ratio)} times {whose}"]
 

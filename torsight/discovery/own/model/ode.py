@@ -48,6 +48,15 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Solver:
+    """Options of SciPy's ``solve_ivp``."""
+
+    method: str = "LSODA"
+    rtol: float = RTOL
+    max_step: float = np.inf
+
+
+@dataclass(frozen=True)
 class Ode:
     """``predict`` of a model that is a set of differential equations; made by :func:`ode`."""
 
@@ -58,9 +67,7 @@ class Ode:
     initial: Mapping[str, float | str]
     events: tuple[Event, ...] = ()
     time: str | None = None
-    method: str = "LSODA"
-    rtol: float = RTOL
-    max_step: float = np.inf
+    solver: Solver = Solver()
     compiled: bool = field(default=False)
 
     def __call__(self, p: Any, record: Record) -> Any:
@@ -103,7 +110,7 @@ class Ode:
 
         inputs = np.column_stack([column_of(record, name) for name in self.inputs] or [np.zeros(len(time))])
         try:
-            return integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.rtol)
+            return integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.solver.rtol)
         except NumbaError as error:
             lines = str(error).splitlines()
             # One "Failed in …" per function on the way; the reason comes after them.
@@ -137,12 +144,12 @@ class Ode:
                 rhs,
                 (begin, float(time[-1])),
                 at,
-                method=self.method,
+                method=self.solver.method,
                 t_eval=wanted,
                 events=functions or None,
-                rtol=self.rtol,
-                atol=_ATOL_SHARE * self.rtol,
-                max_step=self.max_step,
+                rtol=self.solver.rtol,
+                atol=_ATOL_SHARE * self.solver.rtol,
+                max_step=self.solver.max_step,
             )
             if found.status < 0:
                 reached = found.t[-1] if len(found.t) else begin
@@ -208,9 +215,7 @@ def ode(
     initial: Mapping[str, float | str] | None = None,
     events: Sequence[Event] = (),
     time: str | None = None,
-    method: str = "LSODA",
-    rtol: float = RTOL,
-    max_step: float = np.inf,
+    solver: Solver = Solver(),
 ) -> Ode:
     """Make a model's ``predict`` from differential equations.
 
@@ -234,8 +239,8 @@ def ode(
         Corners (an overflow, a stop) and jumps.
     time : str, optional
         Column of the time; as in ``model_problem``.
-    method, rtol, max_step
-        Of SciPy's ``solve_ivp``.
+    solver : Solver
+        Method, relative tolerance and longest step.
     """
     named = tuple(states)
     wanted = output if callable(output) else ((output,) if isinstance(output, str) else tuple(output))
@@ -248,4 +253,4 @@ def ode(
         raise InputError(
             "events need a right-hand side in plain Python", where="ode", do="leave off @njit or the events"
         )
-    return Ode(rhs, named, wanted, tuple(inputs), initial or {}, tuple(events), time, method, rtol, max_step, compiled)
+    return Ode(rhs, named, wanted, tuple(inputs), initial or {}, tuple(events), time, solver, compiled)
