@@ -49,8 +49,8 @@ _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_PINNED: Final = 1e-9
-"""Prior of what is known to be nought."""
+_PINNED: Final = 1e-5
+"""Prior of what is known to be nought: it makes less than a thousandth of a degree."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 
