@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import Unmoved, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness
+from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of
+from tracker.angle.row_time import Readout
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
 
 
@@ -39,27 +41,30 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         When the camera file is for another picture size, or its axis points away from the camera.
     """
     if camera is None:
-        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), pixel_aspect)
+        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), Readout.of(tracks), pixel_aspect)
     require_size(camera.intrinsics, tracks.size_px, where="the film")
     if camera.pose is not None:
         _check_pose(camera.pose)
+        readout = Readout.of(tracks)
         tracks = unmoved(tracks, camera.intrinsics).tracks
         plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
+        plane, rolling = _read_at_once(plane, readout)
         method = "camera file: rays met with each stick's plane"
-        found = from_plane(tracks, plane, position_mm=position_mm, method=method)
+        found = from_plane(tracks, plane, position_mm=position_mm, method=method, systematic_rad2=rolling.variance)
         tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
-        return found.with_report(tilt=tilt)
+        return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
     still = unmoved(tracks, camera.intrinsics)
-    tracks = still.tracks
+    readout, tracks = Readout.of(tracks), still.tracks
     try:
         axis = axis_in_picture(still.paths.position_px[:, 2:], tracks.covariance_px2[:, 2:], camera.intrinsics)
     except NoResultError:
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
-        return _without_camera(still, pixel_aspect, intrinsics=camera.intrinsics)
+        return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
+    plane, rolling = _read_at_once(plane, readout)
     open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
     method = "lens file, axis from the markers' own ellipses"
-    found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2)
+    found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2 + rolling.variance)
     error = float(np.sqrt(np.nanmean(open_rad2))) if np.isfinite(open_rad2).any() else np.nan
     tilt = {
         "known": error < KNOWN,
@@ -69,7 +74,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         "arc_deg": float(np.rad2deg(axis.arc_rad)),
         "error_it_can_make_deg": float(np.rad2deg(error)),
     }
-    return found.with_report(tilt=tilt)
+    return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
 
 
 def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> NDArray[np.float64]:
@@ -87,7 +92,7 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
         step = float(np.sqrt(max(size, 0.0))) * way
         change = angle(axis.direction + step) - angle(axis.direction - step)
         variance += (0.5 * np.angle(np.exp(1j * change))) ** 2
-    return variance
+    return _bridged(variance)
 
 
 def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -97,17 +102,16 @@ def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
 
 
-def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
+def _without_camera(
+    still: Unmoved, readout: Readout, pixel_aspect: float, *, intrinsics: Intrinsics | None = None
+) -> Orientation:
     """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
     flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
     paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (scaled(points, scale) for points in paths)
-    tilt = fit_tilt(inner[0], outer[0], inner[1], outer[1], half_px=0.5 * still.tracks.size_px[0])
-    plane = []
-    for points, covariance in flat:
-        seen, slopes = rectify(points, tilt.values)
-        plane.append((seen, _carried(covariance, slopes)))
+    tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
+    plane = _rectified(flat, tilt.values, readout, tilt.along)
     found = from_plane(
         still.tracks,
         plane,
@@ -115,9 +119,48 @@ def _without_camera(still: Unmoved, pixel_aspect: float, *, intrinsics: Intrinsi
         method="no camera file: the picture's plane, corrected for tilt"
         if tilt.known
         else "no camera file: the picture's plane, its tilt unknown",
-        systematic_rad2=_tilt_variance(flat, tilt),
+        systematic_rad2=_variance(flat, tilt, readout),
     )
-    return found.with_report(tilt=tilt.report())
+    return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
+
+
+def _rectified(flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int) -> list[Points]:
+    """Return the markers as they are seen from straight above, at the stamps of their frames."""
+    seen = [rectify(points, values) for points, _ in flat]
+    moving = readout.at_stamps([points for points, _ in seen[2:]], float(values[5]), along)
+    points = [seen[0][0], seen[1][0], *moving]
+    return [(at, _carried(own[1], by)) for at, own, (_, by) in zip(points, flat, seen, strict=True)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rolling:
+    """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it."""
+
+    variance: NDArray[np.float64]
+    report: dict[str, Any]
+
+
+def _read_at_once(plane: list[Points], readout: Readout) -> tuple[list[Points], _Rolling]:
+    """Return positions in a known plane without the delay of the rows, as far as the paths show one."""
+    px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
+    usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
+    if not usual > 0.0:
+        return plane, _Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
+    half = usual * 0.5 * readout.size_px[0]
+    flat = [(points / half, covariance / half**2) for points, covariance in plane]
+    tilt = fit_tilt(flat[2], flat[3], readout, half_px=0.5 * readout.size_px[0], known=True)
+    moving = readout.at_stamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
+    found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
+    return found, _Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
+
+
+def _length(offset: NDArray[np.float64], size: tuple[float, float] = (1.0, 1.0)) -> NDArray[np.float64]:
+    return np.asarray(np.hypot(offset[:, 0] * size[0], offset[:, 1] * size[1]))
+
+
+def _rolling_report(tilt: Tilt, readout: Readout) -> dict[str, Any]:
+    sigma = float(np.sqrt(tilt.covariance[5, 5]))
+    return readout.report(float(tilt.values[5]), sigma, tilt.along, shown=tilt.rolling)
 
 
 def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:
@@ -133,20 +176,25 @@ def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intri
     return [((points - middle) / half, covariance / half**2) for points, covariance in flat]
 
 
-def _tilt_variance(flat: list[Points], tilt: Tilt) -> NDArray[np.float64]:
-    """Return the variance of the angle by what is not known of the tilt."""
+def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> NDArray[np.float64]:
+    """Return the variance of the angle by what is not known of tilt and read-out."""
 
     def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _against_still([rectify(points, values)[0] for points, _ in flat])
+        return _against_still([points for points, _ in _rectified(flat, values, readout, tilt.along)])
 
-    slopes = []
-    for index in range(len(tilt.values)):
+    slopes = np.zeros((len(readout.time_s), len(tilt.values)))
+    for index in np.flatnonzero(np.diag(tilt.covariance) > 0.0):
         step = np.zeros(len(tilt.values))
         step[index] = 1e-4
         change = angle(tilt.values + step) - angle(tilt.values - step)
-        slopes.append(np.angle(np.exp(1j * change)) / 2e-4)
-    jacobian = np.stack(slopes, axis=1)
-    return np.asarray(np.einsum("ni,ij,nj->n", jacobian, tilt.covariance, jacobian), dtype=np.float64)
+        slopes[:, index] = np.angle(np.exp(1j * change)) / 2e-4
+    return _bridged(np.einsum("ni,ij,nj->n", slopes, tilt.covariance, slopes))
+
+
+def _bridged(variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a variance that follows the stick's direction, also of frames in which one marker alone is seen."""
+    known = np.flatnonzero(np.isfinite(variance))
+    return np.interp(np.arange(len(variance)), known, variance[known]) if len(known) else variance
 
 
 def _picture_plane(tracks: MarkerTracks, marker: int, pixel_aspect: float) -> Points:

@@ -12,11 +12,14 @@ what is not known is in the covariance.
 
 Nothing is taken out but what the motion tells: a tilt that is no larger than what is not known of it stays in, and in
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
+
+A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
+are three models, weighed by their evidence as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -26,9 +29,10 @@ from numpy.typing import NDArray
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, hanging_errors, spread_rows
-from tracker.follow.rotation_axis import circle_equations
+from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
 
 Floats = NDArray[np.float64]
+Points = tuple[Floats, Floats]
 
 _STRETCHES: Final = (0.0002, 0.003, 0.01, 0.03, 0.08)
 _BELIEF: Final = (0.02, 0.08, 0.25, 0.4, 0.25)
@@ -45,32 +49,39 @@ _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_RIDGE: Final = 1e-9
-"""Weight of circles of no size about the picture's middle, in frames: for paths that do not fix them."""
+_PINNED: Final = 1e-5
+"""Prior of what is known to be nought: it makes less than a thousandth of a degree."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilt:
-    """How the plane of motion lies in the picture.
+    """How the plane of motion lies in the picture, and how long the picture takes to be read.
 
     Attributes
     ----------
-    values : (5,) float64
-        e1, e2, l1, l2, k; lengths in units of half the picture's width, from its middle.
-    covariance : (5, 5) float64
+    values : (6,) float64
+        e1, e2, l1, l2, k; lengths in units of half the picture's width, from its middle. Then the share of the time
+        between two frames in which a picture is read, negative for backwards.
+    covariance : (6, 6) float64
         Their covariance, with the priors.
     arc_rad : float
         How much of a turn the paths cover.
     share : float
         How much of the tilt that explains the paths best is in ``values``: 1 where they tell it, 0 where they do not.
+    along : int
+        Along which axis of the picture it is read.
+    rolling : float
+        How far the paths show that it is not read at once, from 0 to 1.
     """
 
     values: Floats
     covariance: Floats
     arc_rad: float
     share: float
+    along: int = 0
+    rolling: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -95,49 +106,60 @@ class Tilt:
         }
 
 
-def fit_tilt(
-    inner: Floats, outer: Floats, covariance_inner: Floats, covariance_outer: Floats, *, half_px: float
-) -> Tilt:
-    """Fit the tilt to the paths of the moving stick's markers.
+def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, known: bool = False) -> Tilt:
+    """Fit the tilt and the read-out to the paths of the moving stick's markers.
 
     Parameters
     ----------
-    inner, outer : (n, 2) float64
-        Positions from the picture's middle in units of half its width, y up, square pixels; NaN where not known.
-    covariance_inner, covariance_outer : (n, 2, 2) float64
-        Their covariances.
+    inner, outer : (n, 2) and (n, 2, 2) float64
+        Positions from the picture's middle in units of half its width, y up, square pixels; NaN where not known. Their
+        covariances.
+    readout : Readout
+        When they are read.
     half_px : float
-        Half the picture's width in pixels.
+        Half the picture's width in pixels: the unit of the positions.
+    known : bool
+        Whether the positions are in the plane of motion as they are: then the read-out alone is fitted.
     """
-    known = np.asarray(np.isfinite(inner).all(axis=1) & np.isfinite(outer).all(axis=1), dtype=np.bool_)
-    stick = outer - inner
+    stick = outer[0] - inner[0]
+    seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
     direction = np.arctan2(stick[:, 1], stick[:, 0])
-    rows = spread_rows(direction, known)
-    turned = _turned(direction[known])
+    lead = readout.lead_rad(direction)
+    speed = np.abs(lead).max(axis=1, initial=0.0)
+    # The fast frames tell the read-out, the others what is alike at any speed.
+    rows = spread_rows(direction, seen, apart=speed > np.sqrt(np.mean(speed[seen] ** 2)) if seen.any() else None)
+    priors = [_prior(stretch) for stretch in _STRETCHES]
+    if known:
+        priors = [np.append(np.full(5, _PINNED), priors[0][5:])]
+    turned = _turned(direction[seen])
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
-        return _blended([(0.0, np.zeros(5), np.diag(_prior(stretch) ** 2)) for stretch in _STRETCHES], turned)
-    points = np.stack([inner[rows], outer[rows]], axis=1)
-    spread = np.stack([covariance_inner[rows], covariance_outer[rows]], axis=1)
-    paths = _Paths(points, 0.5 * np.trace(spread, axis1=2, axis2=3), direction[rows])
-    start = np.concatenate([np.zeros(5), _circles(points)])
-    start, paths = _without_far(paths, start)
-    found: list[tuple[float, Floats, Floats]] = []
+        nothing = [_Found(0.0, np.zeros(7), np.diag(prior**2)) for prior in priors]
+        return _blended([item.without(_READ) for item in nothing], turned)
+    points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
+    spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
+    paths = _Paths(points, 0.5 * np.trace(spread, axis1=2, axis2=3), direction[rows], lead[rows])
+    start = np.concatenate([np.zeros(7), _first_circles(points)])
+    start, paths = _without_far(paths, start, priors[-1])
+    found: list[_Found] = []
     weigh = paths.weighing(start, usual=USUAL_PX / half_px)
-    for stretch in _STRETCHES:
-        prior = _prior(stretch)
+    for prior in priors:
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
-        found.append((_evidence(covariance, chi_squared, prior), values[:5], covariance[:5, :5]))
+        found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
         start = values
-    return _blended(found, _arc(direction[rows]))
+    return _best_readout(found, _arc(direction[rows]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Paths:
-    """Both markers' positions (n, 2, 2), their variances (n, 2), and the stick's direction (n,)."""
+    """Both markers' positions (n, 2, 2), their variances (n, 2), the stick's direction (n,), and the outer one's lead.
+
+    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`.
+    """
 
     points: Floats
     variance: Floats
     direction_rad: Floats
+    lead_rad: Floats
 
     def misfit(self, values: Floats) -> Floats:
         """Return by how much both radii and the angle between are off (n, 3), in units of white noise.
@@ -145,15 +167,18 @@ class _Paths:
         The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
         """
         flat, slopes = rectify(self.points, values[:5])
-        away = flat - values[5:7]
+        away = flat - values[7:9]
         radius = np.hypot(away[..., 0], away[..., 1])
         angle = np.arctan2(away[..., 1], away[..., 0])
         outwards = away / radius[..., None]
         round_ = np.stack([-outwards[..., 1], outwards[..., 0]], axis=-1)
         deep, wide = (np.sum(_times(way, slopes) ** 2, axis=-1) * self.variance for way in (outwards, round_))
-        apart = np.angle(np.exp(1j * (angle[:, 1] - angle[:, 0] - values[9])))
+        # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
+        faster = np.linalg.det(slopes.mean(axis=1)) * _square(self.points) / _square(flat)
+        ahead = faster * (self.lead_rad @ values[5:7])
+        apart = np.angle(np.exp(1j * (angle[:, 1] - angle[:, 0] - values[11] - ahead)))
         across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[7:9]) / np.sqrt(deep), apart / across])
+        return np.column_stack([(radius - values[9:11]) / np.sqrt(deep), apart / across])
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
@@ -162,16 +187,20 @@ class _Paths:
         return lambda left: np.asarray(whiten @ left)
 
 
-def _without_far(paths: _Paths, start: Floats) -> tuple[Floats, _Paths]:
+def _square(points: Floats) -> Floats:
+    """Return the squared distance between both markers (n, 2, 2)."""
+    return np.asarray(np.sum((points[:, 1] - points[:, 0]) ** 2, axis=1))
+
+
+def _without_far(paths: _Paths, start: Floats, prior: Floats) -> tuple[Floats, _Paths]:
     """Return a first fit and the paths without frames that are far off it."""
-    prior = _prior(_STRETCHES[-1])
     values = start
     for _ in range(3):
         values, _, _ = _fit(paths, values, prior, lambda left: left)
         kept = near(paths.misfit(values))
         if kept.all() or kept.sum() < _FEWEST:
             break
-        paths = _Paths(paths.points[kept], paths.variance[kept], paths.direction_rad[kept])
+        paths = _Paths(paths.points[kept], paths.variance[kept], paths.direction_rad[kept], paths.lead_rad[kept])
     return values, paths
 
 
@@ -179,14 +208,14 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.misfit(values)).ravel(), values[:5] / prior])
+        return np.concatenate([weigh(paths.misfit(values)).ravel(), values[:7] / prior])
 
     return least_squares(residuals, start, enough=_ENOUGH)
 
 
 def _prior(stretch: float) -> Floats:
     perspective = _PERSPECTIVE * np.sqrt(stretch)
-    return np.array([stretch, stretch, perspective, perspective, _BENDING])
+    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR])
 
 
 def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
@@ -196,18 +225,76 @@ def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
     return 0.5 * volume - 0.5 * chi_squared - float(np.sum(np.log(prior)))
 
 
-def _blended(found: list[tuple[float, Floats, Floats]], arc_rad: float) -> Tilt:
+_READ: Final = (5, 6)
+"""Places of both read-outs among the values."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What one model says: its evidence (a logarithm), its values (p,), and their covariance."""
+
+    evidence: float
+    values: Floats
+    covariance: Floats
+
+    def without(self, places: Sequence[int]) -> _Found:
+        """Return what the model says where these read-outs are nought, in the others' order (Savage and Dickey)."""
+        out = list(places)
+        kept = [place for place in range(len(self.values)) if place not in out]
+        between = self.covariance[np.ix_(kept, out)]
+        own = self.covariance[np.ix_(out, out)]
+        back = np.linalg.solve(own, np.column_stack([self.values[out], between.T]))
+        evidence = self.evidence - 0.5 * float(self.values[out] @ back[:, 0] + np.linalg.slogdet(own)[1])
+        return _Found(
+            evidence + len(out) * float(np.log(SHARE_PRIOR)),
+            self.values[kept] - between @ back[:, 0],
+            self.covariance[np.ix_(kept, kept)] - between @ back[:, 1:],
+        )
+
+
+def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
+    """Return the tilt with the read-out that explains the paths best: along x, along y, or none."""
+    none = [item.without(_READ) for item in found]
+    rolling = [[item.without([place]) for item in found] for place in _READ[::-1]]
+    evidence = np.array([_total(items) for items in (none, *rolling)])
+    belief = np.exp(evidence - evidence.max())
+    belief /= belief.sum()
+    along = int(np.argmax(belief[1:]))
+    # Even odds are none.
+    shown = max(0.0, 2.0 * float(belief[1 + along]) - 1.0)
+    return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
+
+
+def _weights(found: list[_Found]) -> Floats:
+    """Return the logarithm of evidence and belief of each prior of the stretch."""
+    belief = np.log(_BELIEF) if len(found) == len(_BELIEF) else np.zeros(len(found))
+    return np.asarray(np.array([item.evidence for item in found]) + belief)
+
+
+def _total(found: list[_Found]) -> float:
+    """Return the logarithm of the evidence of all together."""
+    weight = _weights(found)
+    return float(weight.max() + np.log(np.sum(np.exp(weight - weight.max()))))
+
+
+def _blended(
+    none: list[_Found], arc_rad: float, rolling: Sequence[_Found] = (), *, along: int = 0, shown: float = 0.0
+) -> Tilt:
     """Return what all priors say together, each by its evidence, as far as the motion tells it."""
-    evidence = np.array([item[0] for item in found]) + np.log(_BELIEF)
-    weight = np.exp(evidence - evidence.max())
-    weight /= weight.sum()
-    values = sum((w * item[1] for w, item in zip(weight, found, strict=True)), np.zeros(5))
-    covariance = np.zeros((5, 5))
-    for w, (_, own, spread) in zip(weight, found, strict=True):
+    parts: list[tuple[float, Floats, Floats]] = []
+    for items, part in ((list(none), 1.0 - shown), (list(rolling), shown)):
+        weight = _weights(items) if items else np.zeros(0)
+        weight = part * np.exp(weight - _total(items)) if items else weight
+        for w, item in zip(weight.tolist(), items, strict=True):
+            missing = 6 - len(item.values)
+            parts.append((w, np.pad(item.values, (0, missing)), np.pad(item.covariance, (0, missing))))
+    values = sum((w * own for w, own, _ in parts), np.zeros(6))
+    covariance = np.zeros((6, 6))
+    for w, own, spread in parts:
         covariance += w * (spread + np.outer(own - values, own - values))
     share = _told(values[:2], covariance[:2, :2])
-    left = (1.0 - share) * values
-    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share)
+    left = (1.0 - share) * np.append(values[:5], 0.0)
+    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share, along, shown)
 
 
 def _told(stretch: Floats, covariance: Floats) -> float:
@@ -223,7 +310,7 @@ def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 
     Also the derivatives (..., 2, 2).
     """
-    e1, e2, l1, l2, k = values
+    e1, e2, l1, l2, k = values[:5]
     x, y = points[..., 0], points[..., 1]
     bend = 1.0 + k * (x * x + y * y)
     u, v = x * bend, y * bend
@@ -243,14 +330,11 @@ def _times(rows: Floats, matrices: Floats) -> Floats:
     return rows[..., :1] * matrices[..., 0, :] + rows[..., 1:] * matrices[..., 1, :]
 
 
-def _circles(points: Floats) -> Floats:
+def _first_circles(points: Floats) -> Floats:
     """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
-    stick = points[:, 1] - points[:, 0]
-    normal, right = circle_equations(points, np.arctan2(stick[:, 1], stick[:, 0]))
-    found = np.linalg.solve(normal + _RIDGE * np.eye(6), right)
-    arms = found[2:].reshape(2, 2)
+    centre, arms = circles(points)
     angles = np.arctan2(arms[:, 1], arms[:, 0])
-    return np.concatenate([found[:2], np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])
+    return np.concatenate([centre, np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])
 
 
 def _turned(direction_rad: Floats) -> float:

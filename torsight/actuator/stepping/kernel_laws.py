@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.decorators import compiled, inlined
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]

@@ -21,7 +21,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.decorators import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,
@@ -45,6 +44,7 @@ from torsight.actuator.stepping.kernel_laws import (
     table_and_slope,
     window_place,
 )
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 

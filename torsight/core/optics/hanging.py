@@ -104,12 +104,19 @@ def hanging_errors(
     return max(likely, key=lambda errors: (errors.white * errors.ratio) ** 2 * errors.length_rad)
 
 
-def spread_rows(direction_rad: Floats, known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return rows that are known, spread evenly over the stick's directions: a rest tells nothing new."""
+def spread_rows(
+    direction_rad: Floats, known: NDArray[np.bool_], *, apart: NDArray[np.bool_] | None = None
+) -> NDArray[np.intp]:
+    """Return rows that are known, spread evenly over the stick's directions: a rest tells nothing new.
+
+    Rows for which ``apart`` (n,) differs are told apart as those of unlike directions are.
+    """
     rows = np.flatnonzero(known)
     if len(rows) <= _MOST_ROWS:
         return rows
     bins = np.floor((direction_rad[rows] % (2.0 * np.pi)) / _BIN_RAD).astype(np.int64)
+    if apart is not None:
+        bins = 2 * bins + apart[rows]
     order = np.argsort(bins, kind="stable")
     first = np.searchsorted(bins[order], bins[order])
     count = np.bincount(bins)[bins[order]]

@@ -1,0 +1,113 @@
+"""A rolling shutter is found from the markers' paths and taken out; where there is none nothing changes.
+
+Every marker is projected at the instant at which its own row is read, found by iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from films import Rig
+from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
+
+from torsight.core.tracks import MarkerTracks
+from tracker.angle.orient import orient
+
+ROW_S = 15e-3 / 640
+"""15 ms for the picture's width, of the 16.7 ms from one frame to the next."""
+
+
+def swinging(time_s: np.ndarray) -> np.ndarray:
+    return 60.0 + 100.0 * (np.cos(2.0 * time_s) - 1.0) + 12.0 * np.sin(5.0 * time_s)
+
+
+SWINGS = replace(TILTED, angle_deg=swinging)
+STRAIGHT = replace(SWINGS, tilt_deg=(0.0, 0.0), k1=0.0)
+
+
+def rolled(rig: Rig, row_s: float, *, along: int, backwards: bool = False, seed: int = 0) -> MarkerTracks:
+    """Return tracks of a picture that is read from the left (along 0) or the top (1), or from the other side."""
+    last = rig.size[along] - 1
+    position = np.array([rig.marker_px(angle) for angle in rig.truth_deg])
+    for _ in range(6):
+        row = last - position[:, 2:, along] if backwards else position[:, 2:, along]
+        angle = rig.angle_deg(rig.times[:, None] + row * row_s)
+        for marker in (0, 1):
+            position[:, 2 + marker] = [rig.marker_px(float(a))[2 + marker] for a in angle[:, marker]]
+    noise = np.random.default_rng(seed).normal(0.0, SIGMA_PX, position.shape)
+    return replace(tracks_of(rig), position_px=position + noise)
+
+
+@pytest.mark.parametrize("camera", ["none", "lens", "pose"])
+@pytest.mark.parametrize(("along", "onwards"), [(0, "right"), (0, "left"), (1, "down")])
+def test_it_is_found_and_taken_out(tmp_path: Path, camera: str, along: int, onwards: str) -> None:
+    tracks = rolled(SWINGS, ROW_S, along=along, backwards=onwards == "left")
+    found = orient(tracks, None if camera == "none" else camera_of(SWINGS, tmp_path, pose=camera == "pose"))
+    told = found.report["rolling_shutter"]
+    assert told["rows_follow"] == onwards
+    low, high = told["row_time_ci95_us"]
+    # Three standard deviations, and they are small.
+    assert abs(told["row_time_us"] - 1e6 * ROW_S) < 1.5 * (0.5 * (high - low))
+    assert high - low < 0.2e6 * ROW_S
+    error = np.rad2deg(found.angles.angle_rad) - SWINGS.truth_deg
+    ratio = error / np.rad2deg(found.angles.sigma_rad)
+    # The read-out's own error is alike in all frames and may be small: the sigma holds it then, too.
+    assert 0.5 < np.sqrt(np.mean(ratio**2)) < 1.4
+    assert np.sqrt(np.mean(error**2)) < 2.25 * np.rad2deg(np.sqrt(2.0) * SIGMA_PX / 70.0)
+
+
+def test_left_in_it_would_be_the_largest_error() -> None:
+    tracks = rolled(STRAIGHT, ROW_S, along=0)
+    stick = tracks.position_px[:, 3] - tracks.position_px[:, 2]
+    base = np.mean(tracks.position_px[:, 1] - tracks.position_px[:, 0], axis=0)
+    plain = np.rad2deg(np.arctan2(-stick[:, 1], stick[:, 0]) - np.arctan2(-base[1], base[0]))
+    error = (plain - STRAIGHT.truth_deg + 180.0) % 360.0 - 180.0
+    # Half a picture's read-out at 200 degrees per second.
+    assert np.abs(error).max() > 1.0
+
+
+@pytest.mark.parametrize("rig", [STRAIGHT, SWINGS], ids=["straight", "tilted"])
+def test_a_film_without_it_is_left_as_it_is(rig: Rig) -> None:
+    for seed in range(12):
+        found = orient(tracks_of(rig, seed=seed), None)
+        told = found.report["rolling_shutter"]
+        assert not told["known"]
+        assert told["share_taken_out"] == 0.0
+        check(rig, found.angles, factor=1.3)
+
+
+@pytest.mark.parametrize("along", [0, 1])
+@pytest.mark.parametrize(
+    "wave", [(70.0, 0.0, 1.0), (0.0, 4.0, 3.0), (0.0, 25.0, 0.4)], ids=["one way", "small", "slow"]
+)
+def test_motion_that_tells_it_less_well(along: int, wave: tuple[float, float, float]) -> None:
+    speed, size, often = wave
+    rig = replace(STRAIGHT, angle_deg=lambda t: 80.0 + speed * t + size * np.sin(often * t))
+    found = orient(rolled(rig, 0.7 * ROW_S, along=along), None)
+    error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+    # What is left is in the sigma, but for a delay that all rows have in common: the film's clock has that.
+    basis = np.stack([np.ones_like(error), np.gradient(rig.truth_deg, rig.times)], axis=1)
+    left = error - basis @ np.linalg.lstsq(basis, error, rcond=None)[0]
+    assert np.sqrt(np.mean(left**2)) < 1.2 * np.rad2deg(np.sqrt(2.0) * SIGMA_PX / 70.0) * 1.5
+    ratio = error / np.rad2deg(found.angles.sigma_rad)
+    assert np.sqrt(np.mean(ratio**2)) < 1.4
+    told = found.report["rolling_shutter"]
+    if told["known"]:
+        low, high = told["row_time_ci95_us"]
+        assert abs(told["row_time_us"] - 0.7e6 * ROW_S) < 0.75 * (high - low)
+
+
+def test_frames_with_one_marker_and_none_are_corrected_too() -> None:
+    tracks = rolled(STRAIGHT, ROW_S, along=0)
+    position, valid = tracks.position_px.copy(), tracks.valid.copy()
+    position[100:104, 3] = position[200:203, 2:] = np.nan
+    valid[100:104, 3] = valid[200:203, 2:] = False
+    angles = orient(replace(tracks, position_px=position, valid=valid), None).angles
+    error = np.rad2deg(angles.angle_rad) - STRAIGHT.truth_deg
+    assert np.flatnonzero(~angles.valid).tolist() == [200, 201, 202]
+    ratio = error / np.rad2deg(angles.sigma_rad)
+    assert np.abs(ratio[100:104]).max() < 4.0
+    assert np.abs(ratio[[199, 203]]).max() < 4.0

@@ -1,0 +1,134 @@
+"""Rolling shutter: each row of the picture shows a later instant than the row before it.
+
+A marker at row y is seen where it is at t + y τ, with τ the time of a row. It stays on its circle, but is further along
+it by its speed times the delay. So the angle between both markers, as seen from the axis, changes in proportion to the
+speed and with its sign, which no tilt and no lens does. :mod:`tracker.angle.tilt` fits that along with the tilt; here
+is what it needs from the frames, and what takes the delay out of the markers' places once it is known.
+
+Rows may lie along either side of the picture as displayed (a phone held upright stores rows that are shown as columns).
+The stamp of a frame is taken for that of the row read first, as Android's camera interface defines it
+(``SENSOR_TIMESTAMP``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.tracks import MarkerTracks
+from tracker.follow.rotation_axis import circle_equations
+
+Floats = NDArray[np.float64]
+
+SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)
+"""Prior of the share of the time between two frames in which a picture is read: that of anything from −1 to 1."""
+_RIDGE: Final = 1e-9
+"""Weight of circles of no size about the origin, in frames: for paths that do not fix them."""
+_ONWARDS: Final = (("right", "left"), ("down", "up"))
+_95: Final = 1.96
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readout:
+    """When the moving markers of each frame are read, in parts of the time in which a picture is.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Stamps of the frames.
+    frame_s : float
+        Usual time from one frame to the next.
+    place : (n, 2, 2) float64
+        Inner and outer marker's x over the picture's width and y over its height; NaN where not seen.
+    size_px : (int, int)
+        Width and height.
+    """
+
+    time_s: Floats
+    frame_s: float
+    place: Floats
+    size_px: tuple[int, int]
+
+    @classmethod
+    def of(cls, tracks: MarkerTracks) -> Readout:
+        """Return it for a film."""
+        frame_s = float(np.median(np.diff(tracks.time_s))) if len(tracks) > 1 else 0.0
+        return cls(tracks.time_s, frame_s, tracks.position_px[:, 2:] / np.array(tracks.size_px), tracks.size_px)
+
+    def delay_s(self, share: float, along: int) -> Floats:
+        """Return how long after its frame's stamp each marker is read (n, 2).
+
+        ``share`` of the time between frames is the read-out's, along x (0) or y (1), backwards where it is negative.
+        """
+        return np.asarray(self.frame_s * share * (self.place[..., along] - (share < 0.0)))
+
+    def lead_rad(self, direction_rad: Floats) -> Floats:
+        """Return by how much the outer marker is ahead (n, 2) where a read-out along x, or y, takes all the time."""
+        rate, _ = turning(self.time_s, direction_rad)
+        return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
+
+    def at_stamps(self, points: Sequence[Floats], share: float, along: int) -> list[Floats]:
+        """Return the moving markers, each (n, 2) in a plane across the axis, as they are at their frames' stamps."""
+        inner, outer = points
+        if share == 0.0:
+            return [inner, outer]
+        delay_s = self.delay_s(share, along)
+        stick = outer - inner
+        # A marker that is seen alone goes around as the stick does in the frames around it.
+        read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)
+        rate, change = turning(read_s, np.arctan2(stick[:, 1], stick[:, 0]))
+        back = -rate[:, None] * delay_s + 0.5 * change[:, None] * delay_s**2
+        centre = circles(np.stack(points, axis=1))[0]
+        return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
+
+    def report(self, share: float, sigma: float, along: int, *, shown: float) -> dict[str, Any]:
+        """Return what ``track.json`` says of it: ``shown`` is how much of it the film shows, from 0 to 1."""
+        told: dict[str, Any] = {"known": shown > 0.5, "share_taken_out": shown}
+        if told["known"]:
+            row_us = 1e6 * self.frame_s / self.size_px[along]
+            told |= {
+                "rows_follow": _ONWARDS[along][share < 0.0],
+                "row_time_us": row_us * abs(share),
+                "row_time_ci95_us": [row_us * (abs(share) - _95 * sigma), row_us * (abs(share) + _95 * sigma)],
+                "read_out_ms": 1e3 * self.frame_s * abs(share),
+            }
+        return told
+
+
+def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
+    """Return how fast a direction turns, rad/s, and how fast that changes, rad/s²: parabolas through three frames.
+
+    ``direction_rad`` (n,) is NaN where it is not known; there the rate is that between the frames around.
+    """
+    known = np.flatnonzero(np.isfinite(direction_rad))
+    if len(known) < 3:
+        return np.zeros(len(time_s)), np.zeros(len(time_s))
+    step = np.diff(time_s[known])
+    slope = np.diff(np.unwrap(direction_rad[known])) / step
+    span = step[1:] + step[:-1]
+    change = np.pad(2.0 * np.diff(slope) / span, 1, mode="edge")
+    inside = (slope[:-1] * step[1:] + slope[1:] * step[:-1]) / span
+    first, last = slope[0] - 0.5 * change[0] * step[0], slope[-1] + 0.5 * change[-1] * step[-1]
+    rate = np.concatenate([[first], inside, [last]])
+    index = np.arange(len(time_s))
+    return np.interp(index, known, rate), np.interp(index, known, change)
+
+
+def circles(points: Floats) -> tuple[Floats, Floats]:
+    """Return the common centre (2,) and both arms (2, 2) of markers (n, 2, 2) that go around circles; NaN: not seen."""
+    points = points[np.isfinite(points).all(axis=(1, 2))]
+    stick = points[:, 1] - points[:, 0]
+    normal, right = circle_equations(points, np.arctan2(stick[:, 1], stick[:, 0]))
+    found = np.linalg.solve(normal + _RIDGE * np.eye(6), right)
+    return np.asarray(found[:2]), np.asarray(found[2:]).reshape(2, 2)
+
+
+def _turned(points: Floats, angle_rad: Floats) -> Floats:
+    """Return points (n, 2) turned counter-clockwise, each by its angle."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = points.T
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
