@@ -15,6 +15,7 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer.laws import asked_beyond
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quicken import quickened
@@ -90,7 +91,9 @@ def _search(
     # Points that were only looked at may lie outside of what the model can do.
     looked, before = len(evaluator.failures), evaluator.failed
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+    chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    notes += asked_beyond(problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values, chosen.members)
     # What the findings show of other sets is predicted while the processes are there.
     findings = Findings(problem, found, settings=settings or Settings())
     _ = findings.best_fits, findings.parameters

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from torsight.core.compiled import njit
 from torsight.discovery.own.model.compiling import compiled
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import by_name

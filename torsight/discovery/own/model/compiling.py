@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from numba import njit, types
+from numba import types
 from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import signature
 from numba.extending import (
@@ -25,6 +25,7 @@ from numba.extending import (
     unbox,
 )
 
+from torsight.core.compiled import njit
 from torsight.discovery.own.model.values import Curve
 
 
