@@ -15,10 +15,10 @@ from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import asked_beyond
+from torsight.discovery.own.compiled.quicken import quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
-from torsight.discovery.own.model.quicken import quickened
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings

@@ -20,7 +20,7 @@ from torsight.discovery.own.model import given
 from torsight.discovery.own.records import Record, column_of, time_of
 
 if TYPE_CHECKING:
-    from torsight.discovery.own.model.compiled_ode import Stepper
+    from torsight.discovery.own.compiled.stepper import Stepper
 
 Array = NDArray[np.float64]
 
@@ -156,7 +156,7 @@ class Ode:
         CannotCompileError
             Where one of the functions cannot be.
         """
-        from torsight.discovery.own.model.compiled_ode import stepper_of
+        from torsight.discovery.own.compiled.stepper import stepper_of
 
         events = [(one.when, one.then, one.direction) for one in self.events]
         return replace(self, stepper=stepper_of(self.rhs, events))

@@ -47,7 +47,7 @@ def quickened(problem: ModelProblem) -> ModelProblem:
 
 
 def _compiled(predict: Predict) -> Predict | None:
-    from torsight.discovery.own.model.compiling import CannotCompileError, compiled
+    from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 
     try:
         if not isinstance(predict, Ode):
