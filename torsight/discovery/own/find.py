@@ -53,7 +53,8 @@ def find_missing(
     seed : int
         Kept with the answer; nothing here is drawn.
     processes : bool, optional
-        Call a model of ``model_problem`` in processes; without it where that pays.
+        Call a model of ``model_problem`` in processes, or in none. Without it, where that pays, it is compiled if numba
+        can do that, else called in processes.
     progress : Progress
         Told how far the work is.
 
