@@ -14,7 +14,7 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
-from torsight.discovery.own.answer.laws import asked_beyond
+from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.compiled.quicken import quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem
@@ -97,7 +97,9 @@ def _search(
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
     chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
-    notes += asked_beyond(problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values, chosen.members)
+    extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
+    curves = extended.curves(values, chosen.members)
+    notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
     # What the findings show of other sets is predicted while the processes are there.
     findings = Findings(problem, found, settings=settings or Settings())
     _ = findings.best_fits, findings.parameters
