@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
-from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def _compiled(predict: Predict) -> Predict | None:
     try:
         if not isinstance(predict, Ode):
             return CompiledPredict(predict, compiled(predict))
-        return predict.compiled() if predict.stepper is None and predict.solver.any_method else None
+        return predict.compiled() if predict.stepper is None and predict.solver.method == Solver.method else None
     except CannotCompileError:
         return None
 

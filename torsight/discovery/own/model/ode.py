@@ -78,7 +78,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Solver:
-    """Options of SciPy's ``solve_ivp``; a model that needs a certain method is not compiled by the search."""
+    """Options of SciPy's ``solve_ivp``; a model for which another method is named is not compiled by the search."""
 
     method: str = "LSODA"
     rtol: float = RTOL
@@ -92,11 +92,6 @@ class Solver:
             )
         given.number(self.rtol, "Solver, rtol", positive=True)
         given.number(self.max_step, "Solver, max_step", positive=True, finite=False)
-
-    @property
-    def any_method(self) -> bool:
-        """Whether the method is the usual one, in the place of which another may do as well."""
-        return self.method == "LSODA"
 
 
 @dataclass(frozen=True)
