@@ -15,8 +15,10 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer.laws import asked_beyond
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.quicken import quickened
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings
@@ -68,8 +70,9 @@ def find_missing(
         if not isinstance(problem, ModelProblem):
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
-        with problem.evaluator.processes(wanted=processes):
-            made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        asked = quickened(problem) if processes is None else problem
+        with problem.evaluator.processes(wanted=processes if asked is problem else False):
+            made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 
@@ -88,7 +91,9 @@ def _search(
     # Points that were only looked at may lie outside of what the model can do.
     looked, before = len(evaluator.failures), evaluator.failed
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+    chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    notes += asked_beyond(problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values, chosen.members)
     # What the findings show of other sets is predicted while the processes are there.
     findings = Findings(problem, found, settings=settings or Settings())
     _ = findings.best_fits, findings.parameters

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
+from torsight.discovery.own.model.evaluate import code_of
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -121,9 +122,8 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]
 
 
 def _name(problem: ModelProblem) -> str:
-    code = getattr(problem.model.predict, "__code__", None)
-    name = getattr(problem.model.predict, "__name__", "predict")
-    return name if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {name}"
+    code = code_of(problem.model.predict)
+    return "predict" if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {code.co_name}"
 
 
 def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:
