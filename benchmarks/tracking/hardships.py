@@ -77,7 +77,7 @@ def films(seed: int, frames: int) -> list[Film]:
         replace(one, name="motion blur, half a frame", exposure=0.5),
         replace(one, name="motion blur, whole frame", exposure=0.95),
         replace(
-            slow,
+            one,
             name="dark, noisy and smeared",
             stick=36.0,
             dot=9.0,
@@ -86,6 +86,9 @@ def films(seed: int, frames: int) -> list[Film]:
             noise=5.5,
             exposure=0.95,
         ),
+        replace(one, name="rolling shutter, camera file", row_s=15e-3 / 480),
+        replace(one, name="rolling shutter, no camera", row_s=15e-3 / 480, camera=False),
+        replace(one, name="rolling shutter, held upright", row_s=15e-3 / 640, read_along=0, camera=False),
         replace(one, name="frames dropped, 15 %", drop=0.15),
         replace(one, name="variable frame rate", jitter=1.0),
         replace(one, name="light dots on dark sticks", given=False, **dark),
