@@ -2,7 +2,7 @@
 # make test : everything that checks the project
 # make docs : the pages of docs/ into docs/_build/
 # make dist : wheel and sdist into dist/, each tried in a new environment outside of this tree
-.PHONY: demo test lint docs dist clean
+.PHONY: demo test lint compiled docs dist clean
 .DEFAULT_GOAL := demo
 
 VENV := .venv
@@ -36,7 +36,11 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
+compiled: $(VENV)/.installed-dev
+	$(BIN)/python tests/compile_ahead.py
+
+test: $(VENV)/.installed-dev
+	$(MAKE) --no-print-directory -j 2 lint compiled
 	$(BIN)/python -m pytest
 
 docs: $(VENV)/.installed-docs

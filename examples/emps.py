@@ -24,6 +24,7 @@ from scipy.signal import butter, decimate, filtfilt
 from torsight.discovery import (
     Findings,
     LinearProblem,
+    Reading,
     find_missing,
     law,
     linear_problem,
@@ -146,10 +147,10 @@ def measure_friction(drive: Drive) -> Findings:
         drive_force,
         table_of(drive),
         [parameter(name, start) for name, start in starts.items()],
+        [law("friction_n", driver="speed", unit="N", driver_unit="m/s")],
         output="force_n",
-        blocks="stroke",
         drivers=[],
-        laws=[law("friction_n", driver="speed", unit="N", driver_unit="m/s")],
+        reading=Reading(blocks="stroke"),
     )
     return find_missing(problem)
 

@@ -3,7 +3,7 @@
 A carriage on a screw: force = mass · acceleration + viscous · speed + coulomb · sign(speed) + offset. The carriage of
 this script also has a friction that changes along the screw, which its model lacks. Candidates are named with the
 columns that they would add; the engine says which one is missing and by how much the prediction of unseen strokes
-improves. For a model that is not linear in its parameters see ``torsight.discovery.interface.Problem``.
+improves. For a model that is not linear in its parameters see ``torsight.discovery.model_problem``.
 
 Run: python examples/own_model.py
 """

@@ -40,7 +40,7 @@ CANDIDATES = [
         parameter("soon_mpa", 80.0, unit="MPa", lower=10.0, upper=1000.0),
     ),
 ]
-LAWS = [law("more_pct", driver="stress", unit="%", driver_unit="MPa")]
+MORE = law("more_pct", driver="stress", unit="%", driver_unit="MPa")
 
 
 def read_loop(path: Path) -> dict[str, Array]:
@@ -78,9 +78,8 @@ def discover(folder: Path, candidates: Sequence[Candidate] = tuple(CANDIDATES)) 
         predict,
         loops,
         PARAMETERS,
-        candidates,
+        [*candidates, MORE],
         output="strain_pct",
-        laws=LAWS,
         initial=["hot_pct"],
         drivers=[],
     )

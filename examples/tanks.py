@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from torsight.discovery import Findings, candidate, find_missing, model_problem, parameter
+from torsight.discovery import Findings, Reading, candidate, find_missing, model_problem, parameter
 
 Array = NDArray[np.float64]
 TRUE = {"gain": 0.042, "upper": 0.055, "lower": 0.06, "spill": 0.3, "rim_cm": 10.0}
@@ -78,7 +78,10 @@ def record_of(*, seed: int = 3, rows: int = 480) -> dict[str, Array]:
 
 def main() -> Findings:
     """Print what is missing, and how a later record is predicted."""
-    problem = model_problem(predict, record_of(), parameters, candidates, output=output, initial=initial, sigma=sigma)
+    reading = Reading(sigma=sigma)
+    problem = model_problem(
+        predict, record_of(), parameters, candidates, output=output, initial=initial, reading=reading
+    )
     found = find_missing(problem)
     print(found)
     later = record_of(seed=8)

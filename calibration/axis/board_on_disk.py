@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.axis.axis_pose import AxisPose
 from calibration.boards.board_file import Board
 from calibration.views.detect import View
 from torsight.core.errors import InputError, NoResultError
@@ -23,6 +24,7 @@ from torsight.core.optics.camera import Intrinsics, Pose
 from torsight.core.optics.circles import axis_basis
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.threads import one_thread
+from torsight.core.words.wording import number
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +34,8 @@ _LARGEST_ERROR_PX: Final = 1.5
 """A camera that fits gives a tenth of it; a changed focus or another zoom gives many."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DiskPose:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DiskPose(AxisPose):
     """The rotation axis as a board on the disk shows it.
 
     Attributes
@@ -61,6 +63,16 @@ class DiskPose:
     error_px: float
     turned_deg: tuple[float, ...]
     wobble_deg: float
+
+    def facts(self) -> dict[str, str]:
+        """Return tilt, place, error and the disk's turns."""
+        return {
+            "tilt": f"{self.tilt_deg:.2f}° ± {self.direction_sigma_deg:.2f}°",
+            "place": f"± {number(self.place_sigma_mm)} mm" if self.place_sigma_mm else "as axis_mm says",
+            "error": f"{number(self.error_px)} px",
+            "turned": ", ".join(f"{turn:.1f}°" for turn in self.turned_deg),
+            "wobble": f"{self.wobble_deg:.2f}°",
+        }
 
 
 def pose_on_disk(

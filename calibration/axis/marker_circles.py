@@ -10,12 +10,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.axis.axis_pose import AxisPose
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_table
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Pose
+from torsight.core.words.wording import number
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +28,8 @@ _WORST_MISFIT: Final = 5.0
 """Paths that are further from circles, in the markers' own sigmas, have another cause than noise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CirclesPose:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CirclesPose(AxisPose):
     """The rotation axis as the moving stick's markers show it.
 
     Attributes
@@ -43,6 +45,15 @@ class CirclesPose:
     pose: Pose
     axis: Axis
     notes: tuple[str, ...]
+
+    def facts(self) -> dict[str, str]:
+        """Return tilt, how far the stick turned, how well the circles fit, and the notes."""
+        tilt_deg, sigma_deg, turned_deg = np.degrees(
+            [self.axis.tilt_rad, self.axis.direction_sigma_rad, self.axis.arc_rad]
+        )
+        facts = {"tilt": f"{tilt_deg:.2f}° ± {sigma_deg:.2f}°", "turned": f"{turned_deg:.0f}°"}
+        facts["misfit"] = f"{number(self.axis.misfit)} times the markers' sigmas"
+        return facts | {f"note {i + 1}": note for i, note in enumerate(self.notes)}
 
     def account(self, path: Path) -> dict[str, Any]:
         """Return the table ``[calibration.axis]``."""

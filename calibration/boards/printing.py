@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from scipy.constants import inch, milli
@@ -18,6 +18,7 @@ from calibration.boards.board_file import Board
 from torsight.core.errors import ConfigError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import atomic_path
+from torsight.core.words.shown import Shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,13 +92,45 @@ class Text:
     words: str
 
 
-@dataclass(frozen=True, slots=True)
-class Drawing:
+@dataclass(frozen=True, slots=True, repr=False)
+class Drawing(Shown):
     """A page with what is on it."""
 
     page_mm: tuple[float, float]
     rectangles: tuple[Rectangle, ...]
     texts: tuple[Text, ...]
+
+    def facts(self) -> dict[str, str]:
+        """Return the page's size, how much is on it, and its words."""
+        words = "; ".join(item.words for item in self.texts)
+        return {
+            "page": f"{self.page_mm[0]:g} × {self.page_mm[1]:g} mm",
+            "black": f"{len(self.rectangles)} rectangles",
+            "words": words,
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        """Return one row per rectangle."""
+        names = ("x_mm", "y_mm", "width_mm", "height_mm")
+        return {name: [getattr(item, name) for item in self.rectangles] for name in names}
+
+    def _draw(self, axes: Any) -> None:
+        self.paint(axes)
+        axes.set(xlim=(0.0, self.page_mm[0]), ylim=(self.page_mm[1], 0.0))
+        axes.set(xlabel="across the page, mm", ylabel="down the page, mm", aspect="equal")
+
+    def paint(self, axes: Any) -> None:
+        """Draw what is on the page, one unit of the axes a millimetre."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path as Outline
+
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+        places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in self.rectangles]
+        codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
+        # One outline: between two shapes that touch no seam shows. And to scale, not moved to whole pixels.
+        axes.add_patch(PathPatch(Outline(np.concatenate(places), codes), facecolor="black", linewidth=0.0, snap=False))
+        for item in self.texts:
+            axes.text(item.x_mm, item.y_mm, item.words, size=LAYOUT.text_mm * _POINTS_PER_MM)
 
 
 def draw_board(board: Board, *, page: str = "a4") -> Drawing:
@@ -190,8 +223,6 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
 def _page(drawing: Drawing, *, dpi: float) -> Figure:
     """Return the page as a figure of whole pixels, one unit of its axes a millimetre."""
     from matplotlib.figure import Figure
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
 
     size_px = np.round(np.array(drawing.page_mm) / _MM_PER_INCH * dpi)
     figure = Figure(figsize=tuple(size_px / dpi), dpi=dpi, facecolor="white")
@@ -199,13 +230,7 @@ def _page(drawing: Drawing, *, dpi: float) -> Figure:
     width_mm, height_mm = size_px / dpi * _MM_PER_INCH
     axes.set(xlim=(0.0, width_mm), ylim=(height_mm, 0.0))
     axes.axis("off")
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
-    places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in drawing.rectangles]
-    codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
-    # One outline: between two shapes that touch no seam shows. And to scale, not moved to whole pixels.
-    axes.add_patch(PathPatch(Outline(np.concatenate(places), codes), facecolor="black", linewidth=0.0, snap=False))
-    for item in drawing.texts:
-        axes.text(item.x_mm, item.y_mm, item.words, size=LAYOUT.text_mm * _POINTS_PER_MM)
+    drawing.paint(axes)
     return figure
 
 

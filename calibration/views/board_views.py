@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
+from torsight.core.words.shown import Shown
 
 _BLURRED: Final = 1.5
 """Frames whose edges are so many times as wide as those of the sharpest fifth are passed over."""
@@ -49,8 +50,8 @@ class Source:
     note: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Seen(Shown):
     """All views of a board that one camera's pictures show.
 
     Attributes
@@ -72,6 +73,30 @@ class Seen:
     size_px: tuple[int, int]
     device: str
     step: int
+
+    def facts(self) -> dict[str, str]:
+        """Return how many pictures show the board, their size and their camera."""
+        facts = {
+            "views": f"{len(self.views)} of {len(self.sources)} pictures",
+            "size": f"{self.size_px[0]} × {self.size_px[1]} px",
+        }
+        return facts | ({"camera": self.device} if self.device else {})
+
+    def _columns(self) -> dict[str, Any]:
+        """Return one row per picture: its name, how many corners are seen, and what became of it."""
+        corners = {view.index: len(view.corners_px) for view in self.views}
+        return {
+            "picture": [source.name for source in self.sources],
+            "corners": [corners.get(source.index, 0) for source in self.sources],
+            "note": [source.note for source in self.sources],
+        }
+
+    def _draw(self, axes: Any) -> None:
+        """Draw where in the picture corners were seen."""
+        for view in self.views:
+            axes.plot(*np.reshape(view.corners_px, (-1, 2)).T, ".", markersize=2)
+        axes.set(xlim=(0.0, self.size_px[0]), ylim=(self.size_px[1], 0.0))
+        axes.set(xlabel="x, px", ylabel="y, px", aspect="equal")
 
 
 def find_views(

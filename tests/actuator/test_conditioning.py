@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
+from torsight.actuator.record import conditioning, corners
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.record.log_noise import measure_noise
 
@@ -157,3 +159,17 @@ def test_the_error_does_not_jump_where_a_window_changes(lag_s: float) -> None:
     jumps_c = np.abs(np.diff(error_c))[away[1:] & away[:-1]]
     # Fifty milliseconds of this ramp, behind a sensor a hundred; where windows changed it was 0.03 and 0.16 °C.
     assert np.quantile(jumps_c, 0.999) < (0.006 if lag_s == 0.0 else 0.012)
+
+
+def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_and_without_a_lag():
+    time_s, _, read = logged(0.25, 0.1)
+    frozen = read.copy()
+    frozen.setflags(write=False)
+    strided = np.column_stack((read, read))[:, 0]
+    expected = condition(time_s, read)
+    for log in (frozen, strided):
+        np.testing.assert_array_equal(condition(time_s, log).temp_c, expected.temp_c)
+    condition(time_s, read.astype(np.float32), lag_s=3.0)
+    functions = [each for module in (conditioning, corners) for each in vars(module).values()]
+    counts = {each.py_func.__name__: len(each.signatures) for each in functions if isinstance(each, Dispatcher)}
+    assert max(counts.values()) == 1, counts

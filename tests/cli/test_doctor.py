@@ -11,6 +11,7 @@ import pytest
 from tests.cli.bad_inputs import ACTUATOR, make_world
 from tests.tracker.films import Rig, write_film
 from torsight.actuator.spec import reference_spec
+from torsight.cli.checkup import separable
 from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by
@@ -93,6 +94,20 @@ def test_one_rate_takes_up_a_clock_offset_and_a_lag_and_two_rates_show_both(tmp_
     # the other spring stays at room temperature in both: it has nothing to transform
     assert "heat_crosstalk" in told_slow["hidden"]
     assert "heat_crosstalk" in told_both["hidden"]
+
+
+def test_what_every_fit_has_takes_up_its_share_of_an_effect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = check_log(write_log(tmp_path / "log.csv", four((1.0,) * 4), length_s=560.0, step_s=1.0))
+
+    def left_deg() -> dict[str, float]:
+        return check_programme(log, reference_spec(), where="log")[1]["discovery"]["left_deg"]
+
+    beside = left_deg()
+    monkeypatch.setattr(separable, "always_fitted", tuple)
+    alone = left_deg()
+    # Least squares over more columns leaves no more of anything.
+    assert all(beside[name] <= left * (1.0 + 1e-6) for name, left in alone.items())
+    assert any(beside[name] < 0.9 * left for name, left in alone.items())
 
 
 def test_a_programme_that_never_moves_anything_is_to_be_done_again(tmp_path: Path) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 from pathlib import Path
 
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.core.compiled import drop_outdated
+from torsight.core.compiled import FOLDERS, drop_outdated, sources
 
+IMPORT = "from torsight.core.compiled import compiled"
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
 
 
@@ -34,10 +36,10 @@ def test_machine_code_goes_when_anything_that_is_in_it_has_changed_and_only_then
     folder, stamp = tmp_path / "package", tmp_path / "cache" / "stamp"
     code = folder / "inner" / "__pycache__" / "caller.f-3.py311.nbi"
     code.parent.mkdir(parents=True)
-    (folder / "callee.py").write_text("from package.limits import MOST\n@njit(cache=True)\ndef g(): ...")
+    (folder / "callee.py").write_text(f"from package.limits import MOST\n{IMPORT}\n@compiled\ndef g(): ...")
     (folder / "limits.py").write_text("from package.units import DEG\nMOST = 3 * DEG")
     (folder / "units.py").write_text("DEG = 0.017")
-    (folder / "inner" / "caller.py").write_text("@njit(cache=True)\ndef f(): ...")
+    (folder / "inner" / "caller.py").write_text(f"{IMPORT}\n@compiled\ndef f(): ...")
 
     def gone() -> bool:
         code.write_text("machine code")
@@ -50,12 +52,21 @@ def test_machine_code_goes_when_anything_that_is_in_it_has_changed_and_only_then
     (folder / "other.py").write_text("nothing compiled")
     assert not gone()
     for name, content in (
-        ("callee", "from package.limits import MOST\n@njit\ndef g(): return 1"),
+        ("callee", f"from package.limits import MOST\n{IMPORT}\n@compiled\ndef g(): return 1"),
         ("units", "DEG = 1"),
     ):
         (folder / f"{name}.py").write_text(content)
         assert gone()
         assert not gone()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_source_of_each_function_whose_machine_code_is_kept_is_looked_at(package: str) -> None:
+    watched = sources(FOLDERS, Path(__file__).parents[2])
+    kept = [each for each in compiled_functions(package).values() if each.stats.cache_path]
+    made_of = {Path(inspect.getfile(each.py_func)) for each in kept}
+    assert made_of or package in {"calibration", "sync"}
+    assert made_of <= set(watched)
 
 
 @pytest.mark.parametrize("folder", ["torsight", "tracker", "calibration", "sync"])

@@ -15,15 +15,24 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
+from calibration import draw_board
+from calibration.axis.board_on_disk import DiskPose
+from calibration.axis.marker_circles import CirclesPose
 from calibration.boards.board_file import Board
+from calibration.boards.printing import Drawing
 from calibration.stage import Calibration
+from calibration.views.board_views import Seen, Source
+from calibration.views.detect import View
 from sync import Found, LightEvents, LogReading
 from sync.log.repairs import Repair, Restart
 from tests.core.test_paths import public_functions
 from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
 from torsight.actuator.characterising.characterised import Characterisation, Step
+from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.predicted import Prediction
 from torsight.core.files.results import RunResults
+from torsight.core.optics.axis import Axis
+from torsight.core.optics.camera import Pose
 from torsight.core.parameter import Estimate
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import MarkerTracks, StickAngles
@@ -92,6 +101,12 @@ def characterisation() -> Characterisation:
     return Characterisation({"free_recovery": step}, "liang_rogers", {"tau_c_mnm": TAU}, reference_spec())
 
 
+POSE = Pose(np.zeros(3), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
+AXIS = Axis(POSE.tvec_mm, np.array([0.0, 0.0, -1.0]), 1e-3, np.ones(2), np.ones(2), misfit=1.1, arc_rad=2.0)
+CORNERS = np.arange(8.0).reshape(4, 2)
+VIEW = View("a.png", 0, np.arange(4), np.zeros((4, 3)), CORNERS, CORNERS, 20.0, 2.0)
+
+
 MADE: dict[type[Shown], Callable[[FitResult, FittedModel], Shown]] = {
     TemperatureLog: lambda _f, _m: LOG,
     SyncedTable: lambda _f, _m: TABLE,
@@ -107,6 +122,11 @@ MADE: dict[type[Shown], Callable[[FitResult, FittedModel], Shown]] = {
         "results", merged=TABLE.to_frame(), fit={"parameters": {"tau_c_mnm": TAU.to_json()}}
     ),
     Calibration: lambda _f, _m: Calibration(Board("charuco", 5, 7, 20.0)),
+    Drawing: lambda _f, _m: draw_board(Board("chessboard", 5, 7, 20.0)),
+    CirclesPose: lambda _f, _m: CirclesPose(POSE, AXIS, ("in units of the stick",)),
+    DiskPose: lambda _f, _m: DiskPose(POSE, 1.1, 0.1, 0.0, 0.2, (0.0, 40.0), 0.3),
+    Seen: lambda _f, _m: Seen((VIEW,), (Source("a.png", "", 0), Source("b.png", "", 1, "blurred")), (64, 48), "", 1),
+    Effect: lambda _f, _m: load_effects()["sensor_lag"],
     Characterisation: lambda _f, _m: characterisation(),
     Record: lambda _f, _m: Record(TABLE, TABLE.angle_rad, None),
     FitResult: lambda fit, _m: fit,
@@ -179,6 +199,21 @@ def test_tables_are_in_the_units_of_files() -> None:
     np.testing.assert_allclose(Found(CLOCK, READING).to_frame()["time_s"], CLOCK.to_film_time(TIME_S))
 
 
+def test_a_poses_plot_shows_the_axis_from_its_origin_towards_the_camera_and_a_boards_its_corners() -> None:
+    figure, (side, page) = plt.subplots(1, 2)
+    toward = replace(POSE, rvec=np.array([0.0, np.pi, 0.0]))
+    axis = DiskPose(toward, 1.1, 0.1, 0.0, 0.2, (0.0,), 0.3).plot(side).lines[1]
+    distance = float(np.linalg.norm(POSE.tvec_mm))
+    np.testing.assert_allclose(axis.get_xdata(), [500.0, 500.0 - distance / 4.0])
+    board = draw_board(Board("chessboard", 5, 7, 20.0))
+    board.plot(page)
+    drawn = page.patches[0].get_path().vertices
+    frame = board.to_frame()
+    assert len(drawn) == 5 * len(frame)
+    assert drawn[:, 0].max() == pytest.approx((frame["x_mm"] + frame["width_mm"]).max())
+    plt.close(figure)
+
+
 def test_markup_in_a_fact_is_text() -> None:
     assert "&lt;b&gt;" in replace(CLOCK, method="<b>")._repr_html_()
 
@@ -196,5 +231,4 @@ def test_every_result_of_a_public_function_shows_itself() -> None:
     # What a person wrote, and cameras, are inputs; the engine's own results are the engine's to show.
     inputs = {"ActuatorSpec", "Board", "Camera", "MarkerHints", "Scene", "SpringTests", "ClosedForm", "LinearProblem"}
     inputs |= {"Parameter", "Candidate", "ModelProblem", "LawPort", "Ode"}
-    others = {one.__name__ for one in results() if not issubclass(one, Shown)}
-    assert others - inputs <= {"Drawing", "CirclesPose", "DiskPose", "Seen", "Effect"}
+    assert {one.__name__ for one in results() if not issubclass(one, Shown)} <= inputs

@@ -20,16 +20,23 @@ from tests.discovery.own_models import (
     sensor_record,
 )
 from torsight.core.errors import InputError
-from torsight.discovery import candidate, find_missing, law, model_problem, parameter
+from torsight.discovery import Reading, candidate, find_missing, law, model_problem, parameter
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
+from torsight.discovery.own.model.model_file import READING
 
 
 def problem(**changes: Any) -> Any:
     given = {"predict": line, "observed": sensor_record(), "parameters": sensor_parameters(), "output": "y"}
     given |= changes
+    read = {name: given.pop(name) for name in READING if name in given}
     return model_problem(
-        given.pop("predict"), given.pop("observed"), given.pop("parameters"), given.pop("candidates", ()), **given
+        given.pop("predict"),
+        given.pop("observed"),
+        given.pop("parameters"),
+        given.pop("candidates", ()),
+        reading=Reading(**read),
+        **given,
     )
 
 
@@ -52,7 +59,7 @@ CANDIDATE = candidate("bow", parameter("bow", 0.1, null=0.0))
         ("starts at its null value", {"candidates": [candidate("bow", parameter("bow", 0.0, null=0.0))]}),
         ("has no parameter", {"candidates": [candidate("bow")]}),
         ("cannot be the name", {"candidates": [CANDIDATE, candidate("bow", parameter("arc", 0.1, null=0.0))]}),
-        ("cannot be the name", {"laws": [law("gain", driver="u")]}),
+        ("cannot be the name", {"candidates": [law("gain", driver="u")]}),
         ("sigma is not positive", {"parameters": [parameter("gain", 1.0, sigma=0.0)]}),
         ("bounds leave no room", {"parameters": [parameter("gain", 1.0, lower=1.0, upper=1.0)]}),
         ("'bow' is fixed", {"candidates": [candidate("bow", parameter("bow", 0.1, null=0.0, fixed=True))]}),

@@ -22,7 +22,7 @@ from tests.discovery.own_models import (
     spring_record,
 )
 from torsight.core.errors import InputError
-from torsight.discovery import Findings, candidate, find_missing, model_problem, parameter
+from torsight.discovery import Findings, Reading, candidate, find_missing, model_problem, parameter
 from torsight.discovery.own.model.evaluate import Evaluator, Model
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.own.records import Record
@@ -35,7 +35,13 @@ def sensor(observed: Any, **changes: Any) -> Any:
 
 def springs(**changes: Any) -> Any:
     records = [spring_record(1, 2.0), spring_record(2, -1.0), spring_record(3, 0.5)]
-    given = {"output": "x_mm", "initial": ["x0_mm"], "sigma": 0.02, "predict": move_spring, "observed": records}
+    given = {
+        "output": "x_mm",
+        "initial": ["x0_mm"],
+        "reading": Reading(sigma=0.02),
+        "predict": move_spring,
+        "observed": records,
+    }
     given |= changes
     return model_problem(given.pop("predict"), given.pop("observed"), spring_parameters(), spring_candidates(), **given)
 
@@ -73,7 +79,9 @@ def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:
         return line(p, record) + p.height * _missed(record.u, p.place)
 
     own = candidate("bump", parameter("height", 0.5, null=0.0), parameter("place", -2.0, lower=-4.0, upper=4.0))
-    found = find_missing(model_problem(bump, made, sensor_parameters(), [own], output="y", sigma=NOISE))
+    found = find_missing(
+        model_problem(bump, made, sensor_parameters(), [own], output="y", reading=Reading(sigma=NOISE))
+    )
     assert found.effects == ("bump",)
     assert found.values["place"] == pytest.approx(2.0, abs=0.1)
     assert warned(found, "the fit of 'bump' from its declared start")
@@ -103,7 +111,7 @@ def test_a_base_fit_in_the_wrong_valley_is_left_and_told() -> None:
         return np.sin(p.rate * record.u + p.phase)
 
     free = [parameter("rate", 6.0, lower=0.2, upper=8.0), parameter("phase", 0.0, lower=-3.0, upper=3.0)]
-    prepared = prepare(model_problem(wave, made, free, output="y", sigma=NOISE))
+    prepared = prepare(model_problem(wave, made, free, output="y", reading=Reading(sigma=NOISE)))
     assert any("leaves" in one and "rate" in one for one in prepared.warnings)
     started = {p.name: p.value for p in prepared.problem.parameters}
     assert started["rate"] == pytest.approx(1.7, abs=0.02)
@@ -117,7 +125,9 @@ def test_what_no_candidate_explains_is_unknown_and_never_none(sigma: float | Non
         return line(p, record) + p.drift * record.time_s / record.time_s[-1]
 
     own = [candidate("drift", parameter("drift", 0.1, null=0.0))]
-    found = find_missing(model_problem(drifting, made, sensor_parameters(), own, output="y", sigma=sigma))
+    found = find_missing(
+        model_problem(drifting, made, sensor_parameters(), own, output="y", reading=Reading(sigma=sigma))
+    )
     assert found.verdict == "unknown"
     assert found.drivers[0][0] == "u"
     text = str(found)
@@ -125,7 +135,7 @@ def test_what_no_candidate_explains_is_unknown_and_never_none(sigma: float | Non
     assert "Best fits" in text
     assert "drift: 1.13" in text
     # Without any candidate, too.
-    bare = find_missing(model_problem(line, made, sensor_parameters(), output="y", sigma=sigma))
+    bare = find_missing(model_problem(line, made, sensor_parameters(), output="y", reading=Reading(sigma=sigma)))
     assert (bare.verdict, bare.drivers[0][0]) == ("unknown", "u")
 
 
@@ -163,7 +173,9 @@ def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_c
     gain, offset = sensor_parameters()
     for fixed in (False, True):
         own = [gain, parameter("boost", 1.5, fixed=fixed), offset]
-        found = find_missing(model_problem(twice, sensor_record(), own, output="y", sigma=NOISE, drivers=[]))
+        found = find_missing(
+            model_problem(twice, sensor_record(), own, output="y", drivers=[], reading=Reading(sigma=NOISE))
+        )
         assert warned(found, "only combinations of gain, boost:") is not fixed
         assert ("boost" in found.parameters) is not fixed
         assert found.values["gain"] * (1.5 if fixed else found.values["boost"]) == pytest.approx(2.0, abs=0.01)
@@ -171,7 +183,7 @@ def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_c
 
 @pytest.mark.parametrize(("times", "words"), [(3.0, "is too large"), (1.0, None), (1.0 / 3.0, "is too small")])
 def test_a_noise_that_is_not_that_of_the_readings_is_told(times: float, words: str | None) -> None:
-    found = find_missing(sensor(sensor_record(curve=0.3), sigma=times * NOISE))
+    found = find_missing(sensor(sensor_record(curve=0.3), reading=Reading(sigma=times * NOISE)))
     assert [one for one in found.warnings if "sigma" in one and words and words in one] or words is None
     assert words is not None or not warned(found, "sigma that was given")
 
@@ -181,7 +193,9 @@ def test_two_outputs_each_have_their_own_noise() -> None:
         x = move_spring(p, record)
         return {"x_mm": x, "reading_v": -50.0 * x}
 
-    found = find_missing(springs(predict=both, output=["x_mm", "reading_v"], sigma={"x_mm": 0.02, "reading_v": 1.0}))
+    found = find_missing(
+        springs(predict=both, output=["x_mm", "reading_v"], reading=Reading(sigma={"x_mm": 0.02, "reading_v": 1.0}))
+    )
     assert found.effects == ("hardening",)
     assert found.errors["x_mm"][1].rmse_held_out == pytest.approx(0.02, rel=0.15)
     assert found.errors["reading_v"][1].rmse_held_out == pytest.approx(1.0, rel=0.15)
@@ -228,7 +242,7 @@ def test_findings_show_themselves(three_springs: Findings) -> None:
     assert "<table>" in html
     assert "data:image/png;base64," in html
     assert repr(three_springs) == "Findings(identified: hardening)"
-    assert three_springs.facts()["Missing"] == "hardening is missing"
+    assert three_springs.facts()["Missing"] == "hardening is missing, or what acts alike"
     assert len(three_springs.overview().axes) == 8
     content = three_springs.to_json()
     assert content["effects"][0]["id"] == "hardening"

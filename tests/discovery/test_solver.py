@@ -76,9 +76,7 @@ def test_a_known_solution_is_gone_on_from_without_evaluations() -> None:
 
     first = solve(model, np.zeros(3), observed=np.arange(3.0), weight=Weight.of(np.ones(3)), space=_space(3))
     calls = 0
-    again = solve(
-        model, first.x, observed=np.arange(3.0), weight=Weight.of(np.full(3, 2.0)), space=_space(3), known=first
-    )
+    again = solve(model, first, observed=np.arange(3.0), weight=Weight.of(np.full(3, 2.0)), space=_space(3))
     assert calls == 0
     assert np.allclose(again.x, first.x)
 

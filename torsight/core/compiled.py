@@ -3,7 +3,11 @@
 Compiled functions are put into their callers, and constants into both, and numba asks only whether the caller's own
 file has changed: after an update in place, callers would go on with the old code of what they call, and with old
 constants. So whoever imports this looks whether any source of a compiled function, or one that it imports from, has
-changed since the code on the disk was made, and throws all of it away if so.
+changed since the code on the disk was made, and throws all of it away if so. A source of compiled functions is one
+that imports from here.
+
+None may add in an order of the compiler's choice: a function that was just compiled and the same one from the disk had
+been put together in two ways, and their sums ended in other digits.
 """
 
 from __future__ import annotations
@@ -11,25 +15,41 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar, cast
 
 from numba import njit
 
-__all__ = ["njit"]
+__all__ = ["compiled", "inlined", "njit"]
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go.
+
+    A division by zero gives infinity, as in numpy.
+    """
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def inlined(function: F) -> F:
+    """Compile a small function into its callers."""
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
-_FOLDERS: Final = (*(_TORSIGHT / name for name in ("actuator", "synthetic")), _TORSIGHT.parent / "tracker")
-_WORDS: Final = (b"njit", b"compiled import")
+FOLDERS: Final = (*(_TORSIGHT / name for name in ("actuator", "synthetic")), _TORSIGHT.parent / "tracker")
+_COMPILED: Final = re.compile(rb"^from torsight\.core\.compiled import ", re.MULTILINE)
 _IMPORT: Final = re.compile(rb"^(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
-def _sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
+def sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
     """Return the compiled sources below folders and what they import from below the root, with their contents."""
     found: dict[Path, bytes] = {}
     contents = ((path, path.read_bytes()) for folder in folders for path in folder.rglob("*.py"))
-    new = {path: content for path, content in contents if any(word in content for word in _WORDS)}
+    new = {path: content for path, content in contents if _COMPILED.search(content)}
     while new:
         found |= new
         names = {name.decode() for content in new.values() for name in _IMPORT.findall(content)}
@@ -46,7 +66,7 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
     """
     folders = list(folders)
     made_of = hashlib.sha256()
-    for path, content in sorted(_sources(folders, root).items()):
+    for path, content in sorted(sources(folders, root).items()):
         made_of.update(path.name.encode() + b"\0" + content)
     with contextlib.suppress(OSError):
         if stamp.read_text(encoding="ascii") == made_of.hexdigest():
@@ -60,4 +80,4 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
     return True
 
 
-drop_outdated(_FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp", root=_TORSIGHT.parent)
+drop_outdated(FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp", root=_TORSIGHT.parent)

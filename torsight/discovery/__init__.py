@@ -2,12 +2,13 @@
 
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import discover
-from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.interface import Candidate, OptionalMembers, Problem
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.find import find_missing
 from torsight.discovery.own.model.declare import candidate, law, parameter
-from torsight.discovery.own.model.ode import Event, ode
+from torsight.discovery.own.model.layout import Reading
+from torsight.discovery.own.model.ode import Event, Solver, ode
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.prediction import PredictedAngle, predict_angle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport
@@ -23,9 +24,12 @@ __all__ = [
     "JointReport",
     "LinearProblem",
     "ModelProblem",
+    "OptionalMembers",
     "PredictedAngle",
     "Problem",
+    "Reading",
     "Settings",
+    "Solver",
     "candidate",
     "discover",
     "discover_together",

@@ -28,7 +28,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
 from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, top_errors, with_errors
-from torsight.discovery.interface import Candidate
+from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ _STOPPED_DEG: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class ActuatorProblem:
+class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
     The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
@@ -223,6 +223,12 @@ class ActuatorProblem:
         """
         found = self._errors_through(top_errors(self.drive), values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
+
+    def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return what rows that were not fitted say of the effects, in log units: whether the tracker saw an event."""
+        known, drive = load_effects(), self.drive
+        ways = [known[name].seen for name in effects if name in known]
+        return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
 
     def _errors_through(
         self, added_c: Sequence[tuple[Array, Array]], values: Mapping[str, float], effects: Sequence[str]

@@ -6,15 +6,18 @@ of its own and a null value at which it vanishes. The record falls into *blocks*
 held out whole, and into stretches of motion and of rest.
 
 Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.inference.engine.find_missing`: the
-torsion actuator (:mod:`torsight.discovery.actuator_problem`), or any model that is linear in its parameters
-(:mod:`torsight.discovery.linear_problem`).
+torsion actuator (:mod:`torsight.discovery.actuator_problem`), a function and a table (:mod:`torsight.discovery.own`), a
+model that is linear in its parameters (:mod:`torsight.discovery.linear_problem`). A class of one's own derives from
+:class:`OptionalMembers`, has :class:`NeededMembers`, and leaves out of the rest what it has nothing to say of.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from functools import cached_property
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +25,7 @@ from numpy.typing import NDArray
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 
+Array = NDArray[np.float64]
 Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
 
 
@@ -79,113 +83,134 @@ class Candidate:
         return {p.name: p.value if p.null is None else p.null for p in self.parameters}
 
 
-@runtime_checkable
-class Problem(Protocol):
-    """A record and a model of it, as the engine sees them.
-
-    Attributes
-    ----------
-    parameters : tuple of Parameter
-        The base model's free parameters; ``sigma`` is the standard deviation of the prior around ``value``.
-    candidates : tuple of Candidate
-        Effects that the model may lack.
-    time_s : (n,) float64
-        Time of the samples (or another coordinate along which neighbours are correlated).
-    observed, sigma : (n,) float64
-        Measured values and the standard deviation of their reading noise.
-    valid : (n,) bool
-        Samples that count.
-    block : (n,) int
-        Which block a sample belongs to, from 0.
-    rest : (n,) bool
-        True where what is measured stands still for a while: such a stretch carries one piece of information,
-        however many samples it has. All False where there is no such thing.
-    drivers : mapping of str to (n,) array
-        Variables that an effect without a name may depend on.
-    laws : tuple of Law
-        Places and variables at which the model may lack a law.
-    forms : tuple of LawForm
-        Measured laws that are candidates, too.
-    resolution : float
-        Size of a difference, in units of ``observed``, below which nobody would miss an effect.
-    once : tuple of str
-        May be left out. Base parameters that only some blocks can tell, such as what came before the record.
-    first_halves : tuple of int
-        May be left out. Blocks that a record opens with, where what came before it is not known: how far the model is
-        off there says nothing of the others.
-    elsewhere : tuple of mapping
-        May be left out. Other values of base parameters (parameter name to value) from which every fit is tried once
-        more: for models whose answer has kinks, where a fit may sit in the wrong valley.
-    share : (n,) float64
-        May be left out. How much of a sample every sample in motion counts as: less than one where samples lie closer
-        than usual along what their residual is correlated over.
-    shared_errors : callable
-        May be left out. From values and effects to what one standard deviation of every independent error of the inputs
-        does to the prediction (n, k), for errors that many samples share; ``input_noise`` is what the others do.
-    predict_many : callable
-        May be left out. ``predict`` at several points at once (a list of values, the effects): for models that can be
-        called in parallel.
-    """
+class NeededMembers(Protocol):
+    """What every problem says of itself: a record and a model of it."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The base model's free parameters."""
+        """The base model's free parameters; ``sigma`` is the standard deviation of the prior around ``value``."""
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Effects that the model may lack."""
 
     @property
-    def time_s(self) -> NDArray[np.float64]:
-        """Time of the samples."""
+    def time_s(self) -> Array:
+        """Time of the samples (n,), or another coordinate along which neighbours are correlated."""
 
     @property
-    def observed(self) -> NDArray[np.float64]:
-        """Measured values."""
+    def observed(self) -> Array:
+        """Measured values (n,)."""
 
     @property
-    def sigma(self) -> NDArray[np.float64]:
-        """Reading noise."""
+    def sigma(self) -> Array:
+        """Standard deviation of the reading noise (n,); zeros where it is to be measured from the residual."""
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Samples that count."""
+        """Samples that count (n,)."""
 
     @property
     def block(self) -> NDArray[np.int64]:
-        """Block of each sample."""
+        """Which block a sample belongs to (n,), from 0."""
 
-    @property
-    def rest(self) -> NDArray[np.bool_]:
-        """Where what is measured stands still."""
-
-    @property
-    def drivers(self) -> Mapping[str, NDArray[np.float64]]:
-        """Variables that an effect without a name may depend on."""
-
-    @property
-    def resolution(self) -> float:
-        """Size below which nobody would miss an effect."""
-
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """Places and variables at which the model may lack a law."""
-
-    @property
-    def forms(self) -> tuple[LawForm, ...]:
-        """Measured laws that are candidates, too."""
-
-    def with_laws(self, forms: Sequence[LawForm]) -> Problem:
-        """Return the problem with these forms of laws among its candidates, each under its law's id."""
-
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         """Return the model's values (n,) with the effects named switched on.
 
         ``values`` holds every base parameter and every parameter of these effects. Must depend on its arguments alone.
         """
 
-    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> NDArray[np.float64]:
-        """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes.
 
-        Zeros where the inputs are known.
+class OptionalMembers(Protocol):
+    """What a problem may leave out, with what then holds."""
+
+    @cached_property
+    def resolution(self) -> float:
+        """Size of a difference, in units of ``observed``, below which nobody would miss an effect."""
+        return 0.0
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """Places and variables at which the model may lack a law; a problem that has some has ``with_laws``, too."""
+        return ()
+
+    @cached_property
+    def forms(self) -> tuple[LawForm, ...]:
+        """Measured laws that are candidates, too."""
+        return ()
+
+    @cached_property
+    def once(self) -> tuple[str, ...]:
+        """Base parameters that only some blocks can tell, such as what came before the record."""
+        return ()
+
+    @cached_property
+    def first_halves(self) -> tuple[int, ...]:
+        """Blocks that a record opens with, where what came before it is not known.
+
+        How far the model is off there says nothing of the others.
         """
+        return ()
+
+    @cached_property
+    def elsewhere(self) -> tuple[Mapping[str, float], ...]:
+        """Other values of base parameters (name to value) from which every fit is tried once more.
+
+        For models whose answer has kinks, where a fit may sit in the wrong valley.
+        """
+        return ()
+
+    @cached_property
+    def over_floor(self) -> float:
+        """Noise floors that are left from which something is missing although nothing that is offered explains it."""
+        return math.inf
+
+    @cached_property
+    def rest(self: NeededMembers) -> NDArray[np.bool_]:
+        """Where what is measured stands still (n,): such a stretch carries one piece of information."""
+        return np.zeros(len(self.observed), bool)
+
+    @cached_property
+    def share(self: NeededMembers) -> Array:
+        """How much of a sample every sample in motion counts as (n,).
+
+        Less than one where samples lie closer than usual along what their residual is correlated over.
+        """
+        return np.ones(len(self.observed))
+
+    @cached_property
+    def drivers(self) -> Mapping[str, Array]:
+        """Variables (n,) that an effect without a name may depend on."""
+        return {}
+
+    def with_laws(self, forms: Sequence[LawForm]) -> Self:
+        """Return the problem with these forms of laws among its candidates, each under its law's id."""
+        if forms:
+            raise NotImplementedError(f"{type(self).__name__} has laws, but no with_laws")
+        return self
+
+    def predict_many(self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Array]:
+        """Return ``predict`` at several points; for models that can be called in parallel."""
+        return [self.predict(one, effects) for one in values]
+
+    def input_noise(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes."""
+        del values, effects
+        return np.zeros(len(self.observed))
+
+    def shared_errors(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return what one standard deviation of every independent error of the inputs does to the prediction (n, k).
+
+        For errors that many samples share; ``input_noise`` is what the others do.
+        """
+        del values, effects
+        return np.zeros((len(self.observed), 0))
+
+    def also_seen(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return the log-likelihood, up to a constant, of what was measured beside the samples."""
+        del values, effects
+        return 0.0
+
+
+class Problem(NeededMembers, OptionalMembers, Protocol):
+    """A record and a model of it, as the engine sees them."""

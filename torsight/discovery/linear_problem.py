@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
-from torsight.discovery.interface import Candidate
+from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class LinearProblem:
+class LinearProblem(OptionalMembers):
     """A :class:`torsight.discovery.interface.Problem` whose model is Σ parameter · column.
 
     Attributes
@@ -68,11 +68,6 @@ class LinearProblem:
         for name in names:
             total += values[name] * self.columns[name]
         return total
-
-    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return zeros: the columns are known."""
-        del values, effects
-        return np.zeros(len(self.observed))
 
 
 _NODES: Final = 25

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.decorators import compiled, inlined
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 

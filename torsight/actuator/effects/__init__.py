@@ -11,7 +11,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
+from torsight.core.words.shown import Shown
+from torsight.core.words.wording import number
 
 ActsOn = Literal["temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
@@ -47,8 +49,8 @@ class Derived:
     period: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Effect:
+@dataclass(frozen=True, slots=True, repr=False)
+class Effect(Shown):
     """One effect as a declaration.
 
     Attributes
@@ -75,6 +77,9 @@ class Effect:
         Further values for people, made of the fitted ones (amplitude and phase of a sine and a cosine).
     propose : callable or None
         From times and the plain model's residual (measured less model, rad) to starting points, best first.
+    seen : callable or None
+        Logarithm of how much more probable what the tracker saw is with the effect than without it, at most zero; from
+        times and angles of all rows (s, rad), the times of those that were fitted, and values.
     is_clock : bool
         True for an error between two recorders' clocks: it is not applied in predictions.
     order : int
@@ -93,9 +98,32 @@ class Effect:
     starts_from: Callable[[Array], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
+    seen: Callable[[Array, Array, Array, Values], float] | None = None
     is_clock: bool = False
     order: int = 0
     laws: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, str]:
+        """Return id, title, family, where it acts, and each parameter's range."""
+        facts = {"id": self.id, "title": self.title, "family": self.family, "acts on": self.acts_on}
+        for one in self.parameters:
+            facts[one.name] = f"starts at {number(one.value)}, {number(one.lower)} to {number(one.upper)} {one.unit}"
+        return facts
+
+    def _columns(self) -> dict[str, Any]:
+        """Return one row per parameter; NaN: no prior, or no value at which the effect vanishes."""
+        names = {"parameter": "name", "unit": "unit", "start": "value", "lower": "lower", "upper": "upper"}
+        names |= {"sigma": "sigma", "null": "null"}
+        return {key: [getattr(one, name) for one in self.parameters] for key, name in names.items()}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw where each parameter starts, between the bounds that it has."""
+        for place, one in enumerate(self.parameters):
+            axes.plot([one.lower, one.upper], [place, place], "|-", color="0.6")
+            axes.plot(one.value, place, "o", color="C0")
+        labels = [f"{one.name}, {one.unit}" if one.unit else one.name for one in self.parameters]
+        axes.set_yticks(range(len(labels)), labels)
+        axes.set(xlabel="start and bounds, in the parameter's unit", ylabel="parameter")
 
 
 @functools.cache

@@ -15,7 +15,7 @@ import numpy as np
 
 from torsight.actuator.effects import Array, Effect, Values
 from torsight.actuator.ports import Ports
-from torsight.actuator.stepping.decorators import compiled
+from torsight.core.compiled import compiled
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 

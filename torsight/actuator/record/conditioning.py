@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import measure_noise, resolution
-from torsight.actuator.stepping.decorators import compiled, inlined
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 
@@ -116,6 +116,8 @@ def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]
 
 def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
     """Return value, slope and sigma of the wire's temperature at the wanted times."""
+    # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
+    time_s, temp_c = np.array(time_s, np.float64), np.array(temp_c, np.float64)
     noise, correlation = measure_noise(time_s, temp_c)
     sigma = max(noise, 0.2 * least) * math.sqrt(correlation)
     interval = float(np.median(np.diff(time_s)))
@@ -257,7 +259,9 @@ def _grow(m: Array, time: Array, temp_c: Array, decay: Array, k: int, first: int
         if lag > 0.0:
             _add_rest(m[row], time[low:high], temp_c[low:high], decay[low:high], time[k], temp_c[k], 1.0 / decay[k])
     # Sample k itself is in both; around it, it counts once.
-    m[2] = m[0] + m[1]
+    for a in range(4):
+        for b in range(a, 5):
+            m[2, a, b] = m[0, a, b] + m[1, a, b]
     m[2, 0, 0] -= 1.0
     if lag > 0.0:
         m[2, 0, 3] -= 1.0
@@ -290,12 +294,13 @@ def _local_fits(
     sides = np.zeros((3, 3, n))
     sides[:, 1] = np.inf
     sums, state = np.zeros((3, 4, 5)), np.empty((3, 3))
-    decay, made_for = np.ones(n), -1
+    # Of the type that the loop gives them: a literal compiles what takes it a second time.
+    decay, made_for, zero = np.ones(n), int(np.int64(-1)), int(np.int64(0))
     for k in range(n):
         sums[:] = 0.0
         made_for = _renewed(decay, time, k, made_for, sizes[-1], lag)
         state[:, 0], state[:, 1], state[:, 2] = 1.0, -np.inf, np.inf
-        best, done = np.inf, 0
+        best, done = np.inf, zero
         for size in sizes:
             _grow(sums, time, temp_c, decay, k, done, size, lag)
             done = size

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.decorators import compiled
+from torsight.core.compiled import compiled
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]

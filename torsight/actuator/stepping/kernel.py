@@ -28,7 +28,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.decorators import compiled, inlined
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
     STRAY,
@@ -92,6 +91,7 @@ from torsight.actuator.stepping.kernel_roots import (
     sticking_end,
     wire_fraction,
 )
+from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 

@@ -1,8 +1,9 @@
 """What discovery will be able to tell from a temperature programme, before anything is filmed.
 
 Every effect of the library is put into the model at its usual size; the plain model, and the model with every other
-effect, take up what they can with their free parameters, within the priors (linear in the parameters). What is left is
-weighed as the engine weighs it: the gain, against what it asks for to accept an effect and to tell two apart.
+effect, take up what they can with their free parameters and those of the effects that every fit has, within the priors
+(linear in the parameters). What is left is weighed as the engine weighs it: the gain, against what it asks for to
+accept an effect and to tell two apart.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, load_effects
+from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
@@ -33,7 +35,7 @@ CORRELATION_S: Final = 10.0
 """What a good record leaves, and its correlation time: a sample counts as its interval over this."""
 
 
-_SPREAD: Final = 2.0 * 1.645
+_SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
 
 
@@ -72,7 +74,8 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
     """Return which effects a record driven like this would show, and which of them it would keep apart."""
     effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
     weight = np.gradient(drive.time_s) / CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
-    models = {chosen: ActuatorModel(spec, chosen) for chosen in [(), *((effect.id,) for effect in effects)]}
+    always = tuple(effect.id for effect in always_fitted())
+    models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}
     explanations = [
         Rival(chosen, chosen, model.parameters, np.array([parameter.value for parameter in model.parameters]))
         for chosen, model in models.items()

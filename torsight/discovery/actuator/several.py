@@ -27,7 +27,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.interface import Candidate, Propose
+from torsight.discovery.interface import Candidate, OptionalMembers, Propose
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def own_name(name: str, record: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class SeveralRecords:
+class SeveralRecords(OptionalMembers):
     """Records of one rig with the plain model and every effect as a candidate.
 
     Attributes
@@ -275,6 +275,10 @@ class SeveralRecords:
         """Return what one standard deviation of each half-cycle's top temperature does to the angles (n, k)."""
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
+
+    def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return what rows that were not fitted say of the effects, in log units."""
+        return sum(part.also_seen(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
 
     def _own(
         self, record: int, values: Mapping[str, float], effects: Sequence[str]

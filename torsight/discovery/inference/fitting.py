@@ -122,7 +122,7 @@ class Fitter:
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         used = self.weight if weight is None else weight
 
-        def run(start: Array, iterations: int, guess: Array | None = None, known: Solution | None = None) -> Solution:
+        def run(start: Array | Solution, iterations: int, guess: Array | None = None) -> Solution:
             return solve(
                 model,
                 start,
@@ -130,9 +130,8 @@ class Fitter:
                 weight=used,
                 space=space,
                 max_iterations=iterations,
-                known=known,
                 guess=guess,
-                rough=known is None,
+                rough=not isinstance(start, Solution),
             )
 
         points = [np.array([start[p.name] for p in parameters]) for start in starts]
@@ -140,10 +139,7 @@ class Fitter:
         scouted = [run(point, _SCOUT_ITERATIONS, guess) for point, guess in zip(points, guesses, strict=True)]
         scouts = sorted(scouted, key=lambda found: found.cost)
         kept = _distinct(scouts, space)[:keep]
-        solutions = [
-            run(scout.x, max_iterations, known=scout) if scout.cost - scout.promised < below else scout
-            for scout in kept
-        ]
+        solutions = [run(scout, max_iterations) if scout.cost - scout.promised < below else scout for scout in kept]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
     def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Array | None:
@@ -229,7 +225,7 @@ class Fitter:
             x = np.array([values[p.name] for p in fit.parameters])
             return costs(observed - model(x), x, weight=self.weight, space=space)[0]
 
-        places = [{**fit.values, **place} for place in getattr(self.problem, "elsewhere", ())]
+        places = [{**fit.values, **place} for place in self.problem.elsewhere]
         least, best = min(((cost(place), i) for i, place in enumerate(places)), default=(np.inf, 0))
         if least >= fit.cost:
             return fit
@@ -254,12 +250,11 @@ class Fitter:
         space.prior_sigma[places] = _STAYS * space.scale[places]
         solution = solve(
             self._model(fit.effects),
-            fit.solution.x,
+            fit.solution,
             observed=self.problem.observed,
             weight=self.weight if weight is None else weight,
             space=space,
             max_iterations=max_iterations,
-            known=fit.solution,
             rough=rough,
         )
         return Fit(fit.effects, fit.parameters, solution)
@@ -282,12 +277,7 @@ class AtPoint:
 
     def many(self, points: Sequence[Array]) -> list[Array]:
         """Return the predictions at several points, at once where the problem can do that."""
-        values = [self._values(x) for x in points]
-        at_once = getattr(self._problem, "predict_many", None)
-        if at_once is None:
-            return [self._problem.predict(one, self._effects) for one in values]
-        found: list[Array] = at_once(values, self._effects)
-        return found
+        return self._problem.predict_many([self._values(x) for x in points], self._effects)
 
 
 def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Array:

@@ -56,8 +56,8 @@ class Stretches:
         edges = np.flatnonzero(cut)
         start, stop = edges[:-1], edges[1:]
         keep = valid[start]
-        opening = np.isin(problem.block[start[keep]], getattr(problem, "first_halves", ()))
-        share = np.asarray(getattr(problem, "share", np.ones(n)), np.float64)
+        opening = np.isin(problem.block[start[keep]], problem.first_halves)
+        share = np.asarray(problem.share, np.float64)
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 
     def counts(self, correlation_samples: float) -> Array:

@@ -161,7 +161,7 @@ class Search:
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with what the inputs account for there; its correlation is that of now."""
         floor = np.hypot(self._reading, problem.input_noise(values, effects))
-        shared, tau = shared_errors(problem, values, effects), self._correlation_samples
+        shared, tau = problem.shared_errors(values, effects), self._correlation_samples
         return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
 
     def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
@@ -350,12 +350,6 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
-
-
-def shared_errors(problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Array:
-    """Return what errors that many samples share do to them (n, k); none where a problem knows of none."""
-    own = getattr(problem, "shared_errors", None)
-    return np.zeros((len(problem.observed), 0)) if own is None else np.asarray(own(values, effects))
 
 
 def _with(members: EffectSet, name: str) -> EffectSet:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,14 @@ class Solution:
     promised: float = 0.0
 
 
+@runtime_checkable
+class AtOnce(Protocol):
+    """A function that can be worked out at several points at once."""
+
+    def many(self, points: Sequence[Array]) -> list[Array]:
+        """Return its values (n,) at points (m,)."""
+
+
 def jacobian(
     function: Callable[[Array], Array], x: Array, *, at_x: Array, space: Space, guess: Array | None = None
 ) -> Array:
@@ -115,9 +123,8 @@ def jacobian(
 
 
 def at_all(function: Callable[[Array], Array], points: Sequence[Array]) -> list[Array]:
-    """Return the function at several points: at once where it has a member ``many`` for that."""
-    many = getattr(function, "many", None)
-    return [function(point) for point in points] if many is None else many(points)
+    """Return the function at several points."""
+    return function.many(points) if isinstance(function, AtOnce) else [function(point) for point in points]
 
 
 def costs(residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[float, float]:
@@ -128,13 +135,12 @@ def costs(residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[f
 
 def solve(
     function: Callable[[Array], Array],
-    start: Array,
+    start: Array | Solution,
     *,
     observed: Array,
     weight: Weight,
     space: Space,
     max_iterations: int = 12,
-    known: Solution | None = None,
     guess: Array | None = None,
     rough: bool = False,
 ) -> Solution:
@@ -144,8 +150,9 @@ def solve(
     ----------
     function : callable
         Model values (n,) from parameters (m,).
-    start : (m,) array
-        Where to begin; moved into the bounds.
+    start : (m,) array, or Solution
+        Where to begin; moved into the bounds. At a solution of the same function (at other weights) nothing is
+        evaluated twice.
     observed : (n,) array
         Measured values; NaN is allowed where the weight is 0.
     weight : Weight
@@ -154,18 +161,16 @@ def solve(
         Bounds, scales and priors.
     max_iterations : int
         Accepted steps at most.
-    known : Solution, optional
-        A solution of the same function from which to begin instead (at other weights); nothing is evaluated twice.
     guess : (n, m) array, optional
         Derivatives to begin with, where they are known from a smaller model; NaN columns are worked out.
     rough : bool
         Leave the derivatives at the end as they are.
     """
     y = np.where(weight.each > 0.0, observed, 0.0)
-    slopes = Slopes(function, space, start, known=known, guess=guess)
+    slopes = Slopes(function, space, start, guess=guess)
     cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
-    held = np.zeros(len(start), bool)
+    held = np.zeros(len(slopes.x), bool)
 
     def holds_another(curvature: Array) -> bool:
         def cost_at(x: Array) -> float:
@@ -221,16 +226,15 @@ class Slopes:
         self,
         function: Callable[[Array], Array],
         space: Space,
-        start: Array,
+        start: Array | Solution,
         *,
-        known: Solution | None = None,
         guess: Array | None = None,
     ) -> None:
         self._function = function
         self._space = space
         self.moved = 0.0
-        if known is not None:
-            self.x, self.at_x, self.jacobian, self.moved = known.x, known.prediction, known.jacobian, known.moved
+        if isinstance(start, Solution):
+            self.x, self.at_x, self.jacobian, self.moved = start.x, start.prediction, start.jacobian, start.moved
         else:
             self.x = space.clip(np.asarray(start, np.float64))
             self.at_x = function(self.x)

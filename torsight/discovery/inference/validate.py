@@ -98,7 +98,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Array:
 def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
     """Return the values of what happens once about which the samples that are left say nothing."""
     events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
-    once = {p.name for event in events for p in event.parameters} | set(getattr(fitter.problem, "once", ()))
+    once = {p.name for event in events for p in event.parameters} | set(fitter.problem.once)
     squares = fit.solution.jacobian**2
     nothing = weight.each @ squares <= _NOTHING * (fitter.weight.each @ squares)
     return [p.name for p, untold in zip(fit.parameters, nothing, strict=True) if untold and p.name in once]

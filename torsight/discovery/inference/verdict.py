@@ -10,7 +10,7 @@ no other half-cycle can tell.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,7 +81,7 @@ def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool
         if can_hold_out:
             chosen = judge.checked(chosen)
         if chosen.members:
-            rivals = [one for one in answers[1:] if judge.is_rival(one, chosen)]
+            rivals = judge.rivals(chosen, answers)
     chosen = chosen if chosen.members else field.plain
     named = judge.names(chosen)
     rivals += judge.other_forms(chosen, named)
@@ -131,10 +131,18 @@ class _Judge:
         best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in told if places]
         return [self._field.explanations[members] for members in best]
 
-    def is_rival(self, one: Explanation, chosen: Explanation) -> bool:
-        """Return whether an answer is another one than the chosen, no part of it and no extension."""
-        own, other = self.places(chosen.members), self.places(one.members)
-        return not (own <= other or other <= own)
+    def rivals(self, chosen: Explanation, answers: Sequence[Explanation]) -> list[Explanation]:
+        """Return the answers beside the chosen: no part of one that is more probable, and no extension of it.
+
+        An extension says the same and that more may be missing, which its own gain would have to show.
+        """
+        told, found = [self.places(chosen.members)], []
+        for one in answers:
+            own = self.places(one.members)
+            if not any(own <= other or other <= own for other in told):
+                told.append(own)
+                found.append(one)
+        return found
 
     def checked(self, chosen: Explanation) -> Explanation:
         """Return the set, or the part of it that predicts unseen blocks better."""

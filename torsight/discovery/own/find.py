@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
 from torsight.core.series import scatter
 from torsight.core.threads import one_thread
@@ -14,8 +15,10 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer.laws import asked_beyond
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.quicken import quickened
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings
@@ -32,7 +35,12 @@ _MUCH_WORSE: Final = 1.25
 
 
 def find_missing(
-    problem: Problem, *, settings: Settings | None = None, seed: int = 0, progress: Progress = silent
+    problem: Problem,
+    *,
+    settings: Settings | None = None,
+    seed: int = 0,
+    processes: bool | None = None,
+    progress: Progress = silent,
 ) -> Findings:
     """Find what a model lacks.
 
@@ -44,6 +52,8 @@ def find_missing(
         How to decide.
     seed : int
         Kept with the answer; nothing here is drawn.
+    processes : bool, optional
+        Call a model of ``model_problem`` in processes; without it where that pays.
     progress : Progress
         Told how far the work is.
 
@@ -53,12 +63,16 @@ def find_missing(
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
     told = aloud(progress)
+    if processes not in (None, True, False):
+        raise InputError("is neither True, False nor None", where="processes", value=repr(processes))
     with heard() as stream, one_thread():
         notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
-        made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        asked = quickened(problem) if processes is None else problem
+        with problem.evaluator.processes(wanted=processes if asked is problem else False):
+            made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 
@@ -71,17 +85,18 @@ def _search(
     problem: ModelProblem, *, settings: Settings | None, seed: int, progress: Progress, notes: list[str]
 ) -> Findings:
     declared, evaluator = problem, problem.evaluator
-    with evaluator.processes(wanted=problem.processes):
-        progress("starts", 0, None)
-        prepared = prepare(problem)
-        problem, notes = prepared.problem, [*notes, *prepared.warnings]
-        # Points that were only looked at may lie outside of what the model can do.
-        looked, before = len(evaluator.failures), evaluator.failed
-        found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
-        notes += [*_missed(declared, found), *_noise_given(problem, found)]
-        # What the findings show of other sets is predicted while the processes are there.
-        findings = Findings(problem, found, settings=settings or Settings())
-        _ = findings.best_fits, findings.parameters
+    progress("starts", 0, None)
+    prepared = prepare(problem)
+    problem, notes = prepared.problem, [*notes, *prepared.warnings]
+    # Points that were only looked at may lie outside of what the model can do.
+    looked, before = len(evaluator.failures), evaluator.failed
+    found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+    chosen = found.decision.chosen
+    notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    notes += asked_beyond(problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values, chosen.members)
+    # What the findings show of other sets is predicted while the processes are there.
+    findings = Findings(problem, found, settings=settings or Settings())
+    _ = findings.best_fits, findings.parameters
     failures, failed = evaluator.failures[looked:], evaluator.failed - before
     if failures:
         notes.append(

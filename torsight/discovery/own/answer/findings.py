@@ -21,6 +21,7 @@ from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
+from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.records import Table
 from torsight.discovery.report import estimates_of
@@ -107,18 +108,32 @@ class Findings(Shown):
     def verdict(self) -> engine.Verdict:
         """``none``, ``identified``, ``ambiguous`` or ``unknown``.
 
-        Where neither effects nor laws explain anything, and far more than the noise is left, that is ``unknown``, too.
+        Where far more than the noise is left, beside a name or without one, that is ``unknown``, too.
         """
-        least = getattr(self.problem, "over_floor", None)
-        if self.found.verdict == "none" and least is not None and self.decision.over_floor > least:
-            return "unknown"
-        return self.found.verdict
+        sure = self.found.verdict in {"none", "identified"}
+        return "unknown" if sure and self.decision.over_floor > self.problem.over_floor else self.found.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects that are missing, strongest first; laws without a name are in :attr:`laws`."""
         named = sorted(self.decision.named.items(), key=lambda item: -self.gain_of(item[0]))
         return tuple(name for _, (name, _) in named)
+
+    @property
+    def forms_taken(self) -> tuple[str, ...]:
+        """Effects of the answer whose form was taken as it was offered: no free law was measured in their place."""
+        found = []
+        for member, (name, _) in self.decision.named.items():
+            others = less(self._chosen.members, member)
+            laws = self.field.base.fitter.candidates[name].laws
+            if not any(tuple(sorted((*others, law))) in self.field.explanations for law in laws):
+                found.append(name)
+        return tuple(found)
+
+    @property
+    def drivers_offered(self) -> tuple[str, ...]:
+        """Variables on which a law was offered to depend."""
+        return tuple(dict.fromkeys(law.driver for law in self.problem.laws))
 
     @property
     def alternatives(self) -> tuple[tuple[str, ...], ...]:
@@ -180,7 +195,7 @@ class Findings(Shown):
     @cached_property
     def laws(self) -> tuple[MeasuredCurve, ...]:
         """Laws that were measured: those of the answer, then declared ones that were tried alone."""
-        ports = getattr(self.problem, "ports", ())
+        ports = self.ports
         held = {item.law.id for item in self._chosen.laws}
         alone = [self.field.explanations[(p.name,)] for p in ports if (p.name,) in self.field.explanations]
         alone = [one for one in alone if one.members[0] not in held]
@@ -188,6 +203,11 @@ class Findings(Shown):
         gains |= {one.members[0]: one.log_evidence - self.field.base.log_evidence for one in alone}
         names = {member: name for member, (name, _) in self.decision.named.items() if member in held}
         return measured_curves(self._chosen, alone, gains, names, ports)
+
+    @property
+    def ports(self) -> tuple[LawPort, ...]:
+        """Laws as declared."""
+        return self.problem.ports if isinstance(self.problem, ModelProblem) else ()
 
     def _estimates(self, one: Explanation) -> dict[str, Estimate]:
         spread = np.sqrt(np.maximum(np.diag(covariance(one)), 0.0))

@@ -148,9 +148,31 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
                 where="predict",
                 do=f"call p.{port.name}({port.driver}) in it",
             )
+        # The column covers what other values of the parameters ask for.
+        columns = [record[port.driver] for record in problem.model.records if port.driver in record]
+        low, high = (
+            float(end([limit, *(nan_end(column) for column in columns)]))
+            for end, nan_end, limit in ((min, np.nanmin, low), (max, np.nanmax, high))
+        )
         nodes[port.name] = nodes_of(port, low, high)
     made = replace(problem, nodes=nodes)
     return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
+
+
+def asked_beyond(problem: ModelProblem, values: Mapping[str, float], effects: Sequence[str]) -> list[str]:
+    """Return a warning for every declared law that is on and asked for values far from its nodes."""
+    called = problem.evaluator(problem.given(values, effects), problem.curves(values, effects))
+    told = []
+    for name in problem.curves(values, effects):
+        nodes = problem.nodes[name]
+        low, high = min(one.asked[name][0] for one in called), max(one.asked[name][1] for one in called)
+        near = 0.5 * (nodes[1] - nodes[0])  # of which the outermost node tells
+        if low < nodes[0] - near or high > nodes[-1] + near:
+            told.append(
+                f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from "
+                f"{nodes[0]:.4g} to {nodes[-1]:.4g}, beyond which the outermost value holds: give it low=… and high=…"
+            )
+    return told
 
 
 def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> float:

@@ -22,7 +22,7 @@ from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model.declare import RESERVED, name_in
-from torsight.discovery.own.model.evaluate import Model, Predict, call
+from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
@@ -139,10 +139,10 @@ class SavedModel:
                   item.law.time_like)
             for item in chosen.laws
         )  # fmt: skip
-        fitted = list(values)
+        fitted, predict = list(values), problem.model.predict
         kept = [i for i, name in enumerate(fitted) if name in own]
         return cls(
-            predict_function=problem.model.predict,
+            predict_function=predict.plain if isinstance(predict, CompiledPredict) else predict,
             declared=problem.declared,
             candidates=problem.candidates,
             outputs=problem.model.outputs,

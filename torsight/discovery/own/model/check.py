@@ -9,25 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
+from torsight.discovery.own.model.evaluate import code_of
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
-_MEMBERS: Final = (
-    "parameters",
-    "candidates",
-    *_ROWS,
-    "drivers",
-    "resolution",
-    "laws",
-    "forms",
-    "with_laws",
-    "predict",
-    "input_noise",
-)
+_MEMBERS: Final = tuple(name for base in (NeededMembers, OptionalMembers) for name in vars(base) if name[0] != "_")
 _NULL_SHARE: Final = 1e-6
 """Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
 _ELSEWHERE: Final = 0.3
@@ -49,7 +39,7 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
             f"lacks {', '.join(missing)}",
             where=type(problem).__name__,
             limit=f"all of {', '.join(_MEMBERS)}",
-            do="add what is missing, or make the problem with model_problem(…)",
+            do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
         )
     where = type(problem).__name__
     check_declarations(problem.parameters, problem.candidates, (), where="the model", numbered=True)
@@ -132,9 +122,8 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]
 
 
 def _name(problem: ModelProblem) -> str:
-    code = getattr(problem.model.predict, "__code__", None)
-    name = getattr(problem.model.predict, "__name__", "predict")
-    return name if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {name}"
+    code = code_of(problem.model.predict)
+    return "predict" if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {code.co_name}"
 
 
 def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:

@@ -9,6 +9,7 @@ changed, such as the initial state of that record.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import threading
 import time
@@ -17,13 +18,14 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from types import CodeType, FunctionType
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.discovery.own.model.values import Curve, Off, Values
+from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.records import Record
 
 Array = NDArray[np.float64]
@@ -60,6 +62,27 @@ class Model:
     records: tuple[Record, ...]
     outputs: tuple[str, ...]
     laws: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledPredict:
+    """A compiled ``predict``; where it raises or gives no numbers the plain one is asked, which says why and where."""
+
+    plain: Callable[..., Any]
+    fast: Callable[..., Any]
+
+    @property
+    def __wrapped__(self) -> Callable[..., Any]:
+        return self.plain
+
+    def __call__(self, p: Any, record: Any) -> Any:
+        """Return the outputs for a record."""
+        try:
+            found = self.fast(by_name(p), by_name(record))
+        except Exception:  # noqa: BLE001 - the plain one raises it, too, and with its own traceback
+            return self.plain(p, record)
+        outputs = found.values() if isinstance(found, Mapping) else found if isinstance(found, tuple) else (found,)
+        return found if all(np.isfinite(one).all() for one in outputs) else self.plain(p, record)
 
 
 class ModelError(InputError):
@@ -109,7 +132,7 @@ class Failure:
 class Called:
     """One call: the outputs (rows, outputs) or why there are none, what it printed, and how long it took.
 
-    ``asked`` is the range in which every law that was off was asked for, by its name.
+    ``asked`` is the range in which every law was asked for, by its name.
     """
 
     outputs: Array | None
@@ -122,15 +145,16 @@ class Called:
 def call(model: Model, record: int, values: Mapping[str, float], curves: Curves) -> Called:
     """Call the model with the laws that are on; whatever it raises is kept, but for what ends the program."""
     of = model.records[record]
-    off = {name: Off() for name in model.laws if name not in curves}
+    laws = {name: curves[name].afresh() if name in curves else Curve() for name in model.laws}
     begun = time.thread_time()
     try:
-        given = model.predict(Values({**values, **curves, **off}), of)
+        with np.errstate(all="ignore"):  # what is no number is told
+            given = model.predict(Values({**values, **laws}), of)
         outputs = outputs_of(given, of, model.outputs)
         failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the model is somebody else's
         outputs, failure = None, _failure(error, model, of, values)
-    asked = {name: (one.low, one.high) for name, one in off.items()}
+    asked = {name: (float(one.asked[0]), float(one.asked[1])) for name, one in laws.items()}
     return Called(outputs if failure is None else None, failure, "", time.thread_time() - begun, asked)
 
 
@@ -170,7 +194,8 @@ def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[st
     row, output = (int(place[0]) for place in np.nonzero(~np.isfinite(outputs)))
     unknown = [name for name in record if name not in model.outputs and not np.isfinite(record[name][row])]
     because = f"; there {', '.join(unknown)} is not known" if unknown else ""
-    name = getattr(model.predict, "__name__", "predict")
+    code = code_of(model.predict)
+    name = "predict" if code is None else code.co_name
     message = f"'{model.outputs[output]}' is {outputs[row, output]} in row {row + 1}{because}"
     return Failure("not a number", message, f"what {name} gives", "", dict(values), record.label_)
 
@@ -188,8 +213,14 @@ def _failure(error: BaseException, model: Model, record: Record, values: Mapping
 
 def _file_of(model: Model) -> str:
     """Return the file in which a model's function stands, empty where nothing says it."""
-    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
-    return "" if code is None else str(code.co_filename)
+    code = code_of(model.predict)
+    return "" if code is None else code.co_filename
+
+
+def code_of(predict: Predict) -> CodeType | None:
+    """Return the code of what its author wrote: of the right-hand side, or of what was compiled."""
+    written = inspect.unwrap(predict)
+    return written.__code__ if isinstance(written, FunctionType) else None
 
 
 _sent: tuple[Model, str] | None = None

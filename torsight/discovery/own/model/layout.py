@@ -35,6 +35,34 @@ _STILL_SIGMAS: Final = 4.0
 
 
 @dataclass(frozen=True, eq=False)
+class Reading:
+    """How records are read: what their noise is, what is held out at once, where everything stands still.
+
+    Attributes
+    ----------
+    sigma : float, str or mapping, optional
+        Standard deviation of the noise of one reading, a number or a column, by output where there are several.
+        Without it the residual's own scatter.
+    resolution : float, str or mapping, optional
+        Size of a difference that nobody would miss; without it a tenth of the noise.
+    blocks : int, str or sequence of arrays, optional
+        What is held out at once: so many stretches of equal time per record, or a column that numbers them. Without
+        it whole records where there are several, else six stretches.
+    rest : str, optional
+        A column that is not 0 where everything stands still, or ``"still"`` for where the outputs do: such a stretch
+        counts as one piece of information.
+    time : str, optional
+        Column of the time; without it ``time_s``, ``time``, ``t_s`` or ``t``, else rows are counted.
+    """
+
+    sigma: PerOutput = None
+    resolution: PerOutput = None
+    blocks: int | str | Sequence[Array] | None = None
+    rest: str | None = None
+    time: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Layout:
     """How outputs (rows, outputs) per record become the engine's row (n,), and back.
 

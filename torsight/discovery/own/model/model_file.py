@@ -7,28 +7,29 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import inspect
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.saved import Declared
 from torsight.discovery.own.model.declare import parameters_of
+from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
 from torsight.discovery.own.records import Record
 
 NEEDED: Final = ("predict", "parameters", "output")
 """Names that a model file without ``problem`` defines."""
-OPTIONS: Final = tuple(
-    name for name in inspect.signature(model_problem).parameters if name not in {*NEEDED, "observed"}
-)
-"""Names that it may define beside them: the options of ``model_problem``."""
+READING: Final = tuple(one.name for one in fields(Reading))
+OPTIONS: Final = ("candidates", "laws", "initial", "drivers", *READING)
+"""Names that it may define beside them: what ``model_problem`` and ``Reading`` take; laws may stand by themselves."""
 
 
 def load_model_file(path: Path) -> ModuleType:
@@ -114,11 +115,12 @@ def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProbl
             )
         return made
     _require(module, path)
-    # A model file that says 'import time' does not name its column so.
-    named = {name: getattr(module, name) for name in OPTIONS if hasattr(module, name)}
-    options = {name: value for name, value in named.items() if not isinstance(value, ModuleType)}
+    options = _options(module)
+    reading = Reading(**{name: options.pop(name) for name in READING if name in options})
     try:
-        return model_problem(module.predict, list(records), module.parameters, output=module.output, **options)
+        return model_problem(
+            module.predict, list(records), module.parameters, output=module.output, reading=reading, **options
+        )
     except InputError as error:
         error.where = f"{path}: {error.where}" if error.where else str(path)
         raise
@@ -135,14 +137,23 @@ def declared_of(path: Path, record: Path) -> Declared:
         model = problem.model
         return Declared(model.predict, problem.declared, problem.candidates, model.outputs, problem.time_name)
     _require(module, path)
-    output, time = module.output, getattr(module, "time", None)
+    output, options = module.output, _options(module)
     return Declared(
         module.predict,
         parameters_of(module.parameters),
-        tuple(getattr(module, "candidates", ())),
+        tuple(one for one in options["candidates"] if isinstance(one, Candidate)),
         (output,) if isinstance(output, str) else tuple(output),
-        time if isinstance(time, str) else None,
+        options.get("time"),
     )
+
+
+def _options(module: ModuleType) -> dict[str, Any]:
+    """Return the options that a model file names, its laws among the candidates."""
+    # A model file that says 'import time' does not name its column so.
+    named = {name: value for name in OPTIONS if not isinstance(value := vars(module).get(name), ModuleType)}
+    found = {name: value for name, value in named.items() if value is not None}
+    found["candidates"] = (*found.get("candidates", ()), *found.pop("laws", ()))
+    return found
 
 
 def _require(module: ModuleType, path: Path) -> None:

@@ -1,15 +1,16 @@
 """Models that are ordinary differential equations: states, inputs, events, and how each record begins.
 
 :func:`ode` makes ``predict`` from a right-hand side. SciPy's ``solve_ivp`` integrates; a right-hand side that numba has
-compiled is integrated by a compiled stepper, a hundred times faster. Inputs are lines between the record's samples.
+compiled, or that the search can compile, is integrated by a compiled stepper, a hundred times faster. Inputs are lines
+between the record's samples.
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +18,28 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.own.records import Record, column_of, time_of
 
+if TYPE_CHECKING:
+    from torsight.discovery.own.model.compiled_ode import Stepper
+
 Array = NDArray[np.float64]
 
 RTOL: Final = 1e-7
 """Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
 to four digits; SciPy's own default of 1e-3 would drown them."""
-_ATOL_SHARE: Final = 1e-2
+ATOL_SHARE: Final = 1e-2
 """Absolute tolerance as a multiple of the relative one: states of the order of 0.01 are still followed."""
+MOMENT: Final = 1e-9
+"""Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
 _MOST_EVENTS: Final = 10_000
+_MOST_STEPS: Final = 20_000
+_MOST_STEPS_PER_ROW: Final = 200
+"""Steps that an integration may take, calls of a right-hand side in plain Python: one that goes well takes 5 to 30 per
+row (tests/discovery/test_own_ode.py counts them), one that diverges would not end."""
+TOO_MANY: Final = "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges"
+
+
+class TooManyStepsError(ArithmeticError):
+    """An integration that would not end."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +63,20 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Solver:
+    """Options of SciPy's ``solve_ivp``; a model that needs a certain method is not compiled by the search."""
+
+    method: str = "LSODA"
+    rtol: float = RTOL
+    max_step: float = np.inf
+
+    @property
+    def any_method(self) -> bool:
+        """Whether the method is the usual one, in the place of which another may do as well."""
+        return self.method == "LSODA"
+
+
+@dataclass(frozen=True)
 class Ode:
     """``predict`` of a model that is a set of differential equations; made by :func:`ode`."""
 
@@ -58,17 +87,18 @@ class Ode:
     initial: Mapping[str, float | str]
     events: tuple[Event, ...] = ()
     time: str | None = None
-    method: str = "LSODA"
-    rtol: float = RTOL
-    max_step: float = np.inf
-    compiled: bool = field(default=False)
+    solver: Solver = Solver()
+    stepper: Stepper | None = None
+
+    @property
+    def __wrapped__(self) -> Callable[..., Any]:
+        return self.rhs
 
     def __call__(self, p: Any, record: Record) -> Any:
         """Return the outputs for a record."""
         time = time_of(record, self.time)
         start = self._start(p, record)
-        integrated = self._compiled if self.compiled else self._integrated
-        states = integrated(p, record, time, start)
+        states = self._states(p, record, time, start)
         if callable(self.output):
             named = {name: states[:, k] for k, name in enumerate(self.states)}
             return self.output(_Named(named), record, p)
@@ -95,15 +125,29 @@ class Ode:
                 )
         return np.array(made)
 
-    def _compiled(self, p: Any, record: Record, time: Array, start: Array) -> Array:
-        """Integrate with the compiled stepper."""
+    def compiled(self) -> Ode:
+        """Return the same with right-hand side and events compiled.
+
+        Raises
+        ------
+        CannotCompileError
+            Where one of the functions cannot be.
+        """
+        from torsight.discovery.own.model.compiled_ode import stepper_of
+
+        events = [(one.when, one.then, one.direction) for one in self.events]
+        return replace(self, stepper=stepper_of(self.rhs, events))
+
+    def _states(self, p: Any, record: Record, time: Array, start: Array) -> Array:
+        """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
+        if self.stepper is None:
+            return self._integrated(p, record, time, start)
         from numba.core.errors import NumbaError
 
-        from torsight.discovery.own.model.compiled_ode import integrate
-
-        inputs = np.column_stack([column_of(record, name) for name in self.inputs] or [np.zeros(len(time))])
+        inputs = {name: column_of(record, name) for name in self.inputs}
+        limits = (self.solver.rtol, float(self.solver.max_step), _most(len(time)))
         try:
-            return integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.rtol)
+            return self.stepper.integrate(time, start, inputs, p, limits=limits)
         except NumbaError as error:
             lines = str(error).splitlines()
             # One "Failed in …" per function on the way; the reason comes after them.
@@ -111,9 +155,12 @@ class Ode:
             raise InputError(
                 f"numba cannot compile the right-hand side: {reason}",
                 where=getattr(self.rhs, "__name__", "rhs"),
-                limit="inputs by their place (u[0]) in the order of inputs=…; of p numbers only, no laws",
                 do="change it, or leave off @njit",
             ) from error
+        except TooManyStepsError:
+            raise
+        except Exception:  # noqa: BLE001 - with its own traceback
+            return self._integrated(p, record, time, start)
 
     def _integrated(self, p: Any, record: Record, time: Array, start: Array) -> Array:
         """Integrate with SciPy, from event to event."""
@@ -125,7 +172,11 @@ class Ode:
         def inputs(t: float) -> Any:
             return _Named({name: float(np.interp(t, time, values)) for name, values in columns.items()})
 
+        called = count()
+
         def rhs(t: float, x: Array) -> Any:
+            if next(called) > _most(len(time)):
+                raise TooManyStepsError(TOO_MANY.format(t))
             return self.rhs(t, x, inputs(t), p)
 
         functions = [self._event(one, inputs, p) for one in self.events]
@@ -137,12 +188,12 @@ class Ode:
                 rhs,
                 (begin, float(time[-1])),
                 at,
-                method=self.method,
+                method=self.solver.method,
                 t_eval=wanted,
                 events=functions or None,
-                rtol=self.rtol,
-                atol=_ATOL_SHARE * self.rtol,
-                max_step=self.max_step,
+                rtol=self.solver.rtol,
+                atol=ATOL_SHARE * self.solver.rtol,
+                max_step=self.solver.max_step,
             )
             if found.status < 0:
                 reached = found.t[-1] if len(found.t) else begin
@@ -169,8 +220,13 @@ class Ode:
         then = self.events[k].then
         after = x if then is None else np.asarray(then(t, x, inputs(t), p), np.float64)
         # A moment later the function has left zero, so that the same event does not end the next step at once.
-        moment = 1e-9 * max(1.0, abs(t))
+        moment = MOMENT * max(1.0, abs(t))
         return t + moment, after + moment * np.asarray(self.rhs(t, after, inputs(t), p), np.float64)
+
+
+def _most(rows: int) -> int:
+    """Return the steps that an integration may take, of a record of so many rows."""
+    return _MOST_STEPS + _MOST_STEPS_PER_ROW * rows
 
 
 class _Named:
@@ -182,21 +238,8 @@ class _Named:
     def __getitem__(self, name: str) -> Any:
         return self.__dict__[name]
 
-
-def _numbers(p: Any) -> Any:
-    """Return the parameters as a named tuple, which numba understands: ``p.mass_kg``."""
-    numbers = {name: float(value) for name, value in p.items() if not callable(value)}
-    return _tuple_of(tuple(numbers))(**numbers)
-
-
-_KINDS: dict[tuple[str, ...], Any] = {}
-
-
-def _tuple_of(names: tuple[str, ...]) -> Any:
-    """Return one class per set of names: numba compiles anew for every class."""
-    if names not in _KINDS:
-        _KINDS[names] = namedtuple("Parameters", names)  # noqa: PYI024 - the names are known at run time only
-    return _KINDS[names]
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"'{name}' is not declared; there is {', '.join(self.__dict__) or 'nothing'}")
 
 
 def ode(
@@ -208,9 +251,7 @@ def ode(
     initial: Mapping[str, float | str] | None = None,
     events: Sequence[Event] = (),
     time: str | None = None,
-    method: str = "LSODA",
-    rtol: float = RTOL,
-    max_step: float = np.inf,
+    solver: Solver = Solver(),
 ) -> Ode:
     """Make a model's ``predict`` from differential equations.
 
@@ -218,8 +259,8 @@ def ode(
     ----------
     rhs : callable
         ``rhs(t, x, u, p)`` gives the derivatives of the states: ``x`` (states,), ``u`` the inputs by name
-        (``u.force_n``), ``p`` parameters and laws by name. Compiled with ``numba.njit``: ``u`` is an array (inputs,)
-        in the order of ``inputs``, ``p`` a named tuple of the parameters (no laws), and events cannot be used.
+        (``u.force_n``), ``p`` parameters and laws by name (``p.mass_kg``). With ``numba.njit`` it is compiled at once,
+        else by the search where that pays and numba can.
     states : sequence of str
         Names of the states.
     output : callable, or names
@@ -234,8 +275,8 @@ def ode(
         Corners (an overflow, a stop) and jumps.
     time : str, optional
         Column of the time; as in ``model_problem``.
-    method, rtol, max_step
-        Of SciPy's ``solve_ivp``.
+    solver : Solver
+        Method, relative tolerance and longest step.
     """
     named = tuple(states)
     wanted = output if callable(output) else ((output,) if isinstance(output, str) else tuple(output))
@@ -243,9 +284,6 @@ def ode(
     unknown += [name for name in initial or {} if name not in named]
     if not named or unknown:
         raise InputError(f"'{', '.join(unknown)}' is no state", where="ode", limit=", ".join(named) or "one or more")
-    compiled = hasattr(rhs, "py_func")
-    if compiled and events:
-        raise InputError(
-            "events need a right-hand side in plain Python", where="ode", do="leave off @njit or the events"
-        )
-    return Ode(rhs, named, wanted, tuple(inputs), initial or {}, tuple(events), time, method, rtol, max_step, compiled)
+    plain = getattr(rhs, "py_func", rhs)
+    made = Ode(plain, named, wanted, tuple(inputs), initial or {}, tuple(events), time, solver)
+    return made if plain is rhs else made.compiled()

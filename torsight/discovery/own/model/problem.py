@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.discovery.interface import Candidate
+from torsight.discovery.interface import Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.model.declare import LawPort, check_declarations, name_in, parameters_of, per_record
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
-from torsight.discovery.own.model.layout import Layout, PerOutput
+from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import Record, Table, read_records, time_of
@@ -42,7 +42,7 @@ scatters about three times less than its size."""
 
 
 @dataclass(frozen=True, eq=False)
-class ModelProblem:
+class ModelProblem(OptionalMembers):
     """A :class:`torsight.discovery.interface.Problem` around a function; made by :func:`model_problem`.
 
     Attributes
@@ -89,7 +89,6 @@ class ModelProblem:
     once: tuple[str, ...] = ()
     elsewhere: tuple[Mapping[str, float], ...] = ()
     sigma_known: bool = False
-    processes: bool | None = None
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
 
@@ -140,11 +139,6 @@ class ModelProblem:
         if any(one.failure is not None for one in called):
             return self.far
         return self.layout.stack([one.outputs for one in called if one.outputs is not None], between=0.0)
-
-    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return zeros: the inputs are taken as known."""
-        del values, effects
-        return np.zeros(len(self.observed))
 
     @cached_property
     def far(self) -> Array:
@@ -217,18 +211,12 @@ def model_problem(
     predict: Predict,
     observed: Table | Sequence[Table],
     parameters: Sequence[Parameter] | Mapping[str, float],
-    candidates: Sequence[Candidate] = (),
+    candidates: Sequence[Candidate | LawPort] = (),
     *,
     output: str | Sequence[str],
-    laws: Sequence[LawPort] = (),
     initial: Sequence[str] = (),
-    time: str | None = None,
-    blocks: int | str | Sequence[Array] | None = None,
-    sigma: PerOutput = None,
-    resolution: PerOutput = None,
-    rest: str | None = None,
     drivers: Sequence[str] | None = None,
-    processes: bool | None = None,
+    reading: Reading = Reading(),  # noqa: B008 - it cannot be changed
 ) -> ModelProblem:
     """Put a model of one's own before the engine.
 
@@ -240,32 +228,18 @@ def model_problem(
         What was measured and what drove it: a DataFrame, a mapping of arrays, or a path; several records of one rig.
     parameters : sequence of Parameter, or mapping of name to start
         What the fit may change (:func:`~torsight.discovery.own.model.declare.parameter`).
-    candidates : sequence of Candidate
-        What the model may lack (:func:`~torsight.discovery.own.model.declare.candidate`).
+    candidates : sequence of Candidate or LawPort
+        What the model may lack: effects (:func:`~torsight.discovery.own.model.declare.candidate`), and ports at which a
+        function of one variable may be missing (:func:`~torsight.discovery.own.model.declare.law`).
     output : str or sequence of str
         Columns of the table that ``predict`` gives.
-    laws : sequence of LawPort
-        Ports at which a function of one variable may be missing (:func:`~torsight.discovery.own.model.declare.law`).
     initial : sequence of str
         Parameters that say how a record begins: each record has its own, and no other block need tell them.
-    time : str, optional
-        Column of the time; without it ``time_s``, ``time``, ``t_s`` or ``t``, else rows are counted.
-    blocks : int, str or sequence of arrays, optional
-        What is held out at once: so many stretches of equal time per record, or a column that numbers them. Without
-        it whole records where there are several, else six stretches.
-    sigma : float, str or mapping, optional
-        Standard deviation of the noise of one reading, a number or a column, by output where there are several.
-        Without it the residual's own scatter.
-    resolution : float, str or mapping, optional
-        Size of a difference that nobody would miss; without it a tenth of the noise.
-    rest : str, optional
-        A column that is not 0 where everything stands still, or ``"still"`` for where the outputs do: such a stretch
-        counts as one piece of information.
     drivers : sequence of str, optional
         Columns on which a missing effect without a name may depend; without it every column but the outputs, and
         time.
-    processes : bool, optional
-        Call the model in processes; without it where that pays.
+    reading : Reading, optional
+        How the records are read: noise, blocks, rests, time.
 
     Raises
     ------
@@ -273,7 +247,9 @@ def model_problem(
         When something is declared twice, out of bounds, missing or of a wrong shape: before any fit.
     """
     outputs = (output,) if isinstance(output, str) else tuple(output)
-    declared, offered, ports = parameters_of(parameters), tuple(candidates), tuple(laws)
+    declared = parameters_of(parameters)
+    ports = tuple(one for one in candidates if isinstance(one, LawPort))
+    offered = tuple(one for one in candidates if not isinstance(one, LawPort))
     check_declarations(declared, offered, ports, where="the model")
     _known(initial, [p.name for p in declared], what="initial")
     if not outputs or len(set(outputs)) < len(outputs):
@@ -281,22 +257,22 @@ def model_problem(
     if not callable(predict):
         raise InputError("is no function", where="predict", value=type(predict).__name__)
     records = read_records(observed)
-    measured, times = lay.observed_of(records, outputs), [time_of(record, time) for record in records]
-    given = lay.per_output(sigma, records, outputs, what="sigma")
+    measured, times = lay.observed_of(records, outputs), [time_of(record, reading.time) for record in records]
+    given = lay.per_output(reading.sigma, records, outputs, what="sigma")
     noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
     known = all(np.isfinite(own).all() for own in given)
     believed = [np.where(np.isfinite(own), own, noise) for own in given]
     size = lay.resolutions(
-        lay.per_output(resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
+        lay.per_output(reading.resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
     )
     layout = _layout(records, outputs, measured, size)
     stacked = layout.stack(measured)
     valid = np.isfinite(stacked)
-    labels = lay.blocks_of(blocks, records, times)
+    labels = lay.blocks_of(reading.blocks, records, times)
     block = np.asarray(layout.spread([own.astype(np.float64) for own in labels]), np.int64)
-    at_rest, warnings = rest_of(rest, records, outputs, measured, noise)
+    at_rest, warnings = rest_of(reading.rest, records, outputs, measured, noise)
     warnings += lay.check_blocks(block, valid)
-    found, more = drivers_of(drivers, records, outputs, times, time_name=time, block_name=blocks)
+    found, more = drivers_of(drivers, records, outputs, times, reading=reading)
     model = Model(predict, records, outputs, tuple(one.name for one in ports))
     free = tuple(p for p in declared if not p.fixed)
     once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
@@ -323,8 +299,7 @@ def model_problem(
         nodes={one.name: nodes_of(one) for one in ports},
         once=once,
         sigma_known=known,
-        processes=processes,
-        time_name=time,
+        time_name=reading.time,
         warnings=tuple(warnings + more),
     )
 

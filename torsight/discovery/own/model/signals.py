@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +47,10 @@ def drivers_of(
     outputs: Sequence[str],
     times: Sequence[Array],
     *,
-    time_name: str | None,
-    block_name: Any,
+    reading: lay.Reading,
 ) -> tuple[dict[str, list[Array]], list[str]]:
     """Return the drivers by name, one array per record, and what was left out of them."""
-    no_drivers = {*outputs, time_name, *([block_name] if isinstance(block_name, str) else []), *TIMES}
+    no_drivers = {*outputs, reading.time, *([reading.blocks] if isinstance(reading.blocks, str) else []), *TIMES}
     shared = [name for name in records[0] if all(name in record for record in records)]
     names = [name for name in shared if name not in no_drivers] if given is None else list(given)
     found: dict[str, list[Array]] = {}
