@@ -13,7 +13,7 @@ from numba import njit
 
 from torsight.core.errors import InputError
 from torsight.discovery import Event, candidate, law, model_problem, ode, parameter
-from torsight.discovery.own.model import quicken
+from torsight.discovery.own.compiled import quicken
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.evaluate import CompiledPredict
 from torsight.discovery.own.model.ode import Ode

@@ -57,8 +57,9 @@ class Curve:
 
     def __init__(self, nodes: Array | None = None, values: Array | None = None) -> None:
         self.off = nodes is None or values is None
-        self.nodes = np.zeros(1) if nodes is None else nodes
-        self.values = np.zeros(1) if values is None else values
+        # As compiled code reads them.
+        self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
+        self.values = np.zeros(1) if values is None else np.ascontiguousarray(values, np.float64)
         self.asked = np.array([np.inf, -np.inf])
 
     def __call__(self, at: Any) -> Any:
