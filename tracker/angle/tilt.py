@@ -47,6 +47,8 @@ KNOWN: Final = 1.0 / 300.0
 """A tilt of which no more is left than can make 0.2 degrees is taken out, be it none."""
 _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
+_BELIEVED: Final = 0.95
+"""Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
 _PINNED: Final = 1e-5
@@ -260,8 +262,7 @@ def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     belief = np.exp(evidence - evidence.max())
     belief /= belief.sum()
     along = int(np.argmax(belief[1:]))
-    # Even odds are none.
-    shown = max(0.0, 2.0 * float(belief[1 + along]) - 1.0)
+    shown = max(0.0, (float(belief[1 + along]) - _BELIEVED) / (1.0 - _BELIEVED))
     return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
 
 
