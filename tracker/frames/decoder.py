@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import av
-import numpy as np
 
-from tracker.frames.display import Display, Luma, luma_of
+from tracker.frames.display import Closed, Display, Luma, luma_of
 
 
 class Decoder:
@@ -41,7 +40,7 @@ class Decoder:
         self, container: Any, stream: Any, *, display: Display
     ) -> Iterator[tuple[int | None, Luma | None, bool]]:
         """Give ``(pts, luma or None, damaged)`` in display order."""
-        damaged, room = False, np.empty((0, 0), np.uint8)
+        damaged, closed = False, Closed()
         for frame in self._decoded(container, stream):
             for pts in self._missing_before(frame.pts):
                 damaged = True
@@ -51,14 +50,7 @@ class Decoder:
                 self.in_damage = False
             damaged = damaged or bool(frame.is_corrupt)
             self.interlaced += bool(frame.interlaced_frame)
-            luma = luma_of(frame, display)
-            if not luma.flags.c_contiguous:
-                # Rows with gaps between are another type to the compiler, for which everything would be compiled again.
-                # Memory that is there costs a tenth of new memory.
-                room = room if room.shape == luma.shape else np.empty_like(luma, order="C")
-                np.copyto(room, luma)
-                luma = room
-            yield frame.pts, luma, damaged
+            yield frame.pts, closed(luma_of(frame, display)), damaged
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
         packets = container.demux(stream)
