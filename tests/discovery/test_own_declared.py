@@ -20,7 +20,7 @@ from tests.discovery.own_models import (
     sensor_record,
 )
 from torsight.core.errors import InputError
-from torsight.discovery import Reading, candidate, find_missing, law, model_problem, parameter
+from torsight.discovery import Reading, candidate, find_missing, model_problem, parameter
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
 from torsight.discovery.own.model.model_file import READING
@@ -45,43 +45,6 @@ def refused(message: str, **changes: Any) -> None:
         check_problem(problem(**changes))
 
 
-CANDIDATE = candidate("bow", parameter("bow", 0.1, null=0.0))
-
-
-@pytest.mark.parametrize(
-    ("message", "changes"),
-    [
-        ("two parameters are called 'gain'", {"parameters": [*sensor_parameters(), parameter("gain", 2.0)]}),
-        ("two parameters are called 'gain'", {"candidates": [candidate("more", parameter("gain", 1.0, null=0.0))]}),
-        ("start lies outside its bounds", {"parameters": [parameter("gain", 3.0, upper=2.0)]}),
-        ("null value lies outside", {"candidates": [candidate("bow", parameter("bow", 2.0, lower=1.0, null=0.0))]}),
-        ("no parameter has a null value", {"candidates": [candidate("bow", parameter("bow", 0.1))]}),
-        ("starts at its null value", {"candidates": [candidate("bow", parameter("bow", 0.0, null=0.0))]}),
-        ("has no parameter", {"candidates": [candidate("bow")]}),
-        ("cannot be the name", {"candidates": [CANDIDATE, candidate("bow", parameter("arc", 0.1, null=0.0))]}),
-        ("cannot be the name", {"candidates": [law("gain", driver="u")]}),
-        ("sigma is not positive", {"parameters": [parameter("gain", 1.0, sigma=0.0)]}),
-        ("bounds leave no room", {"parameters": [parameter("gain", 1.0, lower=1.0, upper=1.0)]}),
-        ("'bow' is fixed", {"candidates": [candidate("bow", parameter("bow", 0.1, null=0.0, fixed=True))]}),
-        ("has no free parameter", {"parameters": []}),
-        ("is no parameter", {"parameters": [("gain", 1.0)]}),
-        ("has no column 'z'.*time_s, u, y", {"output": "z"}),
-        ("has no column 'stroke'", {"blocks": "stroke"}),
-        ("'start' is not declared", {"initial": ["start"]}),
-        ("sigma is not positive", {"sigma": -1.0}),
-        ("is no output that sigma", {"sigma": {"x": 1.0}}),
-        ("is no function", {"predict": "model"}),
-        ("columns are not of one length", {"observed": {"time_s": np.arange(9.0), "u": np.ones(9), "y": np.ones(8)}}),
-        ("holds too little", {"observed": {"u": np.ones(3), "y": np.ones(3)}}),
-        ("is measured nowhere", {"observed": {"u": np.ones(9), "y": np.full(9, np.nan)}}),
-        ("time runs backwards", {"observed": {**sensor_record(), "time_s": sensor_record()["time_s"][::-1]}}),
-        ("block 0 holds hardly any sample", {"blocks": 300}),
-    ],
-)
-def test_a_declaration_that_cannot_be_meant_is_refused(message: str, changes: dict[str, Any]) -> None:
-    refused(message, **changes)
-
-
 def nan_from_a_gap(p: Any, record: Any) -> np.ndarray:
     return p.gain * record.gappy + p.offset
 
@@ -90,8 +53,6 @@ def test_a_model_that_gives_no_numbers_or_a_wrong_shape_is_refused_before_the_se
     gappy = sensor_record()
     gappy["gappy"] = np.where(np.arange(600) == 40, np.nan, gappy["u"])
     refused(r"'y' is nan in row 41; there gappy is not known", predict=nan_from_a_gap, observed=gappy)
-    refused(r"wrong shape.*\(599,\).*\(600,\)", predict=lambda p, r: p.gain * r.u[1:] + p.offset)
-    refused("predict gives no 'y'", predict=lambda p, r: {"z": p.gain * r.u})
     refused("has no column 'speed'; it has time_s, u, y", predict=lambda p, r: p.gain * r.speed)
     refused("no parameter or law 'slope'; it has gain, offset", predict=lambda p, r: p.slope * r.u)
 

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
 from torsight.core.series import scatter
 from torsight.core.threads import one_thread
@@ -16,6 +15,7 @@ from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import asked_beyond
+from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quicken import quickened
@@ -63,8 +63,11 @@ def find_missing(
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
     told = aloud(progress)
-    if processes not in (None, True, False):
-        raise InputError("is neither True, False nor None", where="processes", value=repr(processes))
+    given.function(progress, "find_missing, progress")
+    if settings is not None:
+        given.one_of(settings, Settings, "find_missing, settings", do="give settings=Settings(…)")
+    if processes is not None:
+        given.one_of(processes, bool, "find_missing, processes", do="give True, False or None")
     with heard() as stream, one_thread():
         notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):

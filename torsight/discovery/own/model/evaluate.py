@@ -117,7 +117,8 @@ class Failure:
     def told(self) -> str:
         """Return one sentence: what, where, for which values."""
         given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
-        return f"{self.kind}: {self.message} ({self.place}; record '{self.record}'; {given})"
+        kind = f"{self.kind}: " if self.kind else ""
+        return f"{kind}{self.message} ({self.place}; record '{self.record}'; {given})"
 
     def error(self, where: str) -> ModelError:
         """Return it as an error of ours, for a model that cannot be used at all."""
@@ -172,12 +173,14 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
             raise InputError(
                 f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do="add it"
             )
-        columns = [np.asarray(given[name], np.float64) for name in names]
+        columns = [np.asarray(given[name]) for name in names]
     elif isinstance(given, tuple) or (isinstance(given, list) and len(names) > 1):
-        columns = [np.asarray(one, np.float64) for one in given]
+        columns = [np.asarray(one) for one in given]
     else:
-        whole = np.asarray(given, np.float64)
+        whole = np.asarray(given)
         columns = [whole] if whole.ndim == 1 or len(names) == 1 else list(whole.T)
+    if any(column.dtype.kind not in "fiub" for column in columns):
+        raise InputError("predict gives no numbers", where=record.label_, value=repr(given), do="return real numbers")
     shapes = [column.shape for column in columns]
     if len(columns) != len(names) or any(shape != (record.rows_,) for shape in shapes):
         raise InputError(
@@ -187,7 +190,7 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
             limit=f"({record.rows_},) for each of {', '.join(names)}",
             do="give one value per row of the record",
         )
-    return np.column_stack(columns)
+    return np.column_stack(columns).astype(np.float64)
 
 
 def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[str, float]) -> Failure:
@@ -205,16 +208,22 @@ def _failure(error: BaseException, model: Model, record: Record, values: Mapping
     # Where its author looks: the last line of the model's own file, whatever that line called.
     file = _file_of(model)
     own = [frame for frame in frames if frame.filename == file]
-    last = (own or frames)[-1] if frames else None
-    place = "predict" if last is None else f"{last.filename}, line {last.lineno}, in {last.name}"
+    place = f"{own[-1].filename}, line {own[-1].lineno}, in {own[-1].name}" if own else place_of(model.predict)
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
-    return Failure(type(error).__name__, str(error), place, trace, dict(values), record.label_)
+    kind = "" if isinstance(error, InputError) else type(error).__name__
+    return Failure(kind, str(error), place, trace, dict(values), record.label_)
 
 
 def _file_of(model: Model) -> str:
     """Return the file in which a model's function stands, empty where nothing says it."""
     code = code_of(model.predict)
     return "" if code is None else code.co_filename
+
+
+def place_of(predict: Predict) -> str:
+    """Return where a model stands: file, line and name."""
+    code = code_of(predict)
+    return "predict" if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {code.co_name}"
 
 
 def code_of(predict: Predict) -> CodeType | None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.discovery.own.model import given
 from torsight.discovery.own.records import Record, column_of, time_of
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ _MOST_STEPS_PER_ROW: Final = 200
 """Steps that an integration may take, calls of a right-hand side in plain Python: one that goes well takes 5 to 30 per
 row (tests/discovery/test_own_ode.py counts them), one that diverges would not end."""
 TOO_MANY: Final = "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges"
+
+
+METHODS: Final = ("LSODA", "RK23", "RK45", "DOP853", "Radau", "BDF")
+"""Of SciPy's ``solve_ivp``."""
 
 
 class TooManyStepsError(ArithmeticError):
@@ -61,6 +66,15 @@ class Event:
     then: Callable[..., Sequence[float]] | None = None
     direction: int = 0
 
+    def __post_init__(self) -> None:
+        given.function(self.when, "Event, when")
+        if self.then is not None:
+            given.function(self.then, "Event, then")
+        if self.direction not in {-1, 0, 1}:
+            raise InputError(
+                "is no direction", where="Event", value=repr(self.direction), limit="-1, 0, 1", do="give one"
+            )
+
 
 @dataclass(frozen=True)
 class Solver:
@@ -69,6 +83,15 @@ class Solver:
     method: str = "LSODA"
     rtol: float = RTOL
     max_step: float = np.inf
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            where = "Solver, method"
+            raise InputError(
+                "is no method", where=where, value=repr(self.method), limit=", ".join(METHODS), do="name one"
+            )
+        given.number(self.rtol, "Solver, rtol", positive=True)
+        given.number(self.max_step, "Solver, max_step", positive=True, finite=False)
 
     @property
     def any_method(self) -> bool:
@@ -140,6 +163,16 @@ class Ode:
 
     def _states(self, p: Any, record: Record, time: Array, start: Array) -> Array:
         """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
+        first = _Named({name: float(column_of(record, name)[0]) for name in self.inputs})
+        rates = np.shape(self.rhs(float(time[0]), start, first, p))
+        if rates != np.shape(start):
+            raise InputError(
+                "the right-hand side gives no derivative for every state",
+                where=record.label_,
+                value=rates,
+                limit=f"({len(start)},)",
+                do="return one number for each state",
+            )
         if self.stepper is None:
             return self._integrated(p, record, time, start)
         from numba.core.errors import NumbaError
@@ -245,11 +278,11 @@ class _Named:
 def ode(
     rhs: Callable[..., Any],
     *,
-    states: Sequence[str],
+    states: str | Sequence[str],
     output: Callable[..., Any] | str | Sequence[str],
-    inputs: Sequence[str] = (),
+    inputs: str | Sequence[str] = (),
     initial: Mapping[str, float | str] | None = None,
-    events: Sequence[Event] = (),
+    events: Event | Sequence[Event] = (),
     time: str | None = None,
     solver: Solver = Solver(),
 ) -> Ode:
@@ -278,12 +311,21 @@ def ode(
     solver : Solver
         Method, relative tolerance and longest step.
     """
-    named = tuple(states)
-    wanted = output if callable(output) else ((output,) if isinstance(output, str) else tuple(output))
+    given.function(rhs, "ode, rhs")
+    named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
+    driven = tuple(given.name(one, "ode, inputs") for one in given.names(inputs, "ode, inputs"))
+    wanted = output if callable(output) else given.names(output, "ode, output")
+    happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")
+    given.one_of(solver, Solver, "ode, solver", do="give solver=Solver(method=…, rtol=…)")
+    begin: Any = given.one_of({} if initial is None else initial, Mapping, "ode, initial", do="give {state: beginning}")  # type: ignore[type-abstract]
+    for state, begins in begin.items():
+        if not isinstance(begins, str):
+            given.number(begins, f"ode, initial, {state}")
     unknown = [] if callable(wanted) else [name for name in wanted if name not in named]
-    unknown += [name for name in initial or {} if name not in named]
+    unknown += [name for name in begin if name not in named]
     if not named or unknown:
-        raise InputError(f"'{', '.join(unknown)}' is no state", where="ode", limit=", ".join(named) or "one or more")
+        told = f"'{', '.join(unknown)}' is no state" if named else "has no state"
+        raise InputError(told, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
     plain = getattr(rhs, "py_func", rhs)
-    made = Ode(plain, named, wanted, tuple(inputs), initial or {}, tuple(events), time, solver)
+    made = Ode(plain, named, wanted, driven, begin, happens, time, solver)
     return made if plain is rhs else made.compiled()
