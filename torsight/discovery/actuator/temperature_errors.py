@@ -27,8 +27,8 @@ _TOP_SHARE: Final = 0.5
 (benchmarks/discovery/tops.py); behind a slow sensor a top is known less well."""
 _TOP_C: Final = 1.0
 _HOLD_S: Final = 4.0
-"""The shortest stretch that the conditioning takes for a hold; over that, noise leaves as much doubt of a rise as of the
-level: 0.4 to 0.5 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
+"""The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
+the level: 0.4 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
