@@ -80,6 +80,8 @@ wire_capacity_j_per_k = 0.6
 fps = 8.0
 crf = 12
 [camera]
+width_px = 288
+height_px = 288
 tilt_deg = 7.0
 [log]
 offset_s = -4.0
@@ -92,7 +94,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a rendered rig with a run on it: ``rig/`` and ``out/``."""
     folder = tmp_path_factory.mktemp("run")
     render_scene(scene_from(tomllib.loads(SCENE), where="test"), out=folder / "rig")
-    assert leave("run", str(folder / "rig" / "experiment.toml"), "--out", str(folder / "out")) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        # What is named among all effects is tested with discovery.
+        try_few(patch, "position_friction", "sensor_lag", "stiffening")
+        assert leave("run", str(folder / "rig" / "experiment.toml"), "--out", str(folder / "out")) == 0
     return folder
 
 

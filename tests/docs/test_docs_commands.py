@@ -32,6 +32,8 @@ from tests.few_effects import try_few
 from torsight.cli.main import main
 from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
+from torsight.core.errors import OutputError
+from torsight.viewer import save_pictures
 from torsight.viewer.program import free_port
 
 TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES} | {"commands.md": command_reference()}
@@ -77,6 +79,10 @@ class World:
         tracked = _interrupted(Path(words[words.index("--out") + 1])) if "--resume" in words else 0
         with pytest.raises(SystemExit) as end:
             main(words)
+        if "--pictures" in words and end.value.code:
+            with pytest.raises(OutputError, match="cannot draw here"):
+                save_pictures(words[1], self.folder / "drawn")
+            return
         assert end.value.code == 0, " ".join(words)
         if tracked:
             assert Path(words[words.index("--out") + 1], "angle.csv").stat().st_mtime_ns == tracked

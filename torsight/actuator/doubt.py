@@ -14,10 +14,10 @@ from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_names, get_number, get_table
 from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
+from torsight.core.words.plausible import MOST_TURNED_DEG
 
 Array = NDArray[np.float64]
 
-_MOST_DEG: Final = 2e4
 _NO_SHARE: Final = 1e-9
 
 
@@ -112,7 +112,7 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
     return Doubt(
         names=tuple(names),
         covariance=0.5 * (covariance + covariance.T),
-        residual_deg=get_number(table, "residual_deg", where=where, lower=0.0, upper=_MOST_DEG),
+        residual_deg=get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG),
         alternatives=tuple(_alternative(other) for other in others),
     )
 

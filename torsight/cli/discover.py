@@ -18,6 +18,7 @@ FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """What the command writes."""
 _MADE: Final = (*FILES, "next_experiment.csv")
 _LEAST_CLOCK_SIGMA_S: Final = 0.05
+"""An event that both recorders saw is read to a frame of one, 0.03 s at 30 per second, and a row of the other."""
 
 
 def discover(
@@ -84,6 +85,7 @@ def _clock_sigma_s(merged: Path) -> float | None:
     """
     from torsight.core.errors import InputError
     from torsight.core.files.storage import read_json
+    from torsight.core.parameter import REACH
     from torsight.core.records import SHARED_EVENT
 
     path = merged.parent / "sync.json"
@@ -98,7 +100,7 @@ def _clock_sigma_s(merged: Path) -> float | None:
         raise InputError(
             "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
         ) from error
-    return max((high - low) / 3.92, _LEAST_CLOCK_SIGMA_S) if low <= high else None
+    return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_SIGMA_S) if low <= high else None
 
 
 def _errors(report: DiscoveryReport) -> str:

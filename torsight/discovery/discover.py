@@ -42,6 +42,7 @@ Array = NDArray[np.float64]
 CONTRADICTED_SIGMAS: Final = 4.0
 """A characterised value that the record moves by more than this is named."""
 _DRAWS: Final = 2000
+"""Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
 _SETS_TOLD: Final = 12
 
 

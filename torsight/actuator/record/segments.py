@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.series import extremes, runs
+from torsight.core.series.scatter import scatter
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -36,8 +37,6 @@ _STILL_SHARE: Final = 0.25
 _REST_ROWS: Final = 4
 _COLD_SHARE: Final = 0.2
 """Share of its heating below which a spring no longer moves by itself."""
-_DIFFERENCES: Final = 0.95
-"""Median size of the difference of two readings, in standard deviations of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +139,7 @@ def _jump(time_s: Array, angle_rad: Array) -> int | None:
     """Return the row at which an angle jumps out of a rest; None where it does not."""
     if len(time_s) < 2 * _REST_ROWS:
         return None
-    noise = float(np.median(np.abs(np.diff(angle_rad)))) / _DIFFERENCES
+    noise = scatter(angle_rad, order=1)
     least = max(_JUMP_RAD, _JUMP_SIGMAS * noise)
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
     way = np.abs(angle_rad[later] - angle_rad)

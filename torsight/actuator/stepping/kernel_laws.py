@@ -12,6 +12,7 @@ factor on friction over log10(1 + rest in s).
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ SCALARS: Final = np.dtype(
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
-_LN100: Final = 4.605170185988092
+_LN100: Final = math.log(100.0)
 
 
 class Samples(NamedTuple):

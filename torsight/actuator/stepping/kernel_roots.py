@@ -55,7 +55,7 @@ X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
 TORQUE_TOLERANCE: Final = 1e-13
-SLIP_TOLERANCE: Final = 4e-13
+SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
 _NEWTON_STEPS: Final = 8
 
 

@@ -31,8 +31,8 @@ _LOOKED_AT: Final = (4, 8, 12, 16)
 """Those of them in which the markers are looked for, which costs as much as tracking a thousand frames."""
 _SMALL_PX: Final = 160
 _STEP_GREY: Final = 25
-_IRREGULAR: Final = 0.02
-_WHOLE: Final = 0.98
+_FEW: Final = 0.02
+"""Share of irregular or missing frames that is not worth a word: every fiftieth."""
 
 
 def check_film(
@@ -83,7 +83,7 @@ def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, g
         "frame_interval_s": {"median": told.step_s, "min": told.shortest_s, "max": told.longest_s},
         "irregular_share": told.irregular_share,
     }
-    if told.irregular_share > _IRREGULAR and not given:
+    if told.irregular_share > _FEW and not given:
         text = (
             f"has a varying frame rate ({100 * told.irregular_share:.0f} % of the steps differ from "
             f"{1e3 * told.step_s:.1f} ms, the longest is {1e3 * told.longest_s:.0f} ms); every frame is taken at its "
@@ -109,7 +109,7 @@ def _look_at_file(check: Check, about: str, source: Any, stamps: Stamps) -> None
         text = f"is damaged in {counted(len(damage), 'place')}: {damage[0]['text']}."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
     declared = source.frame_count
-    if not stamps.decoded and declared is not None and len(stamps) + stamps.hidden < _WHOLE * declared:
+    if not stamps.decoded and declared is not None and len(stamps) + stamps.hidden < (1.0 - _FEW) * declared:
         text = f"holds {len(stamps) + stamps.hidden} of {declared} declared frames: it was cut or damaged."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
@@ -34,7 +35,7 @@ CORRELATION_S: Final = 10.0
 """What a good record leaves, and its correlation time: a sample counts as its interval over this."""
 
 
-_SPREAD: Final = 2.0 * 1.645
+_SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
 
 

@@ -19,6 +19,7 @@ except ImportError:  # a system without these locks: as before, the last writer 
 
 _NAME: Final = ".lock"
 _LOOK_AGAIN_S: Final = 0.2
+"""How often a lock that another process holds is asked for: a person does not notice the wait."""
 _held: set[Path] = set()
 
 

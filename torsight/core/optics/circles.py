@@ -24,6 +24,7 @@ from torsight.core.minimise import least_squares
 from torsight.core.optics.geometry import cross_matrix
 from torsight.core.optics.hanging import hanging_errors
 from torsight.core.optics.sights import Sight
+from torsight.core.series.scatter import robust_sigma
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -290,7 +291,7 @@ def _without_direction(error: Floats, direction: Floats) -> Floats:
 def near(misfit: Floats) -> Flags:
     """Return the frames (n,) whose misfits (n, k) are not far larger than usual."""
     off = np.abs(misfit).max(axis=1)
-    return np.asarray(off < _FAR * 1.4826 * max(float(np.median(off)), 1e-9))
+    return np.asarray(off < _FAR * max(robust_sigma(off), 1e-9))
 
 
 def on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:

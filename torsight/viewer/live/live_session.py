@@ -17,6 +17,7 @@ from torsight.core.files.storage import write_json
 from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
 from torsight.viewer import view_layout
+from torsight.viewer.film_preview import WIDEST_PX
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
 from torsight.viewer.live.measure.growing_log import LogFollower, WatchedLog
 from torsight.viewer.live.measure.log_clock import LogClock
@@ -43,7 +44,6 @@ MODEL_EVERY_S: Final = 1.0
 STOPPED_FIT_S: Final = 5.0
 FEED_OPENS_S: Final = 15.0
 """How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
-SHOWN_PX: Final = 640
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 
@@ -218,7 +218,7 @@ class Session:
         if frame.luma is not None and frame.arrived_s >= self._due["picture"]:
             self._due["picture"] = frame.arrived_s + 1.0 / PICTURES_HZ
             # Every second or third pixel of a large picture is enough to look at.
-            stride = max(1, math.ceil(frame.luma.shape[1] / SHOWN_PX))
+            stride = max(1, math.ceil(frame.luma.shape[1] / WIDEST_PX))
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
             drawn = overlay(seen.position_px, seen.angle_rad, scale=1.0 / stride)
             self._feed.put("picture", frame.time_s, frame.index, luma, drawn)

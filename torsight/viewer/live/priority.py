@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-INTAKE: Final = 21
 TRACKING: Final = 20
+INTAKE: Final = TRACKING + 1
 LOGGING: Final = 10
 """Real-time priorities: above every ordinary thread, far below those of the system itself."""
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
 from torsight.viewer.live.measure.angle import LiveAngle
+from torsight.viewer.live.measure.model_watch import STEP_S
 from tracker.frames.frame import Damage, Frame
 from tracker.rows import CODE, STATES
 
@@ -29,8 +30,7 @@ _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
 _TELL_AFTER: Final = 3
 """Frames for which a marker must be away, or back, before it is reported."""
-_EARLIER_EVERY_S: Final = 0.2
-_EARLIER_MOST: Final = 20_000
+_EARLIER_MOST: Final = round(3600.0 / STEP_S)
 """Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
 _LOST_EARLY_S: Final = 1.0
 """A start whose markers are lost this long before anything moved was a wrong one."""
@@ -198,7 +198,7 @@ class LiveTracker:
         return found
 
     def _keep_still(self, time_s: float, position: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
-        if not self._still or time_s - self._still[-1][0] >= _EARLIER_EVERY_S:
+        if not self._still or time_s - self._still[-1][0] >= STEP_S:
             self._still.append((time_s, position, covariance))
 
     def _look_back(self, order: list[int]) -> None:

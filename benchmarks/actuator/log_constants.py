@@ -1,0 +1,149 @@
+"""What half and twice a constant of a log's preparation do: the error of temperature and angle, one changed at a time.
+
+Run: python benchmarks/actuator/log_constants.py [--only WORD] [--seeds 3]
+
+Logs of known wires (ramps, holds, natural cooling, a controlled top that overshoots; fast and slow; read every 0.1 to 1
+second with noise of 0.02 to 0.25 °C; some behind a sensor with a lag of 3 s) are conditioned, and drive the plain model
+of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; what errors are over their
+sigmas (rms); bias of the tops, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
+without noise. Behind a lag the angle is not looked at: the model takes it as an effect.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator import ActuatorModel, reference_spec
+from torsight.actuator.record.conditioning import condition
+from torsight.core.records import SyncedTable
+
+Array = NDArray[np.float64]
+FINE_S = 0.01
+CONSTANTS = {
+    "conditioning": (
+        "_THRESHOLD", "_THRESHOLD_LAGGED", "_BLOCK_S", "_BLOCK_LAGGED_S", "_MAX_WINDOW_S", "_SELECTION",
+    ),
+    "corners": ("_SEEN", "_SURE", "_BENT"),
+    "holds": ("_REACH_S", "_LEAST_S", "_LEAST_ROWS", "_REJECTED", "_LEVEL"),
+    "log_noise": ("_MAX_STRIDE_S", "_STRIDES_PER_PART"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Wire:
+    """What a wire does and how it is read."""
+
+    rate_c_s: float
+    peak_c: float
+    hold_s: float
+    overshoot_c: float
+    interval_s: float
+    noise_c: float
+    lag_s: float = 0.0
+
+
+WIRES = (
+    Wire(0.11, 80.0, 0.0, 0.0, 0.25, 0.05),
+    Wire(0.11, 62.0, 12.0, 0.0, 0.25, 0.1),
+    Wire(0.5, 80.0, 15.0, 1.5, 0.1, 0.1),
+    Wire(1.5, 76.0, 0.0, 0.0, 0.1, 0.25),
+    Wire(0.3, 66.0, 30.0, 0.0, 1.0, 0.02),
+    Wire(0.5, 70.0, 8.0, 0.0, 0.5, 0.25),
+    Wire(0.11, 80.0, 0.0, 0.0, 0.25, 0.05, lag_s=3.0),
+    Wire(0.5, 70.0, 20.0, 0.0, 0.1, 0.1, lag_s=3.0),
+)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="constants whose name holds this")
+    parser.add_argument("--seeds", type=int, default=3)
+    options = parser.parse_args()
+    print(f"{'constant':36s}       mK     mK/s     pull   top mK     mdeg")
+    line("as it is", options.seeds)
+    for module_name, names in CONSTANTS.items():
+        module = importlib.import_module(f"torsight.actuator.record.{module_name}")
+        for name in names:
+            if options.only not in name:
+                continue
+            value = getattr(module, name)
+            for factor in (0.5, 2.0):
+                changed = factor * value
+                setattr(module, name, max(1, round(changed)) if isinstance(value, int) else changed)
+                line(f"{module_name} {name} × {factor:g}", options.seeds)
+            setattr(module, name, value)
+
+
+def line(title: str, seeds: int) -> None:
+    """Print the figures over all logs."""
+    figures = np.array([found for wire in WIRES for seed in range(seeds) for found in measured(wire, seed)])
+    square = np.sqrt(np.nanmean(figures**2, axis=0))
+    print(
+        f"{title:36s} {square[0]:7.2f} {square[1]:7.2f} {square[2]:6.3f} {square[3]:7.2f} {square[4]:8.2f}", flush=True
+    )
+
+
+def measured(wire: Wire, seed: int) -> Iterator[tuple[float, float, float, float, float]]:
+    """Give the rms errors of one log."""
+    fine_s, fine_c = true_wire(wire)
+    every = round(wire.interval_s / FINE_S)
+    time_s, temp_c = fine_s[::every], fine_c[::every]
+    noise = wire.noise_c * np.random.default_rng(seed).standard_normal(len(time_s))
+    read = np.round(behind(fine_c, wire.lag_s)[::every] + noise, 2)
+    found = condition(time_s, read, lag_s=wire.lag_s)
+    error = found.temp_c - temp_c
+    slope = found.rate_c_s - np.gradient(fine_c, FINE_S)[::every]
+    pull = float(np.sqrt(np.mean((error / np.maximum(found.sigma_c, 1e-3)) ** 2)))
+    top = float(found.temp_c.max() - temp_c.max())
+    angle = np.nan if wire.lag_s else angle_error_deg(time_s, temp_c, read)
+    yield 1e3 * rms(error), 1e3 * rms(slope), pull, 1e3 * top, 1e3 * angle
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def true_wire(wire: Wire) -> tuple[Array, Array]:
+    """Return fine times and the wire's temperature: a heating with what its top does, and a natural cooling."""
+    room_c, begin_s = 23.0, 40.0
+    top_s = begin_s + (wire.peak_c - room_c) / wire.rate_c_s
+    time_s = np.arange(0.0, top_s + wire.hold_s + 300.0, FINE_S)
+    rise = room_c + wire.rate_c_s * np.clip(time_s - begin_s, 0.0, top_s - begin_s)
+    after = time_s - top_s
+    held = wire.peak_c + wire.overshoot_c * np.exp(-after / 4.0) * np.sin(after / 2.0)
+    cold = room_c + (wire.peak_c - room_c) * np.exp(-np.maximum(after - wire.hold_s, 0.0) / 45.0)
+    return time_s, np.where(after < 0.0, rise, np.where(after < wire.hold_s, held, cold))
+
+
+def behind(temp_c: Array, lag_s: float) -> Array:
+    """Return what a sensor with a lag reads, step by step."""
+    if lag_s == 0.0:
+        return temp_c
+    keep, read = np.exp(-FINE_S / lag_s), temp_c.copy()
+    for k in range(1, len(read)):
+        read[k] = temp_c[k] + (read[k - 1] - temp_c[k]) * keep
+    return read
+
+
+def angle_error_deg(time_s: Array, temp_c: Array, read_c: Array) -> float:
+    """Return the rms difference of the angles that the plain model makes of the log and of the wire itself."""
+    model = ActuatorModel(reference_spec())
+    angles = []
+    for temp in (temp_c, read_c):
+        still = np.full(len(time_s), 23.0)
+        table = SyncedTable(time_s, np.full(len(time_s), 3.0), np.full(len(time_s), 1e-3), temp, still)
+        drive = model.prepare(table)
+        angles.append(np.interp(time_s, drive.time_s, model.simulate(drive, model.nominal()).angle_rad))
+    return float(np.degrees(rms(angles[1] - angles[0])))
+
+
+if __name__ == "__main__":
+    main()
