@@ -133,7 +133,7 @@ def test_what_sticks_is_integrated_though_its_derivative_jumps() -> None:
     )
     made = model(Values({"friction": 0.5}), record)
     moves = TIME < 1.0 / 0.3
-    tremble = 0.7 * 0.05 / 200
+    tremble = 0.7 * 0.05 / 50
     np.testing.assert_allclose(made["v"], np.where(moves, 1.0 - 0.3 * TIME, 0.0), atol=2.0 * tremble)
     way = np.where(moves, TIME - 0.15 * TIME**2, 1.0 / 0.6)
     np.testing.assert_allclose(made["x"], way, atol=10.0 * tremble)

@@ -23,7 +23,7 @@ from torsight.discovery.own.model.values import by_name
 
 Array = NDArray[np.float64]
 
-_LEAST_SHARE: Final = 0.005
+_LEAST_SHARE: Final = 0.02
 """Share of the time from row to row to which a step is shortened: beyond a jump of the right-hand side, such as of
 friction where the speed passes zero, no shorter one would do better. What rests there trembles by so much less than it
 moves from row to row."""
