@@ -186,7 +186,12 @@ def by_steps(p: Any, record: Any) -> np.ndarray:
 @pytest.mark.usefixtures("always_worth_it")
 @pytest.mark.parametrize(
     ("words", "is_compiled"),
-    [("", True), ("    made.append(p.get('none', 0.0))\n", False), ("    print(v)\n", False)],
+    [
+        ("", True),
+        ("    v = p.get('none', 0.0) + p['stop'] + record['force'][0]\n", True),
+        ("    v = sum(p.keys())\n", False),
+        ("    print(v)\n", False),
+    ],
 )
 def test_a_loop_over_rows_is_compiled_where_numba_can(words: str, *, is_compiled: bool) -> None:
     source = inspect.getsource(by_steps).replace("    return", f"{words}    return")
