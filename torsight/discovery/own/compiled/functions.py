@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from numba import types
+from numba.core import types
 from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import signature
 from numba.extending import (
