@@ -18,6 +18,8 @@ import numpy as np
 from numba import njit
 
 TICKS = 90000
+_ROWS = 4
+"""Rows that are drawn at one instant."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Film:
     given: bool = True
     base_on_top: bool = False
     exposure: float = 0.0
+    row_s: float = 0.0
+    read_along: int = 1
     flicker: float = 0.0
     shake_px: float = 0.0
     bump_px: tuple[float, float, float] | None = None
@@ -148,9 +152,15 @@ class Film:
 
     def markers_px(self) -> np.ndarray:
         """Return where the markers are seen (n, 4, 2)."""
-        shift = self.shifts_px()
-        seen = [self.project(self.centres_mm(float(a))) for a in self.angle_deg(self.times_s)]
-        return np.array(seen) + shift[:, None, :]
+        shift = self.shifts_px()[:, None, :]
+        when = np.repeat(self.times_s[:, None], 4, axis=1)
+        # A rolling shutter sees each marker at the instant of the row at which it then is.
+        for _ in range(5 if self.row_s else 1):
+            seen = np.array(
+                [[self.project(self.centres_mm(a))[k] for k, a in enumerate(self.angle_deg(t))] for t in when]
+            )
+            when = self.times_s[:, None] + (seen + shift)[..., self.read_along] * self.row_s
+        return seen + shift
 
     def camera_toml(self) -> str:
         """Return the camera file."""
@@ -196,11 +206,13 @@ class Film:
         for time_s, shift in zip(self.times_s, self.shifts_px(), strict=True):
             ox, oy = np.round(shift).astype(int)
             picture = ground[40 - oy : 40 - oy + height, 40 - ox : 40 - ox + width].astype(np.float32)
-            instants = self._instants(float(time_s))
-            if len(instants) == 1:
-                picture = self._draw(picture, instants[0], shift)
+            if self.row_s:
+                for at in range(0, self.size[self.read_along], _ROWS):
+                    part = picture[:, at : at + _ROWS] if self.read_along == 0 else picture[at : at + _ROWS]
+                    before = np.array([at, 0.0] if self.read_along == 0 else [0.0, at])
+                    part[:] = self._exposed(part, time_s + (at + 0.5 * (_ROWS - 1)) * self.row_s, shift - before)
             else:
-                picture = np.mean([self._draw(picture.copy(), t, shift) for t in instants], axis=0)
+                picture = self._exposed(picture, float(time_s), shift)
             for cover in self.covers:
                 if cover.start_s <= time_s < cover.end_s:
                     self._cover(picture, cover, float(time_s), shift)
@@ -211,6 +223,12 @@ class Film:
                 gain = 0.01
             picture = picture * light * gain + rng.normal(0.0, self.noise, picture.shape)
             yield np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+    def _exposed(self, picture: np.ndarray, time_s: float, shift: np.ndarray) -> np.ndarray:
+        instants = self._instants(time_s)
+        if len(instants) == 1:
+            return self._draw(picture, instants[0], shift)
+        return np.mean([self._draw(picture.copy(), t, shift) for t in instants], axis=0)
 
     def _instants(self, time_s: float) -> np.ndarray:
         if self.exposure <= 0.0:

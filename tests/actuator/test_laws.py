@@ -11,6 +11,7 @@ from actuator_programmes import programme
 from torsight.actuator.drive import prepare_log
 from torsight.actuator.laws import FAMILIES, laws_from, laws_of
 from torsight.actuator.model import ActuatorModel
+from torsight.actuator.ports import History
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import ConfigError
 from torsight.core.units import DEG
@@ -64,6 +65,18 @@ def test_friction_over_the_speed_that_rises_in_proportion_is_viscous(drive, laws
     found = simulated(drive, form, 8.0 * DEG * law.nodes / 0.79).angle_rad
     # Beyond the last node its value holds; nothing moves faster but in jumps.
     assert np.median(np.abs(found - expected)) < 0.01 * DEG
+
+
+def test_a_clock_that_is_ahead_by_one_value_is_the_clock_offset_and_holds_for_no_later_record(drive, laws):
+    form = laws["clock_time_s"].free()
+    shifted = ActuatorModel(reference_spec(), ("clock_offset",))
+    expected = shifted.simulate(drive, {"clock_offset_s": 3.0, "clock_drift_ppm": 0.0}).angle_rad
+    ahead = np.full(len(form.names), 3.0)
+    np.testing.assert_allclose(simulated(drive, form, ahead).angle_rad, expected, rtol=0.0, atol=1e-9)
+    plain = ActuatorModel(reference_spec()).simulate(drive).angle_rad
+    model, values = ActuatorModel(reference_spec(), laws=(form,)), dict(zip(form.names, ahead, strict=True))
+    later = model.simulate(drive, values, history=History(after_record=True)).angle_rad
+    np.testing.assert_allclose(later, plain, rtol=0.0, atol=1e-9)
 
 
 def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torsight.actuator.effects.marker_slip import propose, step
+from torsight.actuator.effects.marker_slip import propose, seen, step
 from torsight.core.units import DEG
 
 EVERY_S = 0.05
@@ -34,3 +34,33 @@ def test_step_and_proposal_are_those_of_rows_that_are_means(slip_s):
 
 def test_nothing_is_proposed_where_nothing_changes():
     assert propose(np.arange(50.0), np.zeros(50)) == ()
+
+
+TIME_S = np.arange(0.0, 600.0, 0.25)
+FITTED_S = np.arange(0.0, 600.0, 5.0)
+CLAIMED = {"slip_time_s": 300.0, "slip_deg": 3.0}
+
+
+def angle(slid: np.ndarray | float, *, speed_deg_s: float = 1.5) -> np.ndarray:
+    """Return an angle in motion, rad, that begins slowly and has some noise, beside what a marker has slid."""
+    moved_deg = speed_deg_s * (TIME_S + 20.0 * np.exp(-TIME_S / 20.0)) + 15.0 * np.sin(TIME_S / 90.0)
+    return (moved_deg + slid + 0.05 * np.random.default_rng(4).standard_normal(len(TIME_S))) * DEG
+
+
+@pytest.mark.parametrize("lasts_s", [0.0, 3.0, 12.0])
+@pytest.mark.parametrize("speed_deg_s", [0.0, 1.5])
+def test_a_slip_that_is_there_is_not_held_against_it(lasts_s: float, speed_deg_s: float) -> None:
+    slid = 3.0 * np.clip((TIME_S - 301.0) / max(lasts_s, 1e-9) + 0.5, 0.0, 1.0)
+    assert seen(TIME_S, angle(slid, speed_deg_s=speed_deg_s), FITTED_S, CLAIMED) > -1.0
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.0, 1.5])
+def test_a_slip_where_the_tracker_saw_none_is_as_good_as_excluded(speed_deg_s: float) -> None:
+    assert seen(TIME_S, angle(0.0, speed_deg_s=speed_deg_s), FITTED_S, CLAIMED) < -50.0
+
+
+def test_behind_a_hand_a_slip_may_hide() -> None:
+    hidden = np.where(np.abs(TIME_S - 300.0) < 2.0, np.nan, angle(3.0 * (TIME_S > 300.5)))
+    assert seen(TIME_S, hidden, FITTED_S, CLAIMED) > -1.0
+    unseen = np.where(np.abs(TIME_S - 300.0) < 40.0, np.nan, angle(0.0))
+    assert seen(TIME_S, unseen, FITTED_S, CLAIMED) == 0.0

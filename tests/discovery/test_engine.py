@@ -107,6 +107,10 @@ def test_held_out_blocks_are_those_of_explicit_fits() -> None:
         best, *_ = np.linalg.lstsq(columns[others] * root[others, None], problem.observed[others] * root[others])
         expected = problem.observed[rows] - columns[rows] @ best
         assert np.allclose(found.residual[rows], expected, atol=2e-3)
+        # What the fit leaves open of its values: the covariance of a prediction under flat priors.
+        known = (columns[others] * fitter.weight.each[others, None]).T @ columns[others]
+        unsure = found.unsure[rows] @ found.unsure[rows].T
+        assert np.allclose(unsure, columns[rows] @ np.linalg.inv(known) @ columns[rows].T, rtol=1e-3)
 
 
 def test_one_block_is_answered_without_a_hold_out() -> None:

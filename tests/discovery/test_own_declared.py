@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.discovery.linear_cases import machine
+from tests.discovery.linear_cases import machine, signals
 from tests.discovery.own_models import (
     line,
     read_sensor,
@@ -19,11 +19,17 @@ from tests.discovery.own_models import (
     sensor_parameters,
     sensor_record,
 )
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import actuator_from
 from torsight.core.errors import InputError
-from torsight.discovery import Reading, candidate, find_missing, law, model_problem, parameter
+from torsight.discovery import OptionalMembers, Reading, candidate, find_missing, model_problem, parameter
+from torsight.discovery.actuator.several import SeveralRecords
+from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
 from torsight.discovery.own.model.model_file import READING
+from torsight.synthetic.experiment import make_record
+from torsight.synthetic.rig.rig_values import declared_from
 
 
 def problem(**changes: Any) -> Any:
@@ -45,43 +51,6 @@ def refused(message: str, **changes: Any) -> None:
         check_problem(problem(**changes))
 
 
-CANDIDATE = candidate("bow", parameter("bow", 0.1, null=0.0))
-
-
-@pytest.mark.parametrize(
-    ("message", "changes"),
-    [
-        ("two parameters are called 'gain'", {"parameters": [*sensor_parameters(), parameter("gain", 2.0)]}),
-        ("two parameters are called 'gain'", {"candidates": [candidate("more", parameter("gain", 1.0, null=0.0))]}),
-        ("start lies outside its bounds", {"parameters": [parameter("gain", 3.0, upper=2.0)]}),
-        ("null value lies outside", {"candidates": [candidate("bow", parameter("bow", 2.0, lower=1.0, null=0.0))]}),
-        ("no parameter has a null value", {"candidates": [candidate("bow", parameter("bow", 0.1))]}),
-        ("starts at its null value", {"candidates": [candidate("bow", parameter("bow", 0.0, null=0.0))]}),
-        ("has no parameter", {"candidates": [candidate("bow")]}),
-        ("cannot be the name", {"candidates": [CANDIDATE, candidate("bow", parameter("arc", 0.1, null=0.0))]}),
-        ("cannot be the name", {"candidates": [law("gain", driver="u")]}),
-        ("sigma is not positive", {"parameters": [parameter("gain", 1.0, sigma=0.0)]}),
-        ("bounds leave no room", {"parameters": [parameter("gain", 1.0, lower=1.0, upper=1.0)]}),
-        ("'bow' is fixed", {"candidates": [candidate("bow", parameter("bow", 0.1, null=0.0, fixed=True))]}),
-        ("has no free parameter", {"parameters": []}),
-        ("is no parameter", {"parameters": [("gain", 1.0)]}),
-        ("has no column 'z'.*time_s, u, y", {"output": "z"}),
-        ("has no column 'stroke'", {"blocks": "stroke"}),
-        ("'start' is not declared", {"initial": ["start"]}),
-        ("sigma is not positive", {"sigma": -1.0}),
-        ("is no output that sigma", {"sigma": {"x": 1.0}}),
-        ("is no function", {"predict": "model"}),
-        ("columns are not of one length", {"observed": {"time_s": np.arange(9.0), "u": np.ones(9), "y": np.ones(8)}}),
-        ("holds too little", {"observed": {"u": np.ones(3), "y": np.ones(3)}}),
-        ("is measured nowhere", {"observed": {"u": np.ones(9), "y": np.full(9, np.nan)}}),
-        ("time runs backwards", {"observed": {**sensor_record(), "time_s": sensor_record()["time_s"][::-1]}}),
-        ("block 0 holds hardly any sample", {"blocks": 300}),
-    ],
-)
-def test_a_declaration_that_cannot_be_meant_is_refused(message: str, changes: dict[str, Any]) -> None:
-    refused(message, **changes)
-
-
 def nan_from_a_gap(p: Any, record: Any) -> np.ndarray:
     return p.gain * record.gappy + p.offset
 
@@ -90,8 +59,6 @@ def test_a_model_that_gives_no_numbers_or_a_wrong_shape_is_refused_before_the_se
     gappy = sensor_record()
     gappy["gappy"] = np.where(np.arange(600) == 40, np.nan, gappy["u"])
     refused(r"'y' is nan in row 41; there gappy is not known", predict=nan_from_a_gap, observed=gappy)
-    refused(r"wrong shape.*\(599,\).*\(600,\)", predict=lambda p, r: p.gain * r.u[1:] + p.offset)
-    refused("predict gives no 'y'", predict=lambda p, r: {"z": p.gain * r.u})
     refused("has no column 'speed'; it has time_s, u, y", predict=lambda p, r: p.gain * r.speed)
     refused("no parameter or law 'slope'; it has gain, offset", predict=lambda p, r: p.slope * r.u)
 
@@ -153,6 +120,27 @@ def test_a_class_of_ones_own_without_a_member_is_refused(name: str) -> None:
     members = {key: getattr(whole, key) for key in dir(whole) if not key.startswith("_") and key != name}
     with pytest.raises(InputError, match=f"lacks {name}"):
         find_missing(SimpleNamespace(**members))  # type: ignore[arg-type]
+
+
+def test_the_actuator_is_checked_as_any_other_problem() -> None:
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    halves = [{"spring": one, "peak_c": 75.0, "ramp_s": 60.0, "heat_s": 80.0, "cool_s": 60.0} for one in "ab"]
+    table = make_record({"motion": {"kind": "rig"}, "protocol": {"half_cycle": halves}}, seed=5, sigma_deg=0.15).table
+    one = ActuatorProblem(ActuatorModel(spec).prepare(table), spec)
+    assert not check_problem(one)
+    assert not check_problem(SeveralRecords((one, one)))
+
+
+def test_a_class_of_ones_own_that_says_no_more_than_it_has_to_is_searched() -> None:
+    whole = machine(0.5 * np.sign(signals()["speed"]))
+
+    class Bare(OptionalMembers):
+        parameters, candidates, time_s, observed = whole.parameters, whole.candidates, whole.time_s, whole.observed
+        sigma, valid, block, predict = whole.sigma, whole.valid, whole.block, whole.predict
+
+    bare = Bare()
+    assert find_missing(bare).effects == ("coulomb",)
+    assert (bare.laws, bare.forms, bare.drivers, bare.rest.any()) == ((), (), {}, False)
 
 
 def test_a_class_of_ones_own_with_a_wrong_shape_is_refused() -> None:

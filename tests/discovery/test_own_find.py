@@ -242,7 +242,7 @@ def test_findings_show_themselves(three_springs: Findings) -> None:
     assert "<table>" in html
     assert "data:image/png;base64," in html
     assert repr(three_springs) == "Findings(identified: hardening)"
-    assert three_springs.facts()["Missing"] == "hardening is missing"
+    assert three_springs.facts()["Missing"] == "hardening is missing, or what acts alike"
     assert len(three_springs.overview().axes) == 8
     content = three_springs.to_json()
     assert content["effects"][0]["id"] == "hardening"

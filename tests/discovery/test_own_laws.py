@@ -13,6 +13,7 @@ from torsight.core.errors import InputError
 from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
 from torsight.discovery.own.answer.saved import Declared, SavedModel
 from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.prepare import prepare
 
 NOISE = 0.05
 Table = dict[str, np.ndarray]
@@ -182,3 +183,55 @@ def test_where_nothing_may_be_missing_much_that_is_left_is_told() -> None:
         assert not problem.laws
         assert not check_problem(problem)
         assert find_missing(problem).verdict == verdict
+
+
+def bent_by_law(p: Any, record: Any) -> np.ndarray:
+    return read_waves(p, record) + p.more(0.3 * record.u)
+
+
+def with_port(**range_of: float) -> Any:
+    free = [parameter("gain", 1.0), parameter("offset", 0.0)]
+    return model_problem(bent_by_law, waves(ripple=0.5), free, [law("more", driver="u", **range_of)], output="y")
+
+
+def test_a_law_over_a_column_spans_what_the_column_covers() -> None:
+    u = waves(ripple=0.5)["u"]
+    nodes = prepare(with_port()).problem.nodes["more"]
+    assert (nodes[0], nodes[-1]) == (u.min(), u.max())
+
+
+def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
+    told = [one for one in find_missing(with_port(low=-0.2, high=0.2)).warnings if "beyond which" in one]
+    assert len(told) == 1
+    low, high = (0.3 * end(waves(ripple=0.5)["u"]) for end in (np.min, np.max))
+    assert told[0].startswith(
+        f"the law 'more' is asked for values from {low:.4g} to {high:.4g}, and has nodes from -0.2"
+    )
+    found = find_missing(with_port())
+    assert not [one for one in found.warnings if "beyond which" in one]
+    wider = waves(seed=8)
+    assert not found.model().doubts(wider)
+    assert "beyond which" in found.model().doubts({**wider, "u": 4.0 * wider["u"]})[0]
+
+
+def test_a_form_is_sure_only_where_a_free_law_was_measured_in_its_place() -> None:
+    free = [parameter("gain", 1.0), parameter("offset", 0.0)]
+    for drivers, words in ((["u"], "slope is missing"), ([], "slope is missing, or what acts alike")):
+        asked = model_problem(read_waves, waves(slope=0.3), free, offered("slope"), output="y", drivers=drivers)
+        found = find_missing(asked)
+        assert (found.verdict, found.facts()["Missing"]) == ("identified", words)
+        content = found.to_json()
+        assert content["effects"][0]["form_compared"] is bool(drivers)
+        assert content["drivers_offered"] == drivers
+
+
+def test_where_much_is_left_beside_a_name_the_answer_is_unknown() -> None:
+    """A wave of 0.5 is seven times the noise that is left beside the bow."""
+    free, reading = [parameter("gain", 1.0), parameter("offset", 0.0)], Reading(sigma=NOISE)
+    for ripple, verdict in ((0.5, "unknown"), (0.0, "identified")):
+        record = waves(bow=0.8, ripple=ripple)
+        found = find_missing(
+            model_problem(read_waves, record, free, offered("bow"), output="y", drivers=[], reading=reading)
+        )
+        assert (found.verdict, found.effects) == (verdict, ("bow",))
+        assert ("times the noise is left that nothing offered explains" in str(found)) is (verdict == "unknown")

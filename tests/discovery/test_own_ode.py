@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +12,12 @@ import pytest
 from numba import njit
 
 from torsight.core.errors import InputError
-from torsight.discovery import Event, ode
-from torsight.discovery.own.model.values import Values
+from torsight.discovery import Event, candidate, law, model_problem, ode, parameter
+from torsight.discovery.own.compiled import quicken
+from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.evaluate import CompiledPredict
+from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.model.values import Curve, Values
 from torsight.discovery.own.records import Record
 
 TIME = np.linspace(0.0, 10.0, 201)
@@ -26,7 +33,7 @@ def plain(t: float, x: Any, u: Any, p: Any) -> Any:
 
 @njit
 def compiled(t: float, x: Any, u: Any, p: Any) -> Any:  # noqa: ARG001 - the signature is ode's
-    return x[1], u[0] - p.stiffness * x[0] - p.damping * x[1]
+    return x[1], u.force - p.stiffness * x[0] - p.damping * x[1]
 
 
 def closed_form() -> np.ndarray:
@@ -62,17 +69,154 @@ def test_a_bounce_is_an_event() -> None:
 def test_what_is_not_declared_is_told() -> None:
     with pytest.raises(InputError, match="'y' is no state"):
         ode(plain, states=("x", "v"), output="y")
-    with pytest.raises(InputError, match="events need a right-hand side in plain Python"):
-        ode(compiled, states=("x", "v"), output="x", events=[Event(lambda t, _x, _u, _p: t)])
     record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")
     with pytest.raises(InputError, match="how state 'v' begins is not known"):
         ode(plain, states=("x", "v"), output="x", inputs=("force",), initial={"x": "x0"})(VALUES, record)
 
 
-def test_an_input_by_name_is_told_where_numba_cannot_compile_it() -> None:
+def test_what_numba_cannot_compile_is_told() -> None:
     record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")
-    by_name = njit(lambda _t, x, u, p: (x[1], u.force - p.stiffness * x[0]))
-    model = ode(by_name, states=("x", "v"), output="x", inputs=("force",), initial={"x": "x0", "v": 0.0})
-    with pytest.raises(InputError, match=r"numba cannot compile.*Unknown attribute 'force'") as told:
-        model(VALUES, record)
-    assert "u[0]" in str(told.value)
+    how = {"states": ("x", "v"), "output": "x", "inputs": ("force",), "initial": {"x": "x0", "v": 0.0}}
+    with pytest.raises(InputError, match=r"numba cannot compile the right-hand side: .*format"):
+        ode(njit(lambda _t, x, _u, _p: (float("{}".format(x[1])), x[0])), **how)(VALUES, record)  # noqa: UP032
+    with pytest.raises(AttributeError, match="'push' is not declared; there is force"):
+        ode(njit(lambda _t, x, u, p: (x[1], u.push - p.stiffness * x[0])), **how)(VALUES, record)
+
+
+def drag(speed: float, size: float) -> float:
+    return size * math.tanh(speed / 0.05)
+
+
+def cart(_t: float, x: Any, u: Any, p: Any) -> Any:
+    return x[1], u.force - drag(x[1], p.friction_n) - p.stiffness * x[0] - p.more(x[1])
+
+
+CART = ode(
+    cart,
+    states=("x", "v"),
+    output="v",
+    inputs=("force",),
+    initial={"x": 0.0, "v": 0.0},
+    events=[Event(lambda _t, x, _u, p: x[0] - p.stop, lambda _t, x, _u, _p: (x[0], -0.5 * x[1]))],
+)
+
+
+def cart_record(rows: int = 400) -> dict[str, np.ndarray]:
+    force = np.repeat(np.random.default_rng(1).uniform(-3.0, 3.0, rows // 20), 20)
+    return {"time_s": 0.05 * np.arange(rows), "force": force}
+
+
+def test_a_compiled_model_is_the_plain_one_with_events_laws_and_helpers() -> None:
+    record, nodes = Record(cart_record(), "cart"), np.linspace(-1.0, 1.0, 9)
+    laws = [Curve(nodes, 0.2 * nodes**3) for _ in range(2)]
+    numbers = {"friction_n": 0.5, "stiffness": 0.4, "stop": 0.8}
+    plain, quick = (
+        model(Values({**numbers, "more": one}), record)["v"]
+        for model, one in zip((CART, CART.compiled()), laws, strict=True)
+    )
+    # A stop is hit some ten times, and each multiplies what two integrators differ by.
+    np.testing.assert_allclose(plain, quick, atol=1e-4)
+    # Steps that were too long went further than the model does.
+    np.testing.assert_allclose(laws[0].asked, laws[1].asked, atol=0.1)
+    assert np.ptp(plain) > 2.0
+
+
+def test_an_integration_that_goes_well_takes_few_of_the_steps_that_are_allowed() -> None:
+    calls = 0
+
+    def counting(*given: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        return cart(*given)
+
+    record = Record(cart_record(), "cart")
+    replace(CART, rhs=counting)(Values({"friction_n": 0.5, "stiffness": 0.4, "stop": 0.8, "more": Curve()}), record)
+    # Every row is a corner of the input; friction at rest and the stop are hard work.
+    assert 5 * record.rows_ < calls < 30 * record.rows_
+
+
+@pytest.mark.parametrize("make", [lambda model: model, Ode.compiled], ids=["scipy", "compiled"])
+def test_a_model_that_diverges_ends(make: Any) -> None:
+    model = make(ode(lambda _t, x, _u, p: (p.rate * x[0] ** 2,), states=("x",), output="x", initial={"x": 1.0}))
+    ends = pytest.raises(ArithmeticError, match=r"gave up at t = (0.99|1).*as where a model diverges")
+    with np.errstate(over="ignore"), ends:
+        model(Values({"rate": 1.0}), Record({"time_s": TIME}, "one"))
+
+
+def asked_at(model: Any, force: Any) -> Any:
+    """Return the problem of a cart that its own model made, checked."""
+    record = cart_record()
+    record["v"] = force
+    free = [parameter("friction_n", 0.5), parameter("stiffness", 0.4)]
+    stop = candidate("stop", parameter("stop", 0.8, null=1e9))
+    problem = model_problem(model, record, free, [stop, law("more", driver="speed")], output="v")
+    check_problem(problem)
+    return problem
+
+
+@pytest.fixture
+def always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quicken, "_WORTH_S", 0.0)
+
+
+@pytest.mark.usefixtures("always_worth_it")
+def test_the_search_compiles_a_plain_model() -> None:
+    values = Values({"friction_n": 0.5, "stiffness": 0.4, "stop": 0.8, "more": Curve()})
+    clean = CART(values, Record(cart_record(), "cart"))["v"]
+    problem = quicken.quickened(asked_at(CART, clean))
+    assert problem.model.predict.stepper is not None
+    assert problem.evaluator.model is problem.model
+    # Where the model itself raises, the plain one says where.
+    torn = ode(lambda _t, _x, _u, p: (math.sqrt(p.left),), states=("v",), output="v", initial={"v": 0.0}).compiled()
+    assert torn(Values({"left": 4.0}), Record(cart_record(), "cart"))["v"][-1] == pytest.approx(2.0 * 19.95)
+    with pytest.raises(ValueError, match="math domain"):
+        torn(Values({"left": -4.0}), Record(cart_record(), "cart"))
+
+
+def by_steps(p: Any, record: Any) -> np.ndarray:
+    made, v, x = [], 0.0, 0.0
+    for force in record.force.tolist():
+        made.append(v)
+        for _ in range(20):
+            v += 0.0025 * (force - drag(v, p.friction_n) - p.stiffness * x - p.more(v) - max(x - p.stop, 0.0))
+            x += 0.0025 * v
+    return np.array(made)
+
+
+@pytest.mark.usefixtures("always_worth_it")
+@pytest.mark.parametrize(
+    ("words", "is_compiled"),
+    [
+        ("", True),
+        ("    v = p.get('none', 0.0) + p['stop'] + record['force'][0]\n", True),
+        ("    v = sum(p.keys())\n", False),
+        ("    print(v)\n", False),
+    ],
+)
+def test_a_loop_over_rows_is_compiled_where_numba_can(words: str, *, is_compiled: bool) -> None:
+    source = inspect.getsource(by_steps).replace("    return", f"{words}    return")
+    scope = dict(globals())
+    exec(compile(source, "by_steps.py", "exec"), scope)  # noqa: S102 - the same function with one line more
+    problem = asked_at(by_steps, by_steps_alone())
+    problem = replace(problem, model=replace(problem.model, predict=scope["by_steps"]))
+    assert isinstance(quicken.quickened(problem).model.predict, CompiledPredict) is is_compiled
+
+
+def by_steps_alone() -> np.ndarray:
+    values = Values({"friction_n": 0.5, "stiffness": 0.4, "stop": 1e9, "more": Curve()})
+    return by_steps(values, Record(cart_record(), "cart"))
+
+
+@pytest.mark.usefixtures("always_worth_it")
+def test_what_is_another_model_once_it_is_compiled_stays_plain() -> None:
+    """Numbers from outside are frozen by numba when it compiles."""
+    outside = {"calls": np.zeros(1)}
+    calls = outside["calls"]
+
+    def counting(p: Any, record: Any) -> np.ndarray:
+        calls[0] += 1.0
+        return p.friction_n * record.force + p.stiffness + p.more(0.0) + min(p.stop, 0.0) + 1e-9 * calls[0]
+
+    problem = asked_at(by_steps, by_steps_alone())
+    problem = replace(problem, model=replace(problem.model, predict=counting))
+    assert quicken.quickened(problem).model.predict is counting

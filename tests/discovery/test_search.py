@@ -36,6 +36,39 @@ def test_effects_that_explain_little_alone_are_found_together() -> None:
     assert decision.rivals == ()
 
 
+def test_what_only_extends_an_answer_is_no_other_answer() -> None:
+    s = signals()
+    twin = np.sign(s["speed"]) + noise(40, size=0.02, tau=6.0)
+    decoys = {f"decoy_{i}": {f"decoy_{i}_n": noise(50 + i, size=1.0, tau=6.0)} for i in range(20)}
+    candidates = {"coulomb": {"coulomb_n": np.sign(s["speed"])}, "twin": {"twin_n": twin}, **decoys}
+    made = replace(machine(0.3 * np.sign(s["speed"]), seed=5, candidates=candidates), drivers={})
+    settings = Settings(credible=0.995)
+    search = Search(made, settings=settings, progress=silent)
+    decision = decide(search.run(), settings=settings, choices=search.choices, can_hold_out=True)
+    # Each of the twenty beside either of the two has a little of the probability: together more than the rest.
+    assert sum(p for members, p in decision.probability.items() if len(members) == 1) < settings.credible
+    assert {decision.chosen.members, *(one.members for one in decision.rivals)} == {("coulomb",), ("twin",)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Warmed(LinearProblem):
+    """A machine in which one effect makes errors of an input matter."""
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        return np.full(len(self.observed), 0.3 * abs(values["warmth_n"]) if "warmth" in effects else 0.0)
+
+
+def test_what_errors_of_the_inputs_do_is_each_set_s_own() -> None:
+    s = signals()
+    made = machine(0.3 * np.sign(s["speed"]) + 0.1 * (s["warm"] - 20.0), seed=5, sigma=0.05)
+    warmed = _Warmed(**{field.name: getattr(made, field.name) for field in fields(made)})
+    found = Search(replace(warmed, drivers={}), settings=Settings(), progress=silent).run().explanations
+    for members in [("coulomb",), ("warmth",), ("coulomb", "warmth")]:
+        one = found[members]
+        own = np.hypot(0.05, 0.3 * one.fit.values["warmth_n"] if "warmth" in members else 0.0)
+        assert one.likelihood.floor == pytest.approx(np.full(len(made.observed), own), rel=1e-6)
+
+
 @dataclass(frozen=True, eq=False)
 class _Kinked(LinearProblem):
     """A machine whose offset follows a value with a kink: from 0 upwards it ends at 0.6, below −1 it goes on to 1."""

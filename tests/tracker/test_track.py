@@ -187,6 +187,17 @@ def test_fast_markers_are_smeared_and_still_followed() -> None:
     nothing_wrong(outcome, floor_deg=0.3)
 
 
+@pytest.mark.parametrize("cover", [[], [Cover(0.8, 1.2, "moving_outer")]], ids=["free", "covered"])
+def test_smeared_dots_in_little_light_are_read(cover: list[Cover]) -> None:
+    """A step of 27 grey levels under a noise of 5.5: a fifth of it, before a smear of up to 15 px takes its share."""
+    dark = replace(RIG, stick=36.0, dot=9.0, ground=18.0, texture=1.5, noise=5.5, exposure=0.9, covers=cover)
+    outcome = run(dark)
+    hidden = np.flatnonzero(~outcome.valid)
+    assert len(hidden) <= (2 if not cover else 14)
+    assert outcome.ratio < 1.5
+    nothing_wrong(outcome, floor_deg=0.1)
+
+
 @pytest.mark.parametrize("crf", [18, 28])
 def test_compression_is_seen_in_the_sigma(crf: int) -> None:
     outcome = run(replace(SLOW, frames=150), codec="libx264", crf=crf)

@@ -224,6 +224,12 @@ class ActuatorProblem(OptionalMembers):
         found = self._errors_through(top_errors(self.drive), values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
+    def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return what rows that were not fitted say of the effects, in log units: whether the tracker saw an event."""
+        known, drive = load_effects(), self.drive
+        ways = [known[name].seen for name in effects if name in known]
+        return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
+
     def _errors_through(
         self, added_c: Sequence[tuple[Array, Array]], values: Mapping[str, float], effects: Sequence[str]
     ) -> Array:

@@ -206,6 +206,11 @@ class OptionalMembers(Protocol):
         del values, effects
         return np.zeros((len(self.observed), 0))
 
+    def also_seen(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return the log-likelihood, up to a constant, of what was measured beside the samples."""
+        del values, effects
+        return 0.0
+
 
 class Problem(NeededMembers, OptionalMembers, Protocol):
     """A record and a model of it, as the engine sees them."""

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate, OptionalMembers
@@ -115,6 +116,16 @@ def linear_problem(
     sigma, resolution : float
         Reading noise, and the size of a difference that nobody would miss, in units of ``observed``.
     """
+    all_columns = {**base, **{key: own for some in candidates.values() for key, own in some.items()}, **drivers}
+    for name, own in {**all_columns, "time_s": time_s, "block": block}.items():
+        if np.shape(own) != np.shape(observed):
+            raise InputError(
+                "is not of the length of what was measured",
+                where=f"linear_problem, '{name}'",
+                value=np.shape(own),
+                limit=str(np.shape(observed)),
+                do="give one value per sample",
+            )
     measured = observed[np.isfinite(observed)]
     size = float(np.std(measured)) if len(measured) else 1.0
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from torsight.core.errors import ConfigError
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
@@ -36,6 +38,14 @@ class Settings:
     form_share: float = 0.97
     most: int = 3
     beam: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("missing", "certain", "credible", "form_share"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ConfigError(f"{name} is no probability", value=getattr(self, name), limit="between 0 and 1")
+        for name in ("explained", "most", "beam"):
+            if not getattr(self, name) >= 1:
+                raise ConfigError(f"{name} is too small", value=getattr(self, name), limit="1 or more")
 
     def price(self, choices: int) -> float:
         """Return what one more member of a set costs in log units, of so many that there are to choose from."""

@@ -43,12 +43,15 @@ class Orientation(Frozen, Shown):
         For ``track.json``: method, noise, tilt.
     error_scale : (n, 2) float64
         Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+    systematic_rad2 : (n,) float64 or None
+        Part of the angle's variance that is not the positions': by what is not known of tilt and read-out.
     """
 
     angles: StickAngles
     position_mm: NDArray[np.float64] | None
     error_scale: NDArray[np.float64]
     report: Mapping[str, Any] = field(default_factory=dict)
+    systematic_rad2: NDArray[np.float64] | None = None
 
     def with_report(self, **entries: Any) -> Orientation:
         """Return the orientation with further entries for ``track.json``."""
@@ -89,7 +92,7 @@ def from_plane(
     moving = moving_direction(plane, scale, outlier=errors.moving.outlier)
     if systematic_rad2 is not None:
         moving = replace(moving, variance_rad2=moving.variance_rad2 + systematic_rad2)
-    return against_base(
+    found = against_base(
         tracks,
         moving,
         (base_rad, base_variance * base_scale**2),
@@ -98,6 +101,7 @@ def from_plane(
         position_mm=position_mm,
         method=method,
     )
+    return replace(found, systematic_rad2=systematic_rad2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

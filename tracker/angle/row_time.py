@@ -87,7 +87,7 @@ class Readout:
 
     def report(self, share: float, sigma: float, along: int, *, shown: float) -> dict[str, Any]:
         """Return what ``track.json`` says of it: ``shown`` is how much of it the film shows, from 0 to 1."""
-        told: dict[str, Any] = {"known": shown > 0.5, "share_taken_out": shown}
+        told: dict[str, Any] = {"known": shown > 0.0, "share_taken_out": shown}
         if told["known"]:
             row_us = 1e6 * self.frame_s / self.size_px[along]
             told |= {

@@ -47,10 +47,12 @@ KNOWN: Final = 1.0 / 300.0
 """A tilt of which no more is left than can make 0.2 degrees is taken out, be it none."""
 _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
+_BELIEVED: Final = 0.95
+"""Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_PINNED: Final = 1e-9
-"""Prior of what is known to be nought."""
+_PINNED: Final = 1e-5
+"""Prior of what is known to be nought: it makes less than a thousandth of a degree."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 
@@ -137,7 +139,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         return _blended([item.without(_READ) for item in nothing], turned)
     points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
     spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
-    paths = _Paths(points, 0.5 * np.trace(spread, axis1=2, axis2=3), direction[rows], lead[rows])
+    paths = _Paths(points, spread, direction[rows], lead[rows])
     start = np.concatenate([np.zeros(7), _first_circles(points)])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
@@ -151,13 +153,13 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Paths:
-    """Both markers' positions (n, 2, 2), their variances (n, 2), the stick's direction (n,), and the outer one's lead.
+    """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
     For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`.
     """
 
     points: Floats
-    variance: Floats
+    covariance: Floats
     direction_rad: Floats
     lead_rad: Floats
 
@@ -172,7 +174,7 @@ class _Paths:
         angle = np.arctan2(away[..., 1], away[..., 0])
         outwards = away / radius[..., None]
         round_ = np.stack([-outwards[..., 1], outwards[..., 0]], axis=-1)
-        deep, wide = (np.sum(_times(way, slopes) ** 2, axis=-1) * self.variance for way in (outwards, round_))
+        deep, wide = (_variance(_times(way, slopes), self.covariance) for way in (outwards, round_))
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         faster = np.linalg.det(slopes.mean(axis=1)) * _square(self.points) / _square(flat)
         ahead = faster * (self.lead_rad @ values[5:7])
@@ -182,7 +184,7 @@ class _Paths:
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
-        white = float(np.sqrt(np.median(self.variance)))
+        white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
         whiten = hanging_errors(self.direction_rad, self.misfit, values, usual=usual / white).whiten
         return lambda left: np.asarray(whiten @ left)
 
@@ -200,7 +202,7 @@ def _without_far(paths: _Paths, start: Floats, prior: Floats) -> tuple[Floats, _
         kept = near(paths.misfit(values))
         if kept.all() or kept.sum() < _FEWEST:
             break
-        paths = _Paths(paths.points[kept], paths.variance[kept], paths.direction_rad[kept], paths.lead_rad[kept])
+        paths = _Paths(paths.points[kept], paths.covariance[kept], paths.direction_rad[kept], paths.lead_rad[kept])
     return values, paths
 
 
@@ -260,8 +262,7 @@ def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     belief = np.exp(evidence - evidence.max())
     belief /= belief.sum()
     along = int(np.argmax(belief[1:]))
-    # Even odds are none.
-    shown = max(0.0, 2.0 * float(belief[1 + along]) - 1.0)
+    shown = max(0.0, (float(belief[1 + along]) - _BELIEVED) / (1.0 - _BELIEVED))
     return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
 
 
@@ -328,6 +329,11 @@ def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 def _times(rows: Floats, matrices: Floats) -> Floats:
     """Return rows (..., 2) times matrices (..., 2, 2)."""
     return rows[..., :1] * matrices[..., 0, :] + rows[..., 1:] * matrices[..., 1, :]
+
+
+def _variance(rows: Floats, covariance: Floats) -> Floats:
+    """Return the variances of rows (..., 2) times what has a covariance (..., 2, 2)."""
+    return np.asarray(np.sum(_times(rows, covariance) * rows, axis=-1))
 
 
 def _first_circles(points: Floats) -> Floats:

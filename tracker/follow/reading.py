@@ -27,7 +27,7 @@ _DEVIATIONS: Final = 5.0
 _LEAST_SPREAD: Final = (0.35, 0.7)
 """Least allowance for residual and worst sector, logarithms: factors of 1.4 and 2."""
 _NEVER: Final = 0.3
-"""A residual above this share of the step is not of a dot."""
+"""What is left above the marker's usual noise, in quadrature, is not of a dot from this share of the step."""
 _ALWAYS: Final = 0.015
 """A residual below this share of the step hides nothing: it is rounding for a step of 20 grey levels."""
 _BASIN: Final = 3.0
@@ -54,7 +54,11 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
     limit = math.exp(marker.residual[0] + max(_DEVIATIONS * marker.residual[1], _LEAST_SPREAD[0])) + slack
     patch_limit = math.exp(marker.patch[0] + max(_DEVIATIONS * marker.patch[1], _LEAST_SPREAD[1])) + slack
     share, patch = reading.residual / step, reading.patch / step
-    return bool(share <= min(max(limit, _ALWAYS), _NEVER) and patch <= max(patch_limit, _ALWAYS))
+    # In little light the noise alone may be a quarter of the step.
+    noise = math.exp(marker.residual[0]) * marker.step
+    if reading.residual**2 > noise**2 + (_NEVER * step) ** 2:
+        return False
+    return bool(share <= max(limit, _ALWAYS) and patch <= max(patch_limit, _ALWAYS))
 
 
 @njit(cache=True, nogil=True)

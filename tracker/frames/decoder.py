@@ -8,7 +8,7 @@ from typing import Any
 
 import av
 
-from tracker.frames.display import Display, Luma, luma_of
+from tracker.frames.display import Closed, Display, Luma, luma_of
 
 
 class Decoder:
@@ -40,7 +40,7 @@ class Decoder:
         self, container: Any, stream: Any, *, display: Display
     ) -> Iterator[tuple[int | None, Luma | None, bool]]:
         """Give ``(pts, luma or None, damaged)`` in display order."""
-        damaged = False
+        damaged, closed = False, Closed()
         for frame in self._decoded(container, stream):
             for pts in self._missing_before(frame.pts):
                 damaged = True
@@ -50,7 +50,7 @@ class Decoder:
                 self.in_damage = False
             damaged = damaged or bool(frame.is_corrupt)
             self.interlaced += bool(frame.interlaced_frame)
-            yield frame.pts, luma_of(frame, display), damaged
+            yield frame.pts, closed(luma_of(frame, display)), damaged
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
         packets = container.demux(stream)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.progress import Progress, silent
-from tracker.frames.display import luma_of
+from tracker.frames.display import Closed, luma_of
 from tracker.frames.film_source import FilmSource
 from tracker.frames.frame import REPORT_EVERY, Damage, Frame, time_from_table
 from tracker.frames.image_sequence import PictureSource
@@ -169,7 +169,7 @@ class Clip:
             for frame in islice(source, self.first, self.first + self.count):
                 yield frame.index, None if frame.damaged else frame.luma
             return
-        wanted = pts[self.first : self.first + self.count]
+        wanted, closed = pts[self.first : self.first + self.count], Closed()
         with source.open() as container:
             stream = source.stream(container)
             stream.thread_type = "AUTO"
@@ -182,6 +182,6 @@ class Clip:
                         continue
                     if frame.pts > wanted[-1]:
                         return
-                    yield int(np.searchsorted(pts, frame.pts)), luma_of(frame, source.display)
+                    yield int(np.searchsorted(pts, frame.pts)), closed(luma_of(frame, source.display))
             except av.error.FFmpegError as error:
                 self.damage.add(self.first, 0.0, f"cannot be decoded here ({error.strerror or error})")

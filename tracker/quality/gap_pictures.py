@@ -83,7 +83,7 @@ class Seen:
         if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
             return None
         # Beyond the search's reach a stick is followed only as long as its speed stays the same.
-        if abs(self.step_deg) < FAST * usual_deg and self.step_px < REACH_PX:
+        if abs(self.step_deg) < (usual_deg if self.step_px >= REACH_PX else FAST * usual_deg):
             return None
         return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 

@@ -140,16 +140,16 @@ def _of_unclear(
         return ["shutter" if smeared else None] * len(unclear)
     figures["usual_deg"] = usual_deg
     sharp = float(np.median([one.smear_px for one in seen])) < SMEARED * radius_px
-    _note_speed(seen, figures)
     commonest, _ = Counter(causes).most_common(1)[0]
-    if commonest is None and smeared:
+    if commonest is None and smeared and not sharp:
         # The shutter that was learned from blurred readings is contradicted where the pictures are sharp.
-        commonest = "speed" if sharp and "step_deg" in figures else "shutter"
+        commonest = "shutter"
+    _note_speed([one for one, cause in zip(seen, causes, strict=True) if cause == commonest], figures)
     return [commonest] * len(unclear)
 
 
 def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
-    """Note how far the stick turns and how wide it is smeared in the pictures that were looked at."""
+    """Note how far the stick turns and how wide it is smeared in the pictures that show the cause."""
     steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
     if steps:
         figures["step_deg"] = float(np.median(steps))

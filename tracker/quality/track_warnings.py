@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.optics.circles import common_centre
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.wording import counted
+from tracker.angle.plane import Orientation
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit
 from tracker.follow.state import STICK
@@ -42,6 +43,27 @@ def doubts(result: TrackResult) -> list[str]:
         # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
         found = found or _exchanged_markers(result.tracks, given=given)
     return found + _moving_axis(result.tracks) + _file_faults(result)
+
+
+def doubts_of_tilt(orientation: Orientation) -> list[str]:
+    """Return what is to be said where the camera's tilt is not known and outweighs the noise."""
+    tilt, systematic_rad2 = orientation.report.get("tilt", {}), orientation.systematic_rad2
+    sure = orientation.angles.valid & orientation.angles.branch_certain
+    if tilt.get("known", True) or systematic_rad2 is None or not sure.any():
+        return []
+    wrong = float(np.mean(systematic_rad2[sure]))
+    noise = max(float(np.mean(orientation.angles.sigma_rad[sure] ** 2)) - wrong, 0.0)
+    if wrong <= noise:
+        return []
+    wrong_deg, noise_deg = np.rad2deg(np.sqrt([wrong, noise]))
+    arc_deg = min(np.rad2deg(np.ptp(orientation.angles.angle_rad[sure])), 360.0)
+    words = (
+        f"The camera's tilt is not known: the moving stick covers {arc_deg:.0f} degrees of a turn, and its markers' "
+        f"paths do not show the tilt. A camera that does not look along the axis makes the angle wrong by some "
+        f"{wrong_deg:.2g} degrees, and the noise is {noise_deg:.2g}. Give a camera file with the pose, or let the "
+        "stick turn further once, with the camera where it is."
+    )
+    return [words]
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:

@@ -29,6 +29,16 @@ def test_a_lossless_film_gives_every_pixel_and_time(tmp_path: Path) -> None:
     assert source.damage.entries == []
 
 
+@pytest.mark.parametrize("width", [320, 330, 512])
+def test_a_film_of_any_width_gives_rows_without_gaps(tmp_path: Path, width: int) -> None:
+    rig = replace(RIG, size=(width, 240))
+    drawn = rig.pictures()
+    for frame in open_source(write_film(rig, tmp_path / "film.mkv", codec="ffv1", crf=None)):
+        assert frame.luma is not None
+        assert frame.luma.flags.c_contiguous
+        np.testing.assert_array_equal(frame.luma, next(drawn))
+
+
 def test_pictures_come_in_the_order_of_their_names(tmp_path: Path) -> None:
     folder = write_pictures(RIG, tmp_path / "pictures")
     (folder / "notes.txt").write_text("not a picture")

@@ -15,6 +15,7 @@ from films import Cover, Rig, write_film
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.quality.account import account
+from tracker.quality.gap_pictures import Seen
 from tracker.quality.track_warnings import doubts
 from tracker.track import track_film
 
@@ -79,3 +80,14 @@ def test_the_cause_is_named(cause: str, rig: Any, words: str, tmp_path: Path) ->
     assert next(iter(told["frames"]["causes"])) == cause
     (about,) = [text for text in told["advice"] if "frames have no angle" in text]
     assert words in about
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "step_px", "cause"),
+    [(0.0, 0.0, None), (4.0, 12.0, None), (8.0, 12.0, "speed"), (8.0, 5.0, None), (13.0, 5.0, "speed")],
+)
+def test_a_stick_that_was_followed_faster_elsewhere_is_not_too_fast(
+    step_deg: float, step_px: float, cause: str | None
+) -> None:
+    seen = Seen(combed=1.0, sharpness=1.0, step_deg=step_deg, step_px=step_px, smear_px=0.0)
+    assert seen.cause(usual_deg=6.3, radius_px=6.0) == cause

@@ -42,6 +42,24 @@ def test_a_track_that_is_right_raises_no_doubt(film: Path, tmp_path: Path, capsy
     assert "warning" not in capsys.readouterr().err
 
 
+def test_a_tilt_that_the_motion_does_not_show_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = replace(RIG, angle_deg=lambda t: 60.0 + 4.0 * np.sin(5.0 * t))
+    film = write_film(rig, tmp_path / "film.mkv")
+    (tmp_path / "camera.toml").write_text(rig.camera_toml())
+    first = advice_of(film, tmp_path / "without")[0]
+    assert "tilt is not known" in first
+    assert first in capsys.readouterr().err
+    # It covers 8 degrees, and says so.
+    told = re.search(r"covers (\d+) degrees .* wrong by some ([\d.]+) degrees, and the noise is ([\d.]+)\.", first)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(8.0, abs=1.0)
+    sigma_deg = json.loads((tmp_path / "without" / "track.json").read_text())["noise"]["angle_sigma_deg"]["median"]
+    assert np.hypot(float(told[2]), float(told[3])) == pytest.approx(sigma_deg, rel=0.1)
+    assert float(told[2]) > 0.2 > float(told[3])
+    assert not [text for text in advice_of(film, tmp_path / "with", camera=tmp_path / "camera.toml") if "tilt" in text]
+    assert "warning" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("stick", ["base", "moving"])
 def test_inner_and_outer_exchanged_on_one_stick(
     film: Path, tmp_path: Path, stick: str, capsys: pytest.CaptureFixture[str]

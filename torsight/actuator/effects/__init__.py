@@ -77,6 +77,9 @@ class Effect(Shown):
         Further values for people, made of the fitted ones (amplitude and phase of a sine and a cosine).
     propose : callable or None
         From times and the plain model's residual (measured less model, rad) to starting points, best first.
+    seen : callable or None
+        Logarithm of how much more probable what the tracker saw is with the effect than without it, at most zero; from
+        times and angles of all rows (s, rad), the times of those that were fitted, and values.
     is_clock : bool
         True for an error between two recorders' clocks: it is not applied in predictions.
     order : int
@@ -95,6 +98,7 @@ class Effect(Shown):
     starts_from: Callable[[Array], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
     propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
+    seen: Callable[[Array, Array, Array, Values], float] | None = None
     is_clock: bool = False
     order: int = 0
     laws: tuple[str, ...] = ()

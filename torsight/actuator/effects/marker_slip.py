@@ -24,6 +24,12 @@ from torsight.core.units import DEG
 Array = NDArray[np.float64]
 _LEAST_HALF_S: Final = 0.25
 """Half of the time over which a row is a mean at least."""
+_BESIDE: Final = 6
+"""Rows on either side of a step that tell it: a parabola and a step leave eight of twelve to tell the noise."""
+_LASTS_S: Final = (0.0, 5.0, 20.0)
+"""How long a marker may slide."""
+_LEAST_STEP_RAD: Final = 0.1 * DEG
+"""A difference that nobody would miss: no step is known better."""
 
 
 def half_widths_s(time_s: Array) -> Array:
@@ -64,6 +70,45 @@ def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
     return tuple({"slip_time_s": time_of(i), "slip_deg": float((after[i] - before[i]) / DEG)} for i in found[:4])
 
 
+def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> float:
+    r"""Return what the rows around a step say of it: the logarithm of a likelihood ratio, at most zero.
+
+    A fit sees means over many rows. From one row to the next a step is seen, or not: beside a parabola through the rows
+    on either side, a step ŝ of variance v gives :math:`\ln Λ = (ŝ^2 - (ŝ - s)^2) / 2 v`. The fit knows the time of the
+    step to the neighbours of the fitted rows around it, and a marker may slide for a while: the largest Λ counts. Where
+    no angle was seen for longer than from a row to the next, a step could hide.
+    """
+    good = np.isfinite(angle_rad)
+    t, angle = time_s[good], angle_rad[good]
+    usual_s = float(np.median(np.diff(time_s)))
+    k = int(np.searchsorted(fitted_s, values["slip_time_s"]))
+    first, last = fitted_s[max(k - 2, 0)], fitted_s[min(k + 1, len(fitted_s) - 1)]
+    height, most = values["slip_deg"] * DEG, -np.inf
+    for lasts_s in _LASTS_S:
+        beside_s = max(_BESIDE * usual_s, lasts_s)
+        for at_s in np.arange(first, last, max(usual_s, 0.25 * lasts_s)):
+            off_s = np.abs(t - at_s) - 0.5 * lasts_s
+            around = (off_s > 0.0) & (off_s <= beside_s)
+            before = around & (t < at_s)
+            if min(np.count_nonzero(before), np.count_nonzero(around & ~before)) < _BESIDE - 1:
+                return 0.0
+            found, variance = _step_beside(t[around] - at_s, angle[around])
+            most = max(most, (found**2 - (found - height) ** 2) / (2.0 * variance))
+    return min(0.0, most) if np.isfinite(most) else 0.0
+
+
+def _step_beside(time_s: Array, angle_rad: Array) -> tuple[float, float]:
+    """Return the step at time zero beside a parabola through a few rows, and its variance."""
+    x = time_s / float(np.max(np.abs(time_s)))
+    columns = np.column_stack([np.ones_like(x), x, x**2, x > 0.0])
+    inverse = np.linalg.inv(columns.T @ columns)
+    fitted = inverse @ columns.T @ angle_rad
+    left = angle_rad - columns @ fitted
+    # What a parabola misses is alike over the rows on one side: they count as one error, not as many.
+    noise = float(left @ left) / (len(x) - columns.shape[1])
+    return float(fitted[-1]), max(1.0, float(inverse[-1, -1])) * noise + _LEAST_STEP_RAD**2
+
+
 def apply(ports: Ports, values: Values) -> Ports:
     """Add the step to what the camera reads; after the record it is there from the start."""
     height = values["slip_deg"] * DEG
@@ -82,5 +127,6 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     propose=propose,
+    seen=seen,
     laws=("reading_time_s",),
 )

@@ -276,6 +276,10 @@ class SeveralRecords(OptionalMembers):
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
 
+    def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
+        """Return what rows that were not fitted say of the effects, in log units."""
+        return sum(part.also_seen(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
+
     def _own(
         self, record: int, values: Mapping[str, float], effects: Sequence[str]
     ) -> tuple[dict[str, float], tuple[str, ...]]:

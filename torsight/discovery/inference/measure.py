@@ -316,6 +316,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     matrix = derivative.T @ weight.times(derivative) + np.diag(information)
     total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
+    total += fitter.problem.also_seen(fit.values, fit.effects)
     for i in range(base, len(x)):
         parameter, scale = fit.parameters[i], float(space.scale[i])
         if parameter.sigma is not None:

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.errors import InputError
 from torsight.core.progress import Progress, silent
 from torsight.core.series import scatter
 from torsight.core.threads import one_thread
@@ -15,6 +14,9 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer.laws import beyond
+from torsight.discovery.own.compiled.quicken import quickened
+from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
@@ -51,7 +53,8 @@ def find_missing(
     seed : int
         Kept with the answer; nothing here is drawn.
     processes : bool, optional
-        Call a model of ``model_problem`` in processes; without it where that pays.
+        Call a model of ``model_problem`` in processes, or in none. Without it, where that pays, it is compiled if numba
+        can do that, else called in processes.
     progress : Progress
         Told how far the work is.
 
@@ -61,15 +64,19 @@ def find_missing(
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
     told = aloud(progress)
-    if processes not in (None, True, False):
-        raise InputError("is neither True, False nor None", where="processes", value=repr(processes))
+    given.function(progress, "find_missing, progress")
+    if settings is not None:
+        given.one_of(settings, Settings, "find_missing, settings", do="give settings=Settings(…)")
+    if processes is not None:
+        given.one_of(processes, bool, "find_missing, processes", do="give True, False or None")
     with heard() as stream, one_thread():
         notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
-        with problem.evaluator.processes(wanted=processes):
-            made = _search(problem, settings=settings, seed=seed, progress=told, notes=notes)
+        asked = quickened(problem) if processes is None else problem
+        with problem.evaluator.processes(wanted=processes if asked is problem else False):
+            made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 
@@ -88,7 +95,11 @@ def _search(
     # Points that were only looked at may lie outside of what the model can do.
     looked, before = len(evaluator.failures), evaluator.failed
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+    chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
+    curves = extended.curves(values, chosen.members)
+    notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
     # What the findings show of other sets is predicted while the processes are there.
     findings = Findings(problem, found, settings=settings or Settings())
     _ = findings.best_fits, findings.parameters

@@ -126,7 +126,11 @@ def _read(table: Table, number: int) -> Record:
             raise InputError("has a column twice", where=label, value=", ".join(twice), do="remove one of the two")
         return _checked({str(name): table[name].to_numpy() for name in table.columns}, label, label)
     raise InputError(
-        "is no table", where=label, value=type(table).__name__, limit="a DataFrame, a mapping of arrays, or a path"
+        "is no table",
+        where=label,
+        value=type(table).__name__,
+        limit="a DataFrame, a mapping of arrays, or a path",
+        do="give every column a name: {'time_s': …, 'y': …}",
     )
 
 
@@ -136,7 +140,8 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
     wrong = [f"{name} {shape}" for name, shape in lengths.items() if len(shape) != 1]
     if wrong or len(set(lengths.values())) > 1:
         listed = ", ".join(wrong or [f"{name} {shape[0]}" for name, shape in lengths.items()])
-        raise InputError("columns are not of one length", where=where, value=listed, limit="(n,) each")
+        do = "give one value per row in each of them; several records are a list of tables"
+        raise InputError("columns are not of one length", where=where, value=listed, limit="(n,) each", do=do)
     numbers = {name: values for name, values in columns.items() if np.asarray(values).dtype.kind in "fiub"}
     rows = max((shape[0] for shape in lengths.values()), default=0)
     if not numbers or rows < _LEAST_ROWS:
@@ -186,5 +191,6 @@ def column_of(record: Record, name: str) -> Array:
         When the record has no such column.
     """
     if name not in record:
-        raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record))
+        do = "give its name as in the table; columns that hold words and no numbers are left out"
+        raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record), do=do)
     return record[name]

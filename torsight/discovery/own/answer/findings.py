@@ -108,17 +108,32 @@ class Findings(Shown):
     def verdict(self) -> engine.Verdict:
         """``none``, ``identified``, ``ambiguous`` or ``unknown``.
 
-        Where neither effects nor laws explain anything, and far more than the noise is left, that is ``unknown``, too.
+        Where far more than the noise is left, beside a name or without one, that is ``unknown``, too.
         """
-        if self.found.verdict == "none" and self.decision.over_floor > self.problem.over_floor:
-            return "unknown"
-        return self.found.verdict
+        sure = self.found.verdict in {"none", "identified"}
+        return "unknown" if sure and self.decision.over_floor > self.problem.over_floor else self.found.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects that are missing, strongest first; laws without a name are in :attr:`laws`."""
         named = sorted(self.decision.named.items(), key=lambda item: -self.gain_of(item[0]))
         return tuple(name for _, (name, _) in named)
+
+    @property
+    def forms_taken(self) -> tuple[str, ...]:
+        """Effects of the answer whose form was taken as it was offered: no free law was measured in their place."""
+        found = []
+        for member, (name, _) in self.decision.named.items():
+            others = less(self._chosen.members, member)
+            laws = self.field.base.fitter.candidates[name].laws
+            if not any(tuple(sorted((*others, law))) in self.field.explanations for law in laws):
+                found.append(name)
+        return tuple(found)
+
+    @property
+    def drivers_offered(self) -> tuple[str, ...]:
+        """Variables on which a law was offered to depend."""
+        return tuple(dict.fromkeys(law.driver for law in self.problem.laws))
 
     @property
     def alternatives(self) -> tuple[tuple[str, ...], ...]:

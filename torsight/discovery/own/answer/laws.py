@@ -23,9 +23,11 @@ from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.layout import Layout
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
+    from torsight.discovery.own.model.evaluate import Called
     from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -148,9 +150,30 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
                 where="predict",
                 do=f"call p.{port.name}({port.driver}) in it",
             )
+        # The column covers what other values of the parameters ask for.
+        columns = [record[port.driver] for record in problem.model.records if port.driver in record]
+        low, high = (
+            float(end([limit, *(nan_end(column) for column in columns)]))
+            for end, nan_end, limit in ((min, np.nanmin, low), (max, np.nanmax, high))
+        )
         nodes[port.name] = nodes_of(port, low, high)
     made = replace(problem, nodes=nodes)
     return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
+
+
+def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
+    """Return a warning for every law that is on and that calls of the model asked for values far from its nodes."""
+    told = []
+    for name, curve in curves.items():
+        low, high = min(one.asked[name][0] for one in called), max(one.asked[name][1] for one in called)
+        first, last = float(curve.nodes[0]), float(curve.nodes[-1])
+        near = 0.5 * float(curve.nodes[1] - first)  # of which the outermost node tells
+        if low < first - near or high > last + near:
+            told.append(
+                f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from {first:.4g} to "
+                f"{last:.4g}, beyond which the outermost value holds: give it low=… and high=…"
+            )
+    return told
 
 
 def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> float:

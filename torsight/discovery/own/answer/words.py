@@ -26,17 +26,28 @@ def verdict_words(found: Findings) -> str:
     if found.verdict == "none":
         return "nothing is missing that this record can show"
     if found.verdict == "identified":
-        return f"{named} is missing" if len(found.effects) == 1 else f"{named} are missing"
+        return f"{named} {'is' if len(found.effects) == 1 else 'are'} missing{_alike(found)}"
     if found.verdict == "ambiguous":
         others = " or ".join(" and ".join(one) for one in found.alternatives)
         return f"{named} or {others}: this record cannot tell them apart"
-    beside = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing, and " if found.effects else ""
+    missing = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing{_alike(found)}"
+    beside = f"{missing}, and " if found.effects else ""
+    if found.effects and not found.decision.unnamed:
+        return f"{beside}{number(found.decision.over_floor)} times the noise is left that nothing offered explains"
     declared = {port.name for port in found.ports}
     laws = [name for name in found.decision.unnamed if name in declared]
     if laws and len(laws) == len(found.decision.unnamed):
         what = f"{' and '.join(laws)} {'is' if len(laws) == 1 else 'are'} missing, in a form that no candidate has"
         return f"{beside}{what}{_depends(found)}"
     return f"{beside}something is missing that none of the candidates explains{_depends(found)}"
+
+
+def _alike(found: Findings) -> str:
+    """Return a doubt where a form has won that no free law was measured beside."""
+    taken = found.forms_taken
+    if not taken:
+        return ""
+    return ", or what acts alike" if len(found.effects) == 1 else f" ({' and '.join(taken)}, or what acts alike)"
 
 
 def _depends(found: Findings) -> str:
@@ -55,6 +66,8 @@ def lines(found: Findings) -> list[tuple[str, str]]:
         own = found.field.base.fitter.candidates[name].parameters
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
     made += [(curve.id, curve.told()) for curve in found.laws if curve.chosen]
+    if found.verdict == "unknown":
+        made.append(("Laws offered over", ", ".join(found.drivers_offered) or "nothing"))
     if found.verdict == "unknown" or found.predicts_better:
         unit = " (errors of all outputs together, each in its resolution)" if len(found.errors) > 1 else ""
         made.append(("Best fits", f"error on all samples, on unseen blocks, gain in log evidence{unit}"))
@@ -158,6 +171,7 @@ def to_json(found: Findings) -> dict[str, Any]:
         "effects": [_effect(found, name) for name in found.effects],
         "alternatives": [list(names) for names in found.alternatives],
         "drivers": [{"variable": name, "share": share} for name, share in found.drivers],
+        "drivers_offered": list(found.drivers_offered),
         "outputs": {
             name: {"before": before.to_json(), "after": after.to_json()}
             for name, (before, after) in found.errors.items()
@@ -203,6 +217,7 @@ def _effect(found: Findings, name: str) -> dict[str, Any]:
         "parameters": {p.name: found.parameters[p.name].to_json() for p in candidate.parameters},
         "probability": sum(weight for held, weight in sets.items() if {member, name} & set(held)),
         "gain": found.gain_of(member),
+        "form_compared": name not in found.forms_taken,
     }
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
+from torsight.discovery.own.model.evaluate import place_of
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
         that raises, gives no numbers, is not deterministic or whose null values are none.
     """
     missing = [name for name in _MEMBERS if not hasattr(problem, name)]
+    if len(missing) == len(_MEMBERS) or isinstance(problem, type):
+        raise InputError("is no problem", where="find_missing", value=repr(problem), do="make it with model_problem(…)")
     if missing:
         raise InputError(
             f"lacks {', '.join(missing)}",
@@ -69,6 +72,10 @@ def _check_rows(problem: Problem, where: str) -> None:
         raise InputError("no sample counts", where=f"{where}.valid", do="record it again")
     if not np.isfinite(problem.observed[problem.valid]).all():
         raise InputError("is not known where it counts", where=f"{where}.observed", do="set valid to False there")
+    if not np.all(problem.sigma >= 0.0):
+        raise InputError(
+            "is no noise", where=f"{where}.sigma", value=np.min(problem.sigma), limit="0 or more", do="mend it"
+        )
     if problem.resolution < 0.0 or not np.isfinite(problem.resolution):
         raise InputError("is no size", where=f"{where}.resolution", value=problem.resolution, limit="0 or more")
 
@@ -81,7 +88,9 @@ def _numbers(problem: Problem, prediction: Any, where: str) -> None:
         )
     bad = np.flatnonzero(~np.isfinite(values) & problem.valid)
     if len(bad):
-        raise InputError("is not a number", where=f"{where}.predict, row {bad[0] + 1}", value=values[bad[0]])
+        raise InputError(
+            "is not a number", where=f"{where}.predict, row {bad[0] + 1}", value=values[bad[0]], do="mend it"
+        )
 
 
 def _check_model(problem: ModelProblem) -> list[str]:
@@ -98,7 +107,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
         apart = max(float(np.max(np.abs(a - b))) for a, b in zip(plain, again, strict=True))
         raise InputError(
             "gives another answer to the same question",
-            where=_name(problem),
+            where=place_of(problem.model.predict),
             value=f"apart by {apart:.3g}",
             limit="the same values, the same answer",
             do="draw no random numbers in it (or from a generator that the call itself makes with a fixed seed), and "
@@ -115,21 +124,15 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]
             if not np.array_equal(record[name], values, equal_nan=True):
                 raise InputError(
                     f"changes its record: column '{name}' is another one after the call",
-                    where=_name(problem),
+                    where=place_of(problem.model.predict),
                     do=f"work on a copy: record['{name}'].copy()",
                 )
-
-
-def _name(problem: ModelProblem) -> str:
-    code = getattr(problem.model.predict, "__code__", None)
-    name = getattr(problem.model.predict, "__name__", "predict")
-    return name if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {name}"
 
 
 def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:
     for one in problem.evaluator(problem.given(values, effects), {}):
         if one.failure is not None:
-            raise one.failure.error(_name(problem))
+            raise one.failure.error(place_of(problem.model.predict))
     return problem.outputs(values, effects)
 
 
@@ -143,6 +146,11 @@ def _check_candidate(
     problem: ModelProblem, one: Candidate, start: dict[str, float], plain: list[Array], least: Array
 ) -> list[str]:
     where = f"candidate '{one.id}'"
+    laws = [law.id for law in problem.laws]
+    unknown = [name for name in one.laws if name not in laws]
+    if unknown:
+        do = "name one of these, or leave laws out"
+        raise InputError("is no law", where=f"{where}, laws", value=unknown[0], limit=", ".join(laws) or "none", do=do)
     on = _called(problem, {**start, **{p.name: p.value for p in one.parameters}}, (one.id,))
     told = []
     if not _apart(on, plain, least) and not one.starts:

@@ -10,7 +10,10 @@ from typing import Final
 from torsight.core.errors import InputError
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
+from torsight.discovery.own.model import given
 
+_LEAST_NODES: Final = 2
+_MOST_NODES: Final = 100
 RESERVED: Final = "@"
 """Stands between a name and the number of a record or of a node."""
 
@@ -45,15 +48,25 @@ def parameter(
     fixed : bool
         For a parameter of the model: its value is known exactly.
     """
-    return Parameter(name, float(start), unit, float(lower), float(upper), sigma, null, fixed)
+    where = f"parameter '{given.name(name, 'parameter, name')}'"
+    return Parameter(
+        name,
+        given.number(start, f"{where}, start"),
+        given.text(unit, f"{where}, unit"),
+        given.number(lower, f"{where}, lower", finite=False),
+        given.number(upper, f"{where}, upper", finite=False),
+        None if sigma is None else given.number(sigma, f"{where}, sigma", positive=True),
+        None if null is None else given.number(null, f"{where}, null"),
+        given.one_of(fixed, bool, f"{where}, fixed", do="give True or False"),
+    )
 
 
 def candidate(
     name: str,
-    *parameters: Parameter,
+    *parameters: Parameter | Sequence[Parameter],
     family: str = "",
-    starts: Sequence[Mapping[str, float]] = (),
-    laws: Sequence[str] = (),
+    starts: Mapping[str, float] | Sequence[Mapping[str, float]] = (),
+    laws: str | Sequence[str] = (),
 ) -> Candidate:
     """Declare an effect that the model may lack.
 
@@ -75,7 +88,19 @@ def candidate(
         Laws of which it is a usual form: where one of them explains no more, it is told by the candidate's name. A
         law's name, or ``output(driver)`` for what is missing from an output over a driver.
     """
-    return Candidate(name, family, parameters, tuple(starts), laws=tuple(laws))
+    where = f"candidate '{given.text(name, 'candidate, name')}'"
+    do = "declare it with parameter(name, start, null=…)"
+    own = [one for some in parameters for one in given.several(some, Parameter, where, do=do)]
+    points = given.several(starts, Mapping, f"{where}, starts", do="give points such as {'size': 2.0}")
+    known = {p.name: p for p in own}
+    for point in points:
+        for key, value in point.items():
+            at = given.number(value, f"{where}, starts, {key}")
+            if key not in known or not known[key].lower <= at <= known[key].upper:
+                limit = f"{known[key].lower:g} to {known[key].upper:g}" if key in known else ", ".join(known)
+                raise InputError("a start cannot be used", where=where, value=f"{key} {value}", limit=limit)
+    forms = given.names(laws, f"{where}, laws")
+    return Candidate(name, given.text(family, f"{where}, family"), tuple(own), points, laws=forms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +143,31 @@ def law(
     nodes : int
         Places with a value of their own; lines between them.
     """
-    if nodes < 2:
-        raise InputError("needs two nodes at least", where=f"law '{name}'", value=nodes, limit="2 or more")
-    return LawPort(name, driver, unit, driver_unit, low, high, nodes)
+    where = f"law '{given.name(name, 'law, name')}'"
+    units = {key: given.text(one, f"{where}, {key}") for key, one in (("unit", unit), ("driver_unit", driver_unit))}
+    ends = [None if end is None else given.number(end, f"{where}, low and high") for end in (low, high)]
+    if ends[0] is not None and ends[1] is not None and not ends[0] < ends[1]:
+        raise InputError("its range is empty", where=where, value=f"{low} to {high}", do="give low below high")
+    count = given.number(nodes, f"{where}, nodes")
+    if not count.is_integer() or not _LEAST_NODES <= count <= _MOST_NODES:
+        limit = f"a whole number from {_LEAST_NODES} to {_MOST_NODES}: each costs calls of the model"
+        raise InputError("has no such number of nodes", where=where, value=repr(nodes), limit=limit, do="give another")
+    return LawPort(name, given.text(driver, f"{where}, driver"), **units, low=ends[0], high=ends[1], nodes=int(count))
 
 
-def parameters_of(given: Iterable[Parameter] | Mapping[str, float]) -> tuple[Parameter, ...]:
+def parameters_of(declared: Parameter | Iterable[Parameter] | Mapping[str, float]) -> tuple[Parameter, ...]:
     """Return parameters, of a mapping from name to start too."""
-    if isinstance(given, Mapping):
-        return tuple(parameter(name, value) for name, value in given.items())
-    return tuple(given)
+    if isinstance(declared, Mapping):
+        return tuple(parameter(name, value) for name, value in declared.items())
+    return given.several(declared, Parameter, "parameters", do="declare each with parameter(name, start, …)")
+
+
+def candidates_of(
+    declared: Candidate | LawPort | Iterable[Candidate | LawPort], where: str
+) -> tuple[Candidate | LawPort, ...]:
+    """Return effects and laws that a model may lack."""
+    do = "declare each with candidate(name, parameter(…)), or law(name, driver=…)"
+    return given.several(declared, (Candidate, LawPort), where, do=do)
 
 
 def check_declarations(
@@ -149,18 +189,22 @@ def check_declarations(
     """
     if not parameters:
         raise InputError("has no free parameter", where=where, do="give the parameters that the fit may change")
+    known = [one.id for one in candidates] + [one.name for one in laws]
+    own_names = {one.name for one in parameters} | {p.name for one in candidates for p in one.parameters}
+    for name in known:
+        law_of_a_parameter = name in own_names and any(name == one.name for one in laws)
+        if not name or known.count(name) > 1 or law_of_a_parameter or RESERVED in name:
+            raise InputError(
+                f"'{name}' cannot be the name of a candidate or law",
+                where=where,
+                limit=f"a name of its own, without '{RESERVED}'",
+                do="give it another name",
+            )
     owners: dict[str, str] = {}
     sources: list[tuple[str, Sequence[Parameter]]] = [("the model", parameters)]
     sources += [(f"candidate '{one.id}'", one.parameters) for one in candidates]
     for owner, own in sources:
         for one in own:
-            if not isinstance(one, Parameter):
-                raise InputError(
-                    "is no parameter",
-                    where=f"{where}, {owner}",
-                    value=repr(one),
-                    do="declare it with parameter(name, start, …)",
-                )
             if one.name in owners:
                 raise InputError(
                     f"two parameters are called '{one.name}'",
@@ -169,16 +213,6 @@ def check_declarations(
                 )
             owners[one.name] = owner
             _check_parameter(one, where=f"{where}, {owner}, {one.name}", numbered=numbered)
-    known = [one.id for one in candidates] + [one.name for one in laws]
-    for name in known:
-        law_of_a_parameter = name in owners and any(name == one.name for one in laws)
-        if known.count(name) > 1 or law_of_a_parameter or RESERVED in name:
-            raise InputError(
-                f"'{name}' cannot be the name of a candidate or law",
-                where=where,
-                limit=f"a name of its own, without '{RESERVED}'",
-                do="give it another name",
-            )
     for one_candidate in candidates:
         _check_candidate(one_candidate, where=where)
 
@@ -202,10 +236,6 @@ def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
                 limit=f"{one.lower:g} to {one.upper:g}",
                 do=f"change the {told} or the bounds",
             )
-    if one.sigma is not None and not (one.sigma > 0.0 and math.isfinite(one.sigma)):
-        raise InputError(
-            "its sigma is not positive", where=where, value=one.sigma, do="leave sigma out where nothing is known"
-        )
 
 
 def _check_candidate(one: Candidate, *, where: str) -> None:
@@ -230,12 +260,6 @@ def _check_candidate(one: Candidate, *, where: str) -> None:
         raise InputError(
             f"'{fixed[0]}' is fixed", where=here, do="declare it among the model's parameters, or write it into predict"
         )
-    known = {p.name: p for p in one.parameters}
-    for point in one.starts:
-        for name, value in point.items():
-            if name not in known or not known[name].lower <= value <= known[name].upper:
-                limit = f"{known[name].lower:g} to {known[name].upper:g}" if name in known else ", ".join(known)
-                raise InputError("a start cannot be used", where=here, value=f"{name} {value}", limit=limit)
 
 
 def per_record(parameters: Iterable[Parameter], initial: Sequence[str], count: int) -> tuple[Parameter, ...]:

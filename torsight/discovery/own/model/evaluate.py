@@ -9,6 +9,7 @@ changed, such as the initial state of that record.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import threading
 import time
@@ -17,13 +18,14 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from types import CodeType, FunctionType
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.discovery.own.model.values import Curve, Off, Values
+from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.records import Record
 
 Array = NDArray[np.float64]
@@ -62,6 +64,31 @@ class Model:
     laws: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class CompiledPredict:
+    """A compiled ``predict``; where it raises or gives no numbers the plain one is asked, which says why and where."""
+
+    plain: Callable[..., Any]
+    fast: Callable[..., Any]
+
+    @property
+    def __wrapped__(self) -> Callable[..., Any]:
+        return self.plain
+
+    def __call__(self, p: Any, record: Any) -> Any:
+        """Return the outputs for a record."""
+        try:
+            found = self.alone(p, record)
+        except Exception:  # noqa: BLE001 - the plain one raises it, too, and with its own traceback
+            return self.plain(p, record)
+        outputs = found.values() if isinstance(found, Mapping) else found if isinstance(found, tuple) else (found,)
+        return found if all(np.isfinite(one).all() for one in outputs) else self.plain(p, record)
+
+    def alone(self, p: Any, record: Any) -> Any:
+        """Return what the compiled one gives, or raise what it raises."""
+        return self.fast(by_name(p), by_name(record))
+
+
 class ModelError(InputError):
     """A model that cannot be used; the traceback of its own is a note of the error."""
 
@@ -94,7 +121,8 @@ class Failure:
     def told(self) -> str:
         """Return one sentence: what, where, for which values."""
         given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
-        return f"{self.kind}: {self.message} ({self.place}; record '{self.record}'; {given})"
+        kind = f"{self.kind}: " if self.kind else ""
+        return f"{kind}{self.message} ({self.place}; record '{self.record}'; {given})"
 
     def error(self, where: str) -> ModelError:
         """Return it as an error of ours, for a model that cannot be used at all."""
@@ -109,7 +137,7 @@ class Failure:
 class Called:
     """One call: the outputs (rows, outputs) or why there are none, what it printed, and how long it took.
 
-    ``asked`` is the range in which every law that was off was asked for, by its name.
+    ``asked`` is the range in which every law was asked for, by its name.
     """
 
     outputs: Array | None
@@ -122,15 +150,16 @@ class Called:
 def call(model: Model, record: int, values: Mapping[str, float], curves: Curves) -> Called:
     """Call the model with the laws that are on; whatever it raises is kept, but for what ends the program."""
     of = model.records[record]
-    off = {name: Off() for name in model.laws if name not in curves}
+    laws = {name: curves[name].afresh() if name in curves else Curve() for name in model.laws}
     begun = time.thread_time()
     try:
-        given = model.predict(Values({**values, **curves, **off}), of)
+        with np.errstate(all="ignore"):  # what is no number is told
+            given = model.predict(Values({**values, **laws}), of)
         outputs = outputs_of(given, of, model.outputs)
         failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the model is somebody else's
         outputs, failure = None, _failure(error, model, of, values)
-    asked = {name: (one.low, one.high) for name, one in off.items()}
+    asked = {name: (float(one.asked[0]), float(one.asked[1])) for name, one in laws.items()}
     return Called(outputs if failure is None else None, failure, "", time.thread_time() - begun, asked)
 
 
@@ -148,12 +177,14 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
             raise InputError(
                 f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do="add it"
             )
-        columns = [np.asarray(given[name], np.float64) for name in names]
+        columns = [np.asarray(given[name]) for name in names]
     elif isinstance(given, tuple) or (isinstance(given, list) and len(names) > 1):
-        columns = [np.asarray(one, np.float64) for one in given]
+        columns = [np.asarray(one) for one in given]
     else:
-        whole = np.asarray(given, np.float64)
+        whole = np.asarray(given)
         columns = [whole] if whole.ndim == 1 or len(names) == 1 else list(whole.T)
+    if any(column.dtype.kind not in "fiub" for column in columns):
+        raise InputError("predict gives no numbers", where=record.label_, value=repr(given), do="return real numbers")
     shapes = [column.shape for column in columns]
     if len(columns) != len(names) or any(shape != (record.rows_,) for shape in shapes):
         raise InputError(
@@ -163,14 +194,15 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
             limit=f"({record.rows_},) for each of {', '.join(names)}",
             do="give one value per row of the record",
         )
-    return np.column_stack(columns)
+    return np.column_stack(columns).astype(np.float64)
 
 
 def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[str, float]) -> Failure:
     row, output = (int(place[0]) for place in np.nonzero(~np.isfinite(outputs)))
     unknown = [name for name in record if name not in model.outputs and not np.isfinite(record[name][row])]
     because = f"; there {', '.join(unknown)} is not known" if unknown else ""
-    name = getattr(model.predict, "__name__", "predict")
+    code = code_of(model.predict)
+    name = "predict" if code is None else code.co_name
     message = f"'{model.outputs[output]}' is {outputs[row, output]} in row {row + 1}{because}"
     return Failure("not a number", message, f"what {name} gives", "", dict(values), record.label_)
 
@@ -180,16 +212,28 @@ def _failure(error: BaseException, model: Model, record: Record, values: Mapping
     # Where its author looks: the last line of the model's own file, whatever that line called.
     file = _file_of(model)
     own = [frame for frame in frames if frame.filename == file]
-    last = (own or frames)[-1] if frames else None
-    place = "predict" if last is None else f"{last.filename}, line {last.lineno}, in {last.name}"
+    place = f"{own[-1].filename}, line {own[-1].lineno}, in {own[-1].name}" if own else place_of(model.predict)
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
-    return Failure(type(error).__name__, str(error), place, trace, dict(values), record.label_)
+    kind = "" if isinstance(error, InputError) else type(error).__name__
+    return Failure(kind, str(error), place, trace, dict(values), record.label_)
 
 
 def _file_of(model: Model) -> str:
     """Return the file in which a model's function stands, empty where nothing says it."""
-    code = getattr(model.predict, "__code__", getattr(getattr(model.predict, "rhs", None), "__code__", None))
-    return "" if code is None else str(code.co_filename)
+    code = code_of(model.predict)
+    return "" if code is None else code.co_filename
+
+
+def place_of(predict: Predict) -> str:
+    """Return where a model stands: file, line and name."""
+    code = code_of(predict)
+    return "predict" if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {code.co_name}"
+
+
+def code_of(predict: Predict) -> CodeType | None:
+    """Return the code of what its author wrote: of the right-hand side, or of what was compiled."""
+    written = inspect.unwrap(predict)
+    return written.__code__ if isinstance(written, FunctionType) else None
 
 
 _sent: tuple[Model, str] | None = None

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.series import runs, scatter
+from torsight.discovery.own.model import given
 from torsight.discovery.own.records import Record, column_of
 
 Array = NDArray[np.float64]
+_BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
 PerOutput = float | str | Mapping[str, float | str] | None
 
 BLOCKS: Final = 6
@@ -57,9 +59,22 @@ class Reading:
 
     sigma: PerOutput = None
     resolution: PerOutput = None
-    blocks: int | str | Sequence[Array] | None = None
+    blocks: int | str | Array | Sequence[Array] | None = None
     rest: str | None = None
     time: str | None = None
+
+    def __post_init__(self) -> None:
+        for what, sizes in (("sigma", self.sigma), ("resolution", self.resolution)):
+            each = sizes if isinstance(sizes, Mapping) else {"": sizes}
+            for output, one in each.items():
+                if one is not None and not isinstance(one, str):
+                    given.number(one, f"Reading, {what}{' of ' if output else ''}{output}", positive=True)
+        for what, named in (("rest", self.rest), ("time", self.time)):
+            if named is not None:
+                given.text(named, f"Reading, {what}")
+        if isinstance(self.blocks, bool) or not isinstance(self.blocks, _BLOCKS) or _below_one(self.blocks):
+            limit = "a whole number, 1 or more, a column's name, or an array for each record"
+            raise InputError("are no blocks", where="Reading, blocks", value=repr(self.blocks), limit=limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +129,23 @@ class Layout:
         return made
 
 
+def _below_one(blocks: object) -> bool:
+    return isinstance(blocks, (int, np.integer)) and int(blocks) < 1
+
+
 def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Array]:
     """Return the measured outputs (rows, outputs) of every record; NaN where not measured."""
     made = [np.column_stack([column_of(record, name) for name in outputs]) for record in records]
     for k, name in enumerate(outputs):
         if not any(np.isfinite(own[:, k]).any() for own in made):
-            raise InputError(f"'{name}' is measured nowhere", where=", ".join(r.label_ for r in records), value="NaN")
+            raise InputError(f"'{name}' is measured nowhere", where=", ".join(r.label_ for r in records), do="mend it")
+        values, do = np.concatenate([own[:, k] for own in made]), "leave it out of output"
+        if np.isinf(values).any():
+            raise InputError("is infinite somewhere", where=f"column '{name}'", do="leave such fields empty")
+        if np.nanmin(values) == np.nanmax(values):
+            raise InputError(
+                "never changes: there is nothing to explain", where=f"column '{name}'", value=values[0], do=do
+            )
     return made
 
 
@@ -134,7 +160,7 @@ def running_time(times: Sequence[Array], count: int) -> list[Array]:
     return made
 
 
-def per_output(given: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Array]:
+def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Array]:
     """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
 
     NaN where it is not given.
@@ -144,17 +170,17 @@ def per_output(given: PerOutput, records: Sequence[Record], outputs: Sequence[st
     InputError
         When a value is not positive, or an output is not known.
     """
-    if isinstance(given, Mapping):
-        unknown = sorted(set(given) - set(outputs))
+    if isinstance(wanted, Mapping):
+        unknown = sorted(set(wanted) - set(outputs))
         if unknown:
             raise InputError(f"is no output that {what} could belong to", where=unknown[0], limit=", ".join(outputs))
     made = [np.full((record.rows_, len(outputs)), np.nan) for record in records]
     for k, name in enumerate(outputs):
-        one = given.get(name) if isinstance(given, Mapping) else given
+        one = wanted.get(name) if isinstance(wanted, Mapping) else wanted
         for record, own in zip(records, made, strict=True):
             if one is not None:
                 own[:, k] = column_of(record, one) if isinstance(one, str) else float(one)
-            if np.any(own[:, k] <= 0.0) or (isinstance(one, float) and not np.isfinite(one)):
+            if np.any(own[:, k] <= 0.0):
                 value = float(np.nanmin(own[:, k]))
                 raise InputError(f"{what} is not positive", where=f"{record.label_}, {name}", value=value)
     return made
@@ -179,7 +205,7 @@ def resolutions(given: Sequence[Array], sigma: Sequence[Array], observed: Sequen
 
 
 def blocks_of(
-    given: int | str | Sequence[Array] | None, records: Sequence[Record], times: Sequence[Array]
+    wanted: int | str | Array | Sequence[Array] | None, records: Sequence[Record], times: Sequence[Array]
 ) -> list[NDArray[np.int64]]:
     """Return the block of every row, labels from 0 on that no two records share.
 
@@ -188,20 +214,33 @@ def blocks_of(
     InputError
         When a column is missing or not known everywhere, or a number cannot be meant.
     """
-    if given is None:
-        given = 1 if len(records) > 1 else BLOCKS
+    if wanted is None:
+        wanted = 1 if len(records) > 1 else BLOCKS
+    if isinstance(wanted, np.ndarray) and wanted.ndim == 1:
+        wanted = [wanted]
+    if not isinstance(wanted, (str, int, np.integer)) and len(wanted) != len(records):
+        raise InputError(
+            "not every record has its blocks",
+            where="blocks",
+            value=f"{len(wanted)} arrays, {len(records)} records",
+            do="give one array of numbers, one per row, for each record, or a column's name",
+        )
     made: list[NDArray[np.int64]] = []
     first = 0
     for k, (record, time) in enumerate(zip(records, times, strict=True)):
-        if isinstance(given, int):
-            if given < 1:
-                raise InputError("is no number of blocks", where="blocks", value=given, limit="1 or more")
-            edges = np.linspace(time[0], time[-1], given + 1)[1:-1]
+        if isinstance(wanted, (int, np.integer)):
+            edges = np.linspace(time[0], time[-1], wanted + 1)[1:-1]
             labels = np.searchsorted(edges, time, side="right")
         else:
-            column = column_of(record, given) if isinstance(given, str) else np.asarray(given[k], np.float64)
+            column = column_of(record, wanted) if isinstance(wanted, str) else np.asarray(wanted[k], np.float64)
             if len(column) != record.rows_ or not np.isfinite(column).all():
-                raise InputError("blocks are not known in every row", where=f"{record.label_}, {given}")
+                raise InputError(
+                    "blocks are not known in every row",
+                    where=f"{record.label_}, blocks",
+                    value=f"{len(column)} values",
+                    limit=f"{record.rows_}, all finite",
+                    do="number every row",
+                )
             labels = np.unique(column, return_inverse=True)[1]
         made.append(np.asarray(labels + first, np.int64))
         first += int(labels.max()) + 1

@@ -1,30 +1,50 @@
 """Models that are ordinary differential equations: states, inputs, events, and how each record begins.
 
 :func:`ode` makes ``predict`` from a right-hand side. SciPy's ``solve_ivp`` integrates; a right-hand side that numba has
-compiled is integrated by a compiled stepper, a hundred times faster. Inputs are lines between the record's samples.
+compiled, or that the search can compile, is integrated by a compiled stepper, a hundred times faster. Inputs are lines
+between the record's samples.
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.discovery.own.model import given
 from torsight.discovery.own.records import Record, column_of, time_of
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.compiled.stepper import Stepper
 
 Array = NDArray[np.float64]
 
 RTOL: Final = 1e-7
 """Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
 to four digits; SciPy's own default of 1e-3 would drown them."""
-_ATOL_SHARE: Final = 1e-2
+ATOL_SHARE: Final = 1e-2
 """Absolute tolerance as a multiple of the relative one: states of the order of 0.01 are still followed."""
+MOMENT: Final = 1e-9
+"""Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
 _MOST_EVENTS: Final = 10_000
+_MOST_STEPS: Final = 20_000
+_MOST_STEPS_PER_ROW: Final = 200
+"""Steps that an integration may take, calls of a right-hand side in plain Python: one that goes well takes 5 to 30 per
+row (tests/discovery/test_own_ode.py counts them), one that diverges would not end."""
+TOO_MANY: Final = "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges"
+
+
+METHODS: Final = ("LSODA", "RK23", "RK45", "DOP853", "Radau", "BDF")
+"""Of SciPy's ``solve_ivp``."""
+
+
+class TooManyStepsError(ArithmeticError):
+    """An integration that would not end."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +66,32 @@ class Event:
     then: Callable[..., Sequence[float]] | None = None
     direction: int = 0
 
+    def __post_init__(self) -> None:
+        given.function(self.when, "Event, when")
+        if self.then is not None:
+            given.function(self.then, "Event, then")
+        if self.direction not in {-1, 0, 1}:
+            raise InputError(
+                "is no direction", where="Event", value=repr(self.direction), limit="-1, 0, 1", do="give one"
+            )
+
 
 @dataclass(frozen=True)
 class Solver:
-    """Options of SciPy's ``solve_ivp``."""
+    """Options of SciPy's ``solve_ivp``; a model for which another method is named is not compiled by the search."""
 
     method: str = "LSODA"
     rtol: float = RTOL
     max_step: float = np.inf
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            where = "Solver, method"
+            raise InputError(
+                "is no method", where=where, value=repr(self.method), limit=", ".join(METHODS), do="name one"
+            )
+        given.number(self.rtol, "Solver, rtol", positive=True)
+        given.number(self.max_step, "Solver, max_step", positive=True, finite=False)
 
 
 @dataclass(frozen=True)
@@ -68,14 +106,17 @@ class Ode:
     events: tuple[Event, ...] = ()
     time: str | None = None
     solver: Solver = Solver()
-    compiled: bool = field(default=False)
+    stepper: Stepper | None = None
+
+    @property
+    def __wrapped__(self) -> Callable[..., Any]:
+        return self.rhs
 
     def __call__(self, p: Any, record: Record) -> Any:
         """Return the outputs for a record."""
         time = time_of(record, self.time)
         start = self._start(p, record)
-        integrated = self._compiled if self.compiled else self._integrated
-        states = integrated(p, record, time, start)
+        states = self._states(p, record, time, start)
         if callable(self.output):
             named = {name: states[:, k] for k, name in enumerate(self.states)}
             return self.output(_Named(named), record, p)
@@ -102,15 +143,39 @@ class Ode:
                 )
         return np.array(made)
 
-    def _compiled(self, p: Any, record: Record, time: Array, start: Array) -> Array:
-        """Integrate with the compiled stepper."""
+    def compiled(self) -> Ode:
+        """Return the same with right-hand side and events compiled.
+
+        Raises
+        ------
+        CannotCompileError
+            Where one of the functions cannot be.
+        """
+        from torsight.discovery.own.compiled.stepper import stepper_of
+
+        events = [(one.when, one.then, one.direction) for one in self.events]
+        return replace(self, stepper=stepper_of(self.rhs, events))
+
+    def _states(self, p: Any, record: Record, time: Array, start: Array) -> Array:
+        """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
+        first = _Named({name: float(column_of(record, name)[0]) for name in self.inputs})
+        rates = np.shape(self.rhs(float(time[0]), start, first, p))
+        if rates != np.shape(start):
+            raise InputError(
+                "the right-hand side gives no derivative for every state",
+                where=record.label_,
+                value=rates,
+                limit=f"({len(start)},)",
+                do="return one number for each state",
+            )
+        if self.stepper is None:
+            return self._integrated(p, record, time, start)
         from numba.core.errors import NumbaError
 
-        from torsight.discovery.own.model.compiled_ode import integrate
-
-        inputs = np.column_stack([column_of(record, name) for name in self.inputs] or [np.zeros(len(time))])
+        inputs = {name: column_of(record, name) for name in self.inputs}
+        limits = (self.solver.rtol, float(self.solver.max_step), _most(len(time)))
         try:
-            return integrate(self.rhs, time, start, inputs, _numbers(p), rtol=self.solver.rtol)
+            return self.stepper.integrate(time, start, inputs, p, limits=limits)
         except NumbaError as error:
             lines = str(error).splitlines()
             # One "Failed in …" per function on the way; the reason comes after them.
@@ -118,9 +183,12 @@ class Ode:
             raise InputError(
                 f"numba cannot compile the right-hand side: {reason}",
                 where=getattr(self.rhs, "__name__", "rhs"),
-                limit="inputs by their place (u[0]) in the order of inputs=…; of p numbers only, no laws",
                 do="change it, or leave off @njit",
             ) from error
+        except TooManyStepsError:
+            raise
+        except Exception:  # noqa: BLE001 - with its own traceback
+            return self._integrated(p, record, time, start)
 
     def _integrated(self, p: Any, record: Record, time: Array, start: Array) -> Array:
         """Integrate with SciPy, from event to event."""
@@ -132,7 +200,11 @@ class Ode:
         def inputs(t: float) -> Any:
             return _Named({name: float(np.interp(t, time, values)) for name, values in columns.items()})
 
+        called = count()
+
         def rhs(t: float, x: Array) -> Any:
+            if next(called) > _most(len(time)):
+                raise TooManyStepsError(TOO_MANY.format(t))
             return self.rhs(t, x, inputs(t), p)
 
         functions = [self._event(one, inputs, p) for one in self.events]
@@ -148,7 +220,7 @@ class Ode:
                 t_eval=wanted,
                 events=functions or None,
                 rtol=self.solver.rtol,
-                atol=_ATOL_SHARE * self.solver.rtol,
+                atol=ATOL_SHARE * self.solver.rtol,
                 max_step=self.solver.max_step,
             )
             if found.status < 0:
@@ -176,8 +248,13 @@ class Ode:
         then = self.events[k].then
         after = x if then is None else np.asarray(then(t, x, inputs(t), p), np.float64)
         # A moment later the function has left zero, so that the same event does not end the next step at once.
-        moment = 1e-9 * max(1.0, abs(t))
+        moment = MOMENT * max(1.0, abs(t))
         return t + moment, after + moment * np.asarray(self.rhs(t, after, inputs(t), p), np.float64)
+
+
+def _most(rows: int) -> int:
+    """Return the steps that an integration may take, of a record of so many rows."""
+    return _MOST_STEPS + _MOST_STEPS_PER_ROW * rows
 
 
 class _Named:
@@ -189,31 +266,18 @@ class _Named:
     def __getitem__(self, name: str) -> Any:
         return self.__dict__[name]
 
-
-def _numbers(p: Any) -> Any:
-    """Return the parameters as a named tuple, which numba understands: ``p.mass_kg``."""
-    numbers = {name: float(value) for name, value in p.items() if not callable(value)}
-    return _tuple_of(tuple(numbers))(**numbers)
-
-
-_KINDS: dict[tuple[str, ...], Any] = {}
-
-
-def _tuple_of(names: tuple[str, ...]) -> Any:
-    """Return one class per set of names: numba compiles anew for every class."""
-    if names not in _KINDS:
-        _KINDS[names] = namedtuple("Parameters", names)  # noqa: PYI024 - the names are known at run time only
-    return _KINDS[names]
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"'{name}' is not declared; there is {', '.join(self.__dict__) or 'nothing'}")
 
 
 def ode(
     rhs: Callable[..., Any],
     *,
-    states: Sequence[str],
+    states: str | Sequence[str],
     output: Callable[..., Any] | str | Sequence[str],
-    inputs: Sequence[str] = (),
+    inputs: str | Sequence[str] = (),
     initial: Mapping[str, float | str] | None = None,
-    events: Sequence[Event] = (),
+    events: Event | Sequence[Event] = (),
     time: str | None = None,
     solver: Solver = Solver(),
 ) -> Ode:
@@ -223,8 +287,8 @@ def ode(
     ----------
     rhs : callable
         ``rhs(t, x, u, p)`` gives the derivatives of the states: ``x`` (states,), ``u`` the inputs by name
-        (``u.force_n``), ``p`` parameters and laws by name. Compiled with ``numba.njit``: ``u`` is an array (inputs,)
-        in the order of ``inputs``, ``p`` a named tuple of the parameters (no laws), and events cannot be used.
+        (``u.force_n``), ``p`` parameters and laws by name (``p.mass_kg``). With ``numba.njit`` it is compiled at once,
+        else by the search where that pays and numba can.
     states : sequence of str
         Names of the states.
     output : callable, or names
@@ -242,15 +306,21 @@ def ode(
     solver : Solver
         Method, relative tolerance and longest step.
     """
-    named = tuple(states)
-    wanted = output if callable(output) else ((output,) if isinstance(output, str) else tuple(output))
+    given.function(rhs, "ode, rhs")
+    named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
+    driven = tuple(given.name(one, "ode, inputs") for one in given.names(inputs, "ode, inputs"))
+    wanted = output if callable(output) else given.names(output, "ode, output")
+    happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")
+    given.one_of(solver, Solver, "ode, solver", do="give solver=Solver(method=…, rtol=…)")
+    begin: Any = given.one_of({} if initial is None else initial, Mapping, "ode, initial", do="give {state: beginning}")  # type: ignore[type-abstract]
+    for state, begins in begin.items():
+        if not isinstance(begins, str):
+            given.number(begins, f"ode, initial, {state}")
     unknown = [] if callable(wanted) else [name for name in wanted if name not in named]
-    unknown += [name for name in initial or {} if name not in named]
+    unknown += [name for name in begin if name not in named]
     if not named or unknown:
-        raise InputError(f"'{', '.join(unknown)}' is no state", where="ode", limit=", ".join(named) or "one or more")
-    compiled = hasattr(rhs, "py_func")
-    if compiled and events:
-        raise InputError(
-            "events need a right-hand side in plain Python", where="ode", do="leave off @njit or the events"
-        )
-    return Ode(rhs, named, wanted, tuple(inputs), initial or {}, tuple(events), time, solver, compiled)
+        told = f"'{', '.join(unknown)}' is no state" if named else "has no state"
+        raise InputError(told, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
+    plain = getattr(rhs, "py_func", rhs)
+    made = Ode(plain, named, wanted, driven, begin, happens, time, solver)
+    return made if plain is rhs else made.compiled()

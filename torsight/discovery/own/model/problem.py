@@ -20,13 +20,21 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
+from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
-from torsight.discovery.own.model.declare import LawPort, check_declarations, name_in, parameters_of, per_record
+from torsight.discovery.own.model.declare import (
+    LawPort,
+    candidates_of,
+    check_declarations,
+    name_in,
+    parameters_of,
+    per_record,
+)
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import Record, Table, read_records, time_of
+from torsight.discovery.own.records import TIMES, Record, Table, read_records, time_of
 
 Array = NDArray[np.float64]
 
@@ -210,12 +218,12 @@ class ModelProblem(OptionalMembers):
 def model_problem(
     predict: Predict,
     observed: Table | Sequence[Table],
-    parameters: Sequence[Parameter] | Mapping[str, float],
-    candidates: Sequence[Candidate | LawPort] = (),
+    parameters: Parameter | Sequence[Parameter] | Mapping[str, float],
+    candidates: Candidate | LawPort | Sequence[Candidate | LawPort] = (),
     *,
     output: str | Sequence[str],
-    initial: Sequence[str] = (),
-    drivers: Sequence[str] | None = None,
+    initial: str | Sequence[str] = (),
+    drivers: str | Sequence[str] | None = None,
     reading: Reading = Reading(),  # noqa: B008 - it cannot be changed
 ) -> ModelProblem:
     """Put a model of one's own before the engine.
@@ -246,22 +254,28 @@ def model_problem(
     InputError
         When something is declared twice, out of bounds, missing or of a wrong shape: before any fit.
     """
-    outputs = (output,) if isinstance(output, str) else tuple(output)
+    given.function(predict, "predict")
+    given.one_of(reading, Reading, "reading", do="give reading=Reading(sigma=…, blocks=…)")
+    outputs, initial = given.names(output, "output"), given.names(initial, "initial")
+    drivers = None if drivers is None else given.names(drivers, "drivers")
+    may_lack = candidates_of(candidates, "candidates")
     declared = parameters_of(parameters)
-    ports = tuple(one for one in candidates if isinstance(one, LawPort))
-    offered = tuple(one for one in candidates if not isinstance(one, LawPort))
+    ports = tuple(one for one in may_lack if isinstance(one, LawPort))
+    offered = tuple(one for one in may_lack if isinstance(one, Candidate))
     check_declarations(declared, offered, ports, where="the model")
-    _known(initial, [p.name for p in declared], what="initial")
-    if not outputs or len(set(outputs)) < len(outputs):
-        raise InputError("each output has a name of its own", where="output", value=", ".join(outputs))
-    if not callable(predict):
-        raise InputError("is no function", where="predict", value=type(predict).__name__)
+    _known(initial, [p.name for p in declared if not p.fixed], what="initial")
+    if not outputs:
+        raise InputError("no output is named", where="output", do="name the column that predict gives")
     records = read_records(observed)
+    if set(outputs) & {reading.time, *(name for name in TIMES[:1] if reading.time is None)}:
+        raise InputError(
+            "is the time", where="output", value=", ".join(outputs), do="name the column that predict gives"
+        )
     measured, times = lay.observed_of(records, outputs), [time_of(record, reading.time) for record in records]
-    given = lay.per_output(reading.sigma, records, outputs, what="sigma")
+    sigmas = lay.per_output(reading.sigma, records, outputs, what="sigma")
     noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
-    known = all(np.isfinite(own).all() for own in given)
-    believed = [np.where(np.isfinite(own), own, noise) for own in given]
+    known = all(np.isfinite(own).all() for own in sigmas)
+    believed = [np.where(np.isfinite(own), own, noise) for own in sigmas]
     size = lay.resolutions(
         lay.per_output(reading.resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
     )
@@ -307,7 +321,12 @@ def model_problem(
 def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
     for name in names:
         if name not in among:
-            raise InputError(f"'{name}' is not declared", where=what, limit=", ".join(among))
+            raise InputError(
+                f"'{name}' is no parameter of the model that is free",
+                where=what,
+                limit=", ".join(among),
+                do="declare it with parameter(name, start), or leave it out",
+            )
 
 
 def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], size: Array) -> Layout:

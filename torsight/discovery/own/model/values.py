@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -46,33 +47,48 @@ class Curve:
     Parameters
     ----------
     nodes, values : (k,) float64
-        Places and the function's values there.
+        Places and the function's values there; without them the law is off, and zero.
+
+    Attributes
+    ----------
+    asked : (2,) float64
+        The least and the greatest value that it was asked for; infinite the wrong way round where it never was.
     """
 
-    def __init__(self, nodes: Array, values: Array) -> None:
-        self.nodes = nodes
-        self.values = values
+    def __init__(self, nodes: Array | None = None, values: Array | None = None) -> None:
+        self.off = nodes is None or values is None
+        # As compiled code reads them.
+        self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
+        self.values = np.zeros(1) if values is None else np.ascontiguousarray(values, np.float64)
+        self.asked = np.array([np.inf, -np.inf])
 
     def __call__(self, at: Any) -> Any:
         """Return the function's value, a float for a float."""
-        found = np.interp(at, self.nodes, self.values)
-        return float(found) if np.ndim(found) == 0 else found
-
-
-class Off:
-    """A law that is switched off: zero; the least and the greatest value that it is asked for are kept."""
-
-    def __init__(self) -> None:
-        self.low = np.inf
-        self.high = -np.inf
-
-    def __call__(self, at: Any) -> Any:
-        """Return zero, in the shape of what is given."""
         if isinstance(at, float):  # once per step of an integrator in plain Python
-            self.low, self.high = min(self.low, at), max(self.high, at)
-            return 0.0
-        values = np.asarray(at, np.float64)
-        if values.size:
-            self.low = min(self.low, float(np.min(values)))
-            self.high = max(self.high, float(np.max(values)))
-        return 0.0 if values.ndim == 0 else np.zeros(values.shape)
+            self._remember(at, at)
+            return 0.0 if self.off else float(np.interp(at, self.nodes, self.values))
+        given = np.asarray(at, np.float64)
+        if given.size:
+            self._remember(float(np.min(given)), float(np.max(given)))
+        found = np.interp(given, self.nodes, self.values)
+        return float(found) if given.ndim == 0 else found
+
+    def afresh(self) -> Curve:
+        """Return the same law, asked nowhere yet."""
+        return Curve(self.nodes, self.values)
+
+    def _remember(self, low: float, high: float) -> None:
+        self.asked[0] = min(self.asked[0], low)
+        self.asked[1] = max(self.asked[1], high)
+
+
+KINDS: dict[tuple[str, ...], Any] = {}
+"""Classes of named tuples by their names: numba compiles anew for every class."""
+
+
+def by_name(items: Mapping[str, Any]) -> Any:
+    """Return values as a named tuple, which numba understands; what has no name in Python is left out."""
+    names = tuple(name for name in items if name.isidentifier() and not name.startswith("_"))
+    if names not in KINDS:
+        KINDS[names] = namedtuple("Values", names)  # noqa: PYI024 - the names are known at run time only
+    return KINDS[names](*(items[name] for name in names))

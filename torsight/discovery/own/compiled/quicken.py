@@ -1,0 +1,76 @@
+"""A model in plain Python made quick: compiled where numba can, where it pays, and where it then gives the same."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
+from torsight.discovery.own.model.ode import Ode, Solver
+from torsight.discovery.own.model.problem import ModelProblem
+
+Array = NDArray[np.float64]
+
+_WORTH_S: Final = 2e-3
+"""Seconds of one call from which a model is compiled: that takes 3 to 5 s, and a search some 1,500 calls or more."""
+_SAME: Final = 1e-4
+"""Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 do by
+1e-6 where nothing is unstable."""
+_QUICKER: Final = 0.5
+"""Share of the time of a call that the compiled model may need at most."""
+
+
+def quickened(problem: ModelProblem) -> ModelProblem:
+    """Return a problem with its model compiled; as it is where that cannot be done, does not pay or changes it."""
+    evaluator = problem.evaluator
+    if evaluator.seconds < _WORTH_S * evaluator.calls:
+        return problem
+    quick = _compiled(problem.model.predict)
+    model = problem.model if quick is None else replace(problem.model, predict=quick)
+    start = {p.name: p.value for p in problem.parameters}
+    everything = {p.name: p.value for one in problem.candidates for p in one.parameters}
+    names = [one.id for one in problem.candidates]
+    asked = [*problem.given(start, ()), *problem.given({**start, **everything}, names)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of numba, on a way that is not gone then
+        if quick is None or not _gives_the_same(problem.model, model, asked):
+            return problem
+    evaluator.model = model
+    evaluator.forget()
+    return replace(problem, model=model)
+
+
+def _compiled(predict: Predict) -> Predict | None:
+    from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
+
+    try:
+        if not isinstance(predict, Ode):
+            return CompiledPredict(predict, compiled(predict))
+        return predict.compiled() if predict.stepper is None and predict.solver.method == Solver.method else None
+    except CannotCompileError:
+        return None
+
+
+def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> bool:
+    """Return whether both models give the same for these values of each record, one after the other, and how soon."""
+    if isinstance(quick.predict, CompiledPredict):
+        quick = replace(quick, predict=quick.predict.alone)
+    for k, values in enumerate(asked):
+        record = k % len(plain.records)
+        one, other = call(plain, record, values, {}), call(quick, record, values, {})
+        if one.outputs is None or other.outputs is None:
+            return False
+        spread = np.nanstd(np.column_stack([plain.records[record][name] for name in plain.outputs]), axis=0)
+        if np.any(np.abs(one.outputs - other.outputs) > _SAME * spread):
+            return False
+        begun = time.thread_time()
+        call(quick, record, values, {})
+        if time.thread_time() - begun > _QUICKER * one.seconds:
+            return False
+    return True
