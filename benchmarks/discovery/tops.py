@@ -33,7 +33,7 @@ def tops(record: blind.Record) -> tuple[list[float], float]:
     problem = ActuatorProblem(ActuatorModel(record.spec).prepare(record.table), record.spec)
     search = Search(problem, settings=Settings(), progress=silent)
     plain = search.plain()
-    weight = search.likelihood.weight(plain.residual)
+    weight = plain.likelihood.weight(plain.residual)
     errors = weight.errors(plain.residual)
     known = np.eye(len(errors)) + weight.shared.T @ (weight.shared * weight.each[:, None])
     return list(errors**2 + np.diag(np.linalg.inv(known))), plain.log_evidence

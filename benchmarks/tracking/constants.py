@@ -37,7 +37,7 @@ CONSTANTS = {
         "SHAKE_PX", "_RIGID_PX", "TURN_RAD", "SURE_RAD", "LENGTH", "_CLOSE", "NEAR", "_OWN_PX", "_OFF_CIRCLE",
     ),
     "follow/learning": ("RATE", "_FIT_RATE", "_CHANGE_PX"),
-    "follow/prediction": ("STALE",),
+    "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER", "_BASIN"),
     "follow/redetect": ("REACH_PX", "_BUMP_PX", "_LIKELY"),
 }  # fmt: skip

@@ -97,6 +97,8 @@ def test_a_model_file_that_has_changed_is_not_used(
         ("def problem(records):\n    return None\n", "gives no problem"),
         (MODEL.replace("out.append(x)", "out.append(x / 0)"), "ZeroDivisionError: float division by zero"),
         (MODEL.replace('output = "x_mm"', 'output = "y"'), "has no column 'y'"),
+        (MODEL + "\nsigma = 0.0\n", "model.py: Reading, sigma: is no positive number"),
+        (MODEL + "\nlaws = 'friction'\n", "model.py: laws: cannot be used; found 'friction'"),
     ],
 )
 def test_a_model_file_that_fails_says_where(

@@ -72,8 +72,9 @@ def test_strain_of_an_alloy_over_stress_is_a_curve_that_saturates(shared_data: P
     assert (rises > 0.0).all()
     assert rises[-3:].sum() < 0.5 * rises[:3].sum()
     found = example.discover(folder)
-    assert found.verdict == "identified"
-    assert found.effects == ("saturating",)
+    # A tenth of a per cent of strain is left, fifteen times what neighbouring readings scatter by.
+    assert (found.verdict, found.effects) == ("unknown", ("saturating",))
+    assert found.forms_taken == ()
     before, after = found.errors["strain_pct"]
     assert after.rmse_held_out < 0.5 * before.rmse_held_out
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.discovery.linear_cases import machine
+from tests.discovery.linear_cases import machine, signals
 from tests.discovery.own_models import (
     line,
     read_sensor,
@@ -19,11 +19,17 @@ from tests.discovery.own_models import (
     sensor_parameters,
     sensor_record,
 )
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import actuator_from
 from torsight.core.errors import InputError
-from torsight.discovery import Reading, candidate, find_missing, model_problem, parameter
+from torsight.discovery import OptionalMembers, Reading, candidate, find_missing, model_problem, parameter
+from torsight.discovery.actuator.several import SeveralRecords
+from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
 from torsight.discovery.own.model.model_file import READING
+from torsight.synthetic.experiment import make_record
+from torsight.synthetic.rig.rig_values import declared_from
 
 
 def problem(**changes: Any) -> Any:
@@ -114,6 +120,27 @@ def test_a_class_of_ones_own_without_a_member_is_refused(name: str) -> None:
     members = {key: getattr(whole, key) for key in dir(whole) if not key.startswith("_") and key != name}
     with pytest.raises(InputError, match=f"lacks {name}"):
         find_missing(SimpleNamespace(**members))  # type: ignore[arg-type]
+
+
+def test_the_actuator_is_checked_as_any_other_problem() -> None:
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    halves = [{"spring": one, "peak_c": 75.0, "ramp_s": 60.0, "heat_s": 80.0, "cool_s": 60.0} for one in "ab"]
+    table = make_record({"motion": {"kind": "rig"}, "protocol": {"half_cycle": halves}}, seed=5, sigma_deg=0.15).table
+    one = ActuatorProblem(ActuatorModel(spec).prepare(table), spec)
+    assert not check_problem(one)
+    assert not check_problem(SeveralRecords((one, one)))
+
+
+def test_a_class_of_ones_own_that_says_no_more_than_it_has_to_is_searched() -> None:
+    whole = machine(0.5 * np.sign(signals()["speed"]))
+
+    class Bare(OptionalMembers):
+        parameters, candidates, time_s, observed = whole.parameters, whole.candidates, whole.time_s, whole.observed
+        sigma, valid, block, predict = whole.sigma, whole.valid, whole.block, whole.predict
+
+    bare = Bare()
+    assert find_missing(bare).effects == ("coulomb",)
+    assert (bare.laws, bare.forms, bare.drivers, bare.rest.any()) == ((), (), {}, False)
 
 
 def test_a_class_of_ones_own_with_a_wrong_shape_is_refused() -> None:

@@ -207,7 +207,11 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     assert told[0].startswith(
         f"the law 'more' is asked for values from {low:.4g} to {high:.4g}, and has nodes from -0.2"
     )
-    assert not [one for one in find_missing(with_port()).warnings if "beyond which" in one]
+    found = find_missing(with_port())
+    assert not [one for one in found.warnings if "beyond which" in one]
+    wider = waves(seed=8)
+    assert not found.model().doubts(wider)
+    assert "beyond which" in found.model().doubts({**wider, "u": 4.0 * wider["u"]})[0]
 
 
 def test_a_form_is_sure_only_where_a_free_law_was_measured_in_its_place() -> None:

@@ -13,7 +13,7 @@ from numba import njit
 
 from torsight.core.errors import InputError
 from torsight.discovery import Event, candidate, law, model_problem, ode, parameter
-from torsight.discovery.own.model import quicken
+from torsight.discovery.own.compiled import quicken
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.evaluate import CompiledPredict
 from torsight.discovery.own.model.ode import Ode
@@ -186,7 +186,12 @@ def by_steps(p: Any, record: Any) -> np.ndarray:
 @pytest.mark.usefixtures("always_worth_it")
 @pytest.mark.parametrize(
     ("words", "is_compiled"),
-    [("", True), ("    made.append(p.get('none', 0.0))\n", False), ("    print(v)\n", False)],
+    [
+        ("", True),
+        ("    v = p.get('none', 0.0) + p['stop'] + record['force'][0]\n", True),
+        ("    v = sum(p.keys())\n", False),
+        ("    print(v)\n", False),
+    ],
 )
 def test_a_loop_over_rows_is_compiled_where_numba_can(words: str, *, is_compiled: bool) -> None:
     source = inspect.getsource(by_steps).replace("    return", f"{words}    return")

@@ -47,6 +47,7 @@ RESULT_COLUMNS: Final = (
 PATIENCE = "10s"
 """How long a Dask scheduler has to answer."""
 _MOST_PER_CORE: Final = 4
+"""Processes per core at most: more only take memory from each other."""
 _WATCH: Final = "end with the campaign"
 
 

@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Final
 
 _ASKED_AGAIN_S: Final = 0.3
+"""How often a process asks itself to end: a person does not notice the wait."""
 
 
 class Ended(BaseException):

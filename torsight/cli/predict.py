@@ -64,6 +64,7 @@ def predict(
 
 def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
     """Predict another record with a model of one's own."""
+    from torsight.cli.console import say
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import write_table
     from torsight.discovery.own.answer.saved import read_model
@@ -71,6 +72,9 @@ def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
 
     require_apart([out], [model, record])
     with heard():
-        found = read_model(model, record).predict(record)
+        own = read_model(model, record)
+        found, doubts = own.predict(record), own.doubts(record)
+    for doubt in doubts:
+        say(f"note: {doubt}")
     write_table(out, found)
     return Answer({"rows": len(next(iter(found.values()))), "columns": list(found)}, files=(out,))

@@ -10,6 +10,7 @@ import unicodedata
 from typing import ClassVar, Final
 
 _MOST_OF_A_VALUE: Final = 160
+"""Characters of a value that a message shows: two lines of a terminal."""
 
 
 class TorsightError(Exception):

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-
-_STEPS: Final = 60
 
 
 def least_squares(
@@ -36,7 +33,7 @@ def least_squares(
     """
     values, error = start.copy(), residuals(start)
     damping = 1e-3
-    for _ in range(_STEPS):
+    while True:
         jacobian = jacobian_of(residuals, values)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ error
         scale = np.diag(np.maximum(np.diag(normal), 1e-300))

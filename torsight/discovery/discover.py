@@ -26,13 +26,14 @@ from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.inference.engine import Findings, find_missing, law_shares
+from torsight.discovery.inference.engine import Findings, law_shares
 from torsight.discovery.inference.explanation import Explanation, covariance, joint_covariance
 from torsight.discovery.inference.fitting import less
 from torsight.discovery.inference.noise import Stretches, reading_noise
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
+from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
 from torsight.discovery.settings import Settings
 
@@ -41,6 +42,7 @@ Array = NDArray[np.float64]
 CONTRADICTED_SIGMAS: Final = 4.0
 """A characterised value that the record moves by more than this is named."""
 _DRAWS: Final = 2000
+"""Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
 _SETS_TOLD: Final = 12
 
 
@@ -80,7 +82,7 @@ def discover(
     drive = ActuatorModel(spec).prepare(table, where=where)
     require_motion(drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
-    findings = find_missing(problem, seed=seed, progress=progress)
+    findings = find_missing(problem, seed=seed, progress=progress).found
     return _report(problem, findings, seed=seed, progress=progress)
 
 

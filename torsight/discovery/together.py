@@ -31,11 +31,12 @@ from torsight.discovery.discover import (
     model_of,
     noise_floor,
 )
-from torsight.discovery.inference.engine import Findings, find_missing
+from torsight.discovery.inference.engine import Findings
 from torsight.discovery.inference.explanation import Explanation, Field, joint_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
+from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors
 
 Array = NDArray[np.float64]
@@ -142,7 +143,7 @@ def discover_together(
         drives.append(drive)
     sigmas_s = clock_sigmas_s or [None] * len(drives)
     problem = SeveralRecords.of(drives, spec, clock_sigmas_s=sigmas_s, seed=seed)
-    findings = find_missing(problem, seed=seed, progress=progress)
+    findings = find_missing(problem, seed=seed, progress=progress).found
     return _report(problem, findings, told, seed=seed, progress=progress)
 
 

@@ -54,7 +54,9 @@ LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
 _GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
 _MOST_ROWS: Final = 4000
+"""Rows of a test that are fitted; denser ones are averaged, since a curve has no more to say."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
+"""A smaller one is in radians: the paper's 85° are 1.5."""
 _RANGES: Final = {
     "temp_c": (-275.0, 225.0, "give temperatures in °C, not in kelvin"),
     "angle_deg": (-1e5, 1e5, "give angles in degrees"),

@@ -19,6 +19,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 _BEFORE_DEG: Final = 2.0
+"""How far inside the ends of the motion a stop is looked for first: beyond them it would change nothing."""
 
 
 def stop_torque(phi_rad: Array, *, stop_rad: float, stiffness_nm: float) -> Array:

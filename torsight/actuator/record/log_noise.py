@@ -11,10 +11,11 @@ from torsight.core.series import scatter
 
 Array = NDArray[np.float64]
 
+# Noise whose neighbours are alike for longer is told from the wire by its size only. A part of a log whose noise is
+# measured by itself holds so many of the longest strides; four times what one needs. Half and twice of either change
+# nothing (benchmarks/actuator/log_constants.py).
 _MAX_STRIDE_S: Final = 2.0
-# A part of a log whose noise is measured by itself holds so many of the longest strides; four times what one needs.
 _STRIDES_PER_PART: Final = 12
-_MOST_PARTS: Final = 32
 
 
 def resolution(temp_c: Array) -> float:
@@ -38,7 +39,7 @@ def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
     if not len(strides):
         return 0.0, 1.0
     whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
-    count = max(1, min(len(temp_c) // (_STRIDES_PER_PART * int(strides[-1])), _MOST_PARTS))
+    count = max(1, len(temp_c) // (_STRIDES_PER_PART * int(strides[-1])))
     parts = np.array_split(temp_c, count)
     quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
     # Where a log stands still to its last digit nothing is seen of its noise.

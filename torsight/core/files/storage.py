@@ -31,6 +31,7 @@ SCHEMA: Final = 1
 CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
 _CSV_BLOCK: Final = 4096
+"""Rows that are turned into text at a time: lists cost less than single numbers, and memory stays small."""
 _PLAIN_CSV: Final = "save it as plain CSV: a header row, commas between columns, '.' as decimal sign, UTF-8"
 _WHOLE_PARQUET: Final = "write it again: it may have been cut off, or be another kind of file"
 

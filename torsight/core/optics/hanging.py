@@ -34,6 +34,7 @@ _SPREAD: Final = 1.2
 _AS_LIKELY: Final = 2.0
 """By how much the logarithm of the likelihood may be less than the best: two standard deviations."""
 _MOST_ROWS: Final = 160
+"""Rows of which the correlation is estimated: the time goes with their third power (eigenvectors)."""
 _BIN_RAD: Final = np.deg2rad(2.0)
 
 

@@ -17,12 +17,19 @@ LATEST_S: Final = 1e11
 FINEST_S: Final = 1e-6
 """No camera and no logger of temperatures is faster than this."""
 MOST_ROWS_APART_S: Final = 1e8
+"""No record lasts for three years."""
 MOST_TURNED_DEG: Final = 1e6
+"""2,800 turns: springs are wound by one and a half."""
 _SLOWEST_HALF_S: Final = 7200.0
+"""Half of a heating takes minutes; the same record in milliseconds takes a thousand times as long."""
 _SHORTEST_S: Final = 2.0
+"""A heating and a cooling take minutes; the same record in minutes or hours is 60 or 3,600 times shorter."""
 _HEATED_C: Final = 15.0
+"""A smaller change is no heating: a transformation of the reference rig takes 14 °C to 18 °C."""
 _WARMEST_REST_C: Final = 55.0
+"""A room is colder in °C; in °F it has 60 and more, in kelvin 290."""
 _LOOKED_AT: Final = 1000
+"""Rows that are compared in pairs: a million comparisons, in some milliseconds."""
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
 
 

@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 _POINTS: Final = 121
 _TEMPERATURES: Final = 4
 """How many of the values in which the springs may differ are transformation temperatures."""
-_PER_CENT: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +110,7 @@ def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
     if port == "friction":
         return _Scales(values["tau_c_mnm"], "mN·m", moved)
     if port == "phase":
-        return _Scales(_PER_CENT, "%", moved)
+        return _Scales(100.0, "%", moved)
     return _Scales(1.0, law.unit, moved)
 
 
@@ -151,9 +150,9 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float) -> str:
         return f"friction torque is {number(value[-1] - value[0])} mN·m higher when the angle rises than when it falls"
     monotone = abs(value[-1] - value[0]) > 0.8 * float(np.ptp(value))
     if law.port in ("friction", "phase") and monotone:
-        whole = tau_c_mnm if law.port == "friction" else _PER_CENT
+        whole = tau_c_mnm if law.port == "friction" else 100.0
         share = (whole + value[-1]) / max(whole + value[0], 1e-9) - 1.0
-        return f"{what} {'rises' if share > 0 else 'falls'} by {abs(share) * _PER_CENT:.0f} % {over}"
+        return f"{what} {'rises' if share > 0 else 'falls'} by {100.0 * abs(share):.0f} % {over}"
     if law.port == "friction":
         value = value + tau_c_mnm
     low, high = float(value.min()), float(value.max())

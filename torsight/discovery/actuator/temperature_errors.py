@@ -2,7 +2,8 @@
 
 Most of the time the conditioning knows a temperature far better than one sample does. At the top of a half-cycle it
 does not: a ramp ends there between two samples. Where the transformation is incomplete, that error decides how far the
-spring has changed, and it stays in the angle until the next heating.
+spring has changed, and it stays in the angle until the next heating. Level and course are off independently: what looks
+level over the last seconds may still rise within its noise.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ _TOP_SHARE: Final = 0.5
 """How well a top is known, in standard deviations of one sample: on clean records 0.25 to 0.5 are as probable
 (benchmarks/discovery/tops.py); behind a slow sensor a top is known less well."""
 _TOP_C: Final = 1.0
+_HOLD_S: Final = 4.0
+"""The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
+the level: 0.4 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +66,7 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
 
 
 def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
-    """Return one standard deviation of every half-cycle's top, for both springs (n,) each; none where negligible."""
+    """Return one standard deviation of every error of a top, for both springs (n,) each; none where negligible."""
     if drive.noise_c <= NEGLIGIBLE_C:
         return []
     none = np.zeros(len(drive))
@@ -70,14 +74,22 @@ def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
-    """Give the driven spring of every half-cycle, and one standard deviation of its temperature's top (n,), °C."""
-    temps_c = (drive.temp_a_c, drive.temp_b_c)
+    """Give the driven spring of every half-cycle, and one standard deviation of its top's level and of its last rise.
+
+    Each is an error (n,) in °C of that spring's temperature.
+    """
+    temps_c, size_c = (drive.temp_a_c, drive.temp_b_c), _TOP_SHARE * drive.noise_c
     for label in np.unique(drive.cycles.half):
-        rows = drive.cycles.half == label
-        spring = int(drive.cycles.active[rows][0])
-        driven_c, top = temps_c[spring][rows], np.zeros(len(drive))
-        top[rows] = _TOP_SHARE * drive.noise_c * np.exp(-(np.max(driven_c) - driven_c) / _TOP_C)
-        yield spring, top
+        rows = np.flatnonzero(drive.cycles.half == label)
+        spring = int(drive.cycles.active[rows[0]])
+        driven_c, time_s = temps_c[spring][rows], drive.time_s[rows]
+        level, rise = np.zeros(len(drive)), np.zeros(len(drive))
+        below = np.exp(-(np.max(driven_c) - driven_c) / _TOP_C)
+        turn_s = time_s[len(rows) - 1 - int(np.argmax(driven_c[::-1]))]
+        level[rows] = size_c * below
+        rise[rows] = size_c * below * np.clip((time_s - turn_s) / _HOLD_S + 1.0, 0.0, 1.0)
+        yield spring, level
+        yield spring, rise
 
 
 def with_errors(drive: Drive, added_c: tuple[Array, Array]) -> Drive:

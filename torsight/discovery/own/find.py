@@ -14,11 +14,11 @@ from torsight.discovery.inference import engine
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
-from torsight.discovery.own.answer.laws import asked_beyond
+from torsight.discovery.own.answer.laws import beyond
+from torsight.discovery.own.compiled.quicken import quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.problem import ModelProblem
-from torsight.discovery.own.model.quicken import quickened
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings
@@ -53,7 +53,8 @@ def find_missing(
     seed : int
         Kept with the answer; nothing here is drawn.
     processes : bool, optional
-        Call a model of ``model_problem`` in processes; without it where that pays.
+        Call a model of ``model_problem`` in processes, or in none. Without it, where that pays, it is compiled if numba
+        can do that, else called in processes.
     progress : Progress
         Told how far the work is.
 
@@ -96,7 +97,9 @@ def _search(
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
     chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
-    notes += asked_beyond(problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values, chosen.members)
+    extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
+    curves = extended.curves(values, chosen.members)
+    notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
     # What the findings show of other sets is predicted while the processes are there.
     findings = Findings(problem, found, settings=settings or Settings())
     _ = findings.best_fits, findings.parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,10 @@ from torsight.synthetic.scene import FilmEvent, FilmSettings, Scene
 
 Floats = NDArray[np.float64]
 
-_ENTRY_S = 0.15
-_DARK = 0.02
+_ENTRY_S: Final = 0.15
+"""Time in which a hand comes into the picture, and goes."""
+_DARK: Final = 0.02
+"""Share of the light that is left when it is off: a room is never quite dark."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,6 @@ TICKS: Final = {
 
 SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 
-_FULL_RANGE: Final = 2
-
 
 class Writer(Protocol):
     """Takes the frames of a film in order."""
@@ -107,6 +105,8 @@ class _Encoder:
         self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)
 
     def _add_stream(self, settings: FilmSettings, size_px: tuple[int, int]) -> Any:
+        from av.video.reformatter import ColorRange
+
         rate = Fraction(settings.fps).limit_denominator(100000)
         codec, options = {
             "h264": ("libx264", {"crf": str(settings.crf), "preset": "veryfast", "x264-params": "threads=2"}),
@@ -120,7 +120,7 @@ class _Encoder:
         context.time_base = self._tick
         context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT
         if settings.codec != "ffv1":
-            context.color_range = _FULL_RANGE
+            context.color_range = ColorRange.JPEG
         if settings.codec == "mjpeg":
             context.qmin = context.qmax = 2
         return stream
@@ -167,7 +167,7 @@ class _Encoder:
             planes = np.full((height * 3 // 2, width), 128, np.uint8)
             planes[:height] = luma
             frame = av.VideoFrame.from_ndarray(planes, format=self._stream.pix_fmt)
-            frame.color_range = _FULL_RANGE
+            frame.color_range = self._stream.codec_context.color_range
         frame.pts = tick
         frame.time_base = self._tick
         self._container.mux(self._stream.encode(frame))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,11 @@ from torsight.synthetic.scene import Scene
 
 Floats = NDArray[np.float64]
 
-_NOISE_POOL = 1 << 22
-_BLUR_STEP_PX = 0.35
-_MOST_POSES = 24
+_NOISE_POOL: Final = 1 << 22
+"""Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
+_BLUR_STEP_PX: Final = 0.35
+_MOST_POSES: Final = 24
+"""Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most."""
 
 
 class Studio:

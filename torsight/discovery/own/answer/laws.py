@@ -23,9 +23,11 @@ from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.layout import Layout
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
+    from torsight.discovery.own.model.evaluate import Called
     from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -159,18 +161,17 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
     return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
 
 
-def asked_beyond(problem: ModelProblem, values: Mapping[str, float], effects: Sequence[str]) -> list[str]:
-    """Return a warning for every declared law that is on and asked for values far from its nodes."""
-    called = problem.evaluator(problem.given(values, effects), problem.curves(values, effects))
+def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
+    """Return a warning for every law that is on and that calls of the model asked for values far from its nodes."""
     told = []
-    for name in problem.curves(values, effects):
-        nodes = problem.nodes[name]
+    for name, curve in curves.items():
         low, high = min(one.asked[name][0] for one in called), max(one.asked[name][1] for one in called)
-        near = 0.5 * (nodes[1] - nodes[0])  # of which the outermost node tells
-        if low < nodes[0] - near or high > nodes[-1] + near:
+        first, last = float(curve.nodes[0]), float(curve.nodes[-1])
+        near = 0.5 * float(curve.nodes[1] - first)  # of which the outermost node tells
+        if low < first - near or high > last + near:
             told.append(
-                f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from "
-                f"{nodes[0]:.4g} to {nodes[-1]:.4g}, beyond which the outermost value holds: give it low=… and high=…"
+                f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from {first:.4g} to "
+                f"{last:.4g}, beyond which the outermost value holds: give it low=… and high=…"
             )
     return told
 

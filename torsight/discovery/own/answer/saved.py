@@ -21,8 +21,9 @@ from torsight.discovery.inference.fitting import space_of
 from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
+from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.model.declare import RESERVED, name_in
-from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
+from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
@@ -195,11 +196,25 @@ class SavedModel:
         found = next((p for p in declared if p.name == name), None)
         return Parameter(name, value, "") if found is None else found.at(value)
 
-    def _called(self, model: Model, values: Mapping[str, float]) -> Array:
-        curves = {law.form.id: Curve(law.form.nodes, law.curve(values)) for law in self.laws if law.output is None}
-        done = call(model, 0, {name: value for name, value in values.items() if RESERVED not in name}, curves)
+    def doubts(self, record: Table, *, initial: Mapping[str, float] | None = None) -> tuple[str, ...]:
+        """Return what a person should know of a prediction: laws that are asked for what was never measured."""
+        (own,) = read_records(record)
+        model = Model(self.predict_function, (own,), self.outputs, self.ports)
+        values = self._begun(model, own, initial or {})
+        return tuple(beyond([self._done(model, values)], self._curves(values)))
+
+    def _curves(self, values: Mapping[str, float]) -> dict[str, Curve]:
+        return {law.form.id: Curve(law.form.nodes, law.curve(values)) for law in self.laws if law.output is None}
+
+    def _done(self, model: Model, values: Mapping[str, float]) -> Called:
+        numbers = {name: value for name, value in values.items() if RESERVED not in name}
+        done = call(model, 0, numbers, self._curves(values))
         if done.failure is not None:
             raise done.failure.error("predict")
+        return done
+
+    def _called(self, model: Model, values: Mapping[str, float]) -> Array:
+        done = self._done(model, values)
         if done.outputs is None:
             raise InputError("the model gives nothing", where=model.records[0].label_)
         outputs = done.outputs.copy()

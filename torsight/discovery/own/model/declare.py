@@ -162,6 +162,14 @@ def parameters_of(declared: Parameter | Iterable[Parameter] | Mapping[str, float
     return given.several(declared, Parameter, "parameters", do="declare each with parameter(name, start, …)")
 
 
+def candidates_of(
+    declared: Candidate | LawPort | Iterable[Candidate | LawPort], where: str
+) -> tuple[Candidate | LawPort, ...]:
+    """Return effects and laws that a model may lack."""
+    do = "declare each with candidate(name, parameter(…)), or law(name, driver=…)"
+    return given.several(declared, (Candidate, LawPort), where, do=do)
+
+
 def check_declarations(
     parameters: Sequence[Parameter],
     candidates: Sequence[Candidate],

@@ -1,4 +1,7 @@
-"""What a person hands over, as it is meant, or an error that says what to give instead."""
+"""What a person hands over, as it is meant.
+
+Everything here raises an InputError that says what was given where, what is allowed and what to do.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,7 @@ _T = TypeVar("_T")
 
 
 def number(given: Any, where: str, *, positive: bool = False, finite: bool = True) -> float:
-    """Return a number.
-
-    Raises
-    ------
-    InputError
-        When it is none, NaN, infinite where it must not be, or not positive where it must.
-    """
+    """Return a number."""
     value = np.asarray(given)
     plain = value.ndim == 0 and value.dtype.kind in "fiu"
     found = float(value) if plain else math.nan
@@ -35,26 +32,14 @@ def number(given: Any, where: str, *, positive: bool = False, finite: bool = Tru
 
 
 def text(given: Any, where: str) -> str:
-    """Return a text, which may be empty.
-
-    Raises
-    ------
-    InputError
-        When it is none.
-    """
+    """Return a text, which may be empty."""
     if not isinstance(given, str):
         raise InputError("is no text", where=where, value=repr(given), do="give it in quotes")
     return given
 
 
 def name(given: Any, where: str) -> str:
-    """Return a name under which ``p.name`` finds something.
-
-    Raises
-    ------
-    InputError
-        When it cannot be used so.
-    """
+    """Return a name under which ``p.name`` finds something."""
     found = text(given, where)
     if not found.isidentifier() or keyword.iskeyword(found) or found.startswith("_") or found in _TAKEN:
         raise InputError(
@@ -68,13 +53,7 @@ def name(given: Any, where: str) -> str:
 
 
 def several(given: Any, kind: type[_T] | tuple[type[_T], ...], where: str, *, do: str) -> tuple[_T, ...]:
-    """Return one or several things of a kind as a tuple.
-
-    Raises
-    ------
-    InputError
-        When one of them is of another kind.
-    """
+    """Return one or several things of a kind as a tuple."""
     if isinstance(given, kind):
         return (given,)
     if given is None or isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
@@ -87,13 +66,7 @@ def several(given: Any, kind: type[_T] | tuple[type[_T], ...], where: str, *, do
 
 
 def names(given: Any, where: str) -> tuple[str, ...]:
-    """Return one or several names of columns or parameters.
-
-    Raises
-    ------
-    InputError
-        When one is no text, or stands there twice.
-    """
+    """Return one or several names of columns or parameters."""
     found = several(given, str, where, do="give a name, or a list of names")
     if len(set(found)) < len(found):
         raise InputError("holds a name twice", where=where, value=", ".join(found), do="remove one of the two")
@@ -101,26 +74,14 @@ def names(given: Any, where: str) -> tuple[str, ...]:
 
 
 def one_of(given: Any, kind: type[_T], where: str, *, do: str) -> _T:
-    """Return something of a kind.
-
-    Raises
-    ------
-    InputError
-        When it is of another one.
-    """
+    """Return something of a kind."""
     if not isinstance(given, kind):
         raise InputError("cannot be used", where=where, value=repr(given), do=do)
     return given
 
 
 def function(given: Any, where: str) -> Any:
-    """Return something that can be called.
-
-    Raises
-    ------
-    InputError
-        When it cannot.
-    """
+    """Return something that can be called."""
     if not callable(given):
         raise InputError("is no function", where=where, value=repr(given), do="give the function itself, not its name")
     return given

@@ -19,7 +19,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.paths import missing_file, require_ordinary
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.saved import Declared
-from torsight.discovery.own.model.declare import parameters_of
+from torsight.discovery.own.model.declare import candidates_of, parameters_of
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
@@ -115,9 +115,9 @@ def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProbl
             )
         return made
     _require(module, path)
-    options = _options(module)
-    reading = Reading(**{name: options.pop(name) for name in READING if name in options})
     try:
+        options = _options(module)
+        reading = Reading(**{name: options.pop(name) for name in READING if name in options})
         return model_problem(
             module.predict, list(records), module.parameters, output=module.output, reading=reading, **options
         )
@@ -152,7 +152,8 @@ def _options(module: ModuleType) -> dict[str, Any]:
     # A model file that says 'import time' does not name its column so.
     named = {name: value for name in OPTIONS if not isinstance(value := vars(module).get(name), ModuleType)}
     found = {name: value for name, value in named.items() if value is not None}
-    found["candidates"] = (*found.get("candidates", ()), *found.pop("laws", ()))
+    may_lack = ((name, found.pop(name, ())) for name in ("candidates", "laws"))
+    found["candidates"] = tuple(one for name, some in may_lack for one in candidates_of(some, name))
     return found
 
 

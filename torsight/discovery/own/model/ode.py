@@ -20,7 +20,7 @@ from torsight.discovery.own.model import given
 from torsight.discovery.own.records import Record, column_of, time_of
 
 if TYPE_CHECKING:
-    from torsight.discovery.own.model.compiled_ode import Stepper
+    from torsight.discovery.own.compiled.stepper import Stepper
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Solver:
-    """Options of SciPy's ``solve_ivp``; a model that needs a certain method is not compiled by the search."""
+    """Options of SciPy's ``solve_ivp``; a model for which another method is named is not compiled by the search."""
 
     method: str = "LSODA"
     rtol: float = RTOL
@@ -92,11 +92,6 @@ class Solver:
             )
         given.number(self.rtol, "Solver, rtol", positive=True)
         given.number(self.max_step, "Solver, max_step", positive=True, finite=False)
-
-    @property
-    def any_method(self) -> bool:
-        """Whether the method is the usual one, in the place of which another may do as well."""
-        return self.method == "LSODA"
 
 
 @dataclass(frozen=True)
@@ -156,7 +151,7 @@ class Ode:
         CannotCompileError
             Where one of the functions cannot be.
         """
-        from torsight.discovery.own.model.compiled_ode import stepper_of
+        from torsight.discovery.own.compiled.stepper import stepper_of
 
         events = [(one.when, one.then, one.direction) for one in self.events]
         return replace(self, stepper=stepper_of(self.rhs, events))

@@ -22,7 +22,14 @@ from torsight.discovery.interface import Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
-from torsight.discovery.own.model.declare import LawPort, check_declarations, name_in, parameters_of, per_record
+from torsight.discovery.own.model.declare import (
+    LawPort,
+    candidates_of,
+    check_declarations,
+    name_in,
+    parameters_of,
+    per_record,
+)
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
@@ -251,8 +258,7 @@ def model_problem(
     given.one_of(reading, Reading, "reading", do="give reading=Reading(sigma=…, blocks=…)")
     outputs, initial = given.names(output, "output"), given.names(initial, "initial")
     drivers = None if drivers is None else given.names(drivers, "drivers")
-    do = "declare each with candidate(name, parameter(…)), or law(name, driver=…)"
-    may_lack = given.several(candidates, (Candidate, LawPort), "candidates", do=do)
+    may_lack = candidates_of(candidates, "candidates")
     declared = parameters_of(parameters)
     ports = tuple(one for one in may_lack if isinstance(one, LawPort))
     offered = tuple(one for one in may_lack if isinstance(one, Candidate))

@@ -57,8 +57,9 @@ class Curve:
 
     def __init__(self, nodes: Array | None = None, values: Array | None = None) -> None:
         self.off = nodes is None or values is None
-        self.nodes = np.zeros(1) if nodes is None else nodes
-        self.values = np.zeros(1) if values is None else values
+        # As compiled code reads them.
+        self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
+        self.values = np.zeros(1) if values is None else np.ascontiguousarray(values, np.float64)
         self.asked = np.array([np.inf, -np.inf])
 
     def __call__(self, at: Any) -> Any:
@@ -81,12 +82,13 @@ class Curve:
         self.asked[1] = max(self.asked[1], high)
 
 
-_KINDS: dict[tuple[str, ...], Any] = {}
+KINDS: dict[tuple[str, ...], Any] = {}
+"""Classes of named tuples by their names: numba compiles anew for every class."""
 
 
 def by_name(items: Mapping[str, Any]) -> Any:
     """Return values as a named tuple, which numba understands; what has no name in Python is left out."""
     names = tuple(name for name in items if name.isidentifier() and not name.startswith("_"))
-    if names not in _KINDS:  # numba compiles anew for every class
-        _KINDS[names] = namedtuple("Values", names)  # noqa: PYI024 - the names are known at run time only
-    return _KINDS[names](*(items[name] for name in names))
+    if names not in KINDS:
+        KINDS[names] = namedtuple("Values", names)  # noqa: PYI024 - the names are known at run time only
+    return KINDS[names](*(items[name] for name in names))

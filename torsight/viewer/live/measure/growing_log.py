@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,6 @@ from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table
 
 OPTIONAL: Final = ("heat_a", "heat_b")
-_BLOCK: Final = 1 << 20
 
 
 class LogRow(NamedTuple):
@@ -152,7 +152,7 @@ class LogFollower:
 
     def _read(self) -> list[LogRow]:
         rows: list[LogRow] = []
-        while self._file is not None and (block := os.read(self._file, _BLOCK)):
+        while self._file is not None and (block := os.read(self._file, io.DEFAULT_BUFFER_SIZE)):
             *lines, self._rest = (self._rest + block).split(b"\n")
             rows += [row for line in lines if (row := self._row(line.decode("utf-8", "replace"))) is not None]
         return rows

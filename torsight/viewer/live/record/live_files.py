@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25
+"""How often lines are written: a process that is killed loses less than the last second."""
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
 EVENTS: Final = ("time_s", "frame", "kind", "text")
 

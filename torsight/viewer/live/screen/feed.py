@@ -34,6 +34,7 @@ MOST_WAITING: Final = 300
 MEMORY: Final = "256MB"
 """What is kept for a viewer that comes late."""
 END_S: Final = 2.0
+"""How long the viewer's side may take to end; then it is left to itself."""
 
 
 class Feed:

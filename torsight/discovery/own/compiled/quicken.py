@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
-from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -47,18 +47,20 @@ def quickened(problem: ModelProblem) -> ModelProblem:
 
 
 def _compiled(predict: Predict) -> Predict | None:
-    from torsight.discovery.own.model.compiling import CannotCompileError, compiled
+    from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 
     try:
         if not isinstance(predict, Ode):
             return CompiledPredict(predict, compiled(predict))
-        return predict.compiled() if predict.stepper is None and predict.solver.any_method else None
+        return predict.compiled() if predict.stepper is None and predict.solver.method == Solver.method else None
     except CannotCompileError:
         return None
 
 
 def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> bool:
     """Return whether both models give the same for these values of each record, one after the other, and how soon."""
+    if isinstance(quick.predict, CompiledPredict):
+        quick = replace(quick, predict=quick.predict.alone)
     for k, values in enumerate(asked):
         record = k % len(plain.records)
         one, other = call(plain, record, values, {}), call(quick, record, values, {})

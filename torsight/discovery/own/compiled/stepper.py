@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import njit
-from torsight.discovery.own.model.compiling import compiled
+from torsight.discovery.own.compiled.functions import compiled
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import by_name
 

@@ -7,11 +7,12 @@ is; whether a compiled model gives the same is for the caller to check.
 from __future__ import annotations
 
 import dis
+import operator
 from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
-from numba import types
+from numba.core import types
 from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import signature
 from numba.extending import (
@@ -19,6 +20,7 @@ from numba.extending import (
     lower_builtin,
     make_attribute_wrapper,
     models,
+    overload,
     overload_method,
     register_model,
     typeof_impl,
@@ -26,7 +28,7 @@ from numba.extending import (
 )
 
 from torsight.core.compiled import njit
-from torsight.discovery.own.model.values import Curve
+from torsight.discovery.own.model.values import KINDS, Curve
 
 
 class CannotCompileError(Exception):
@@ -140,6 +142,44 @@ def _called(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return float(values[low] + share * (values[high] - values[low]))
 
     return context.compile_internal(builder, value, sig, args)
+
+
+_BY_NAME = (types.NamedTuple, types.NamedUniTuple)
+
+
+def _place(values: Any, name: Any) -> int | None:
+    """Return where one of the values by name stands that is asked for by a literal."""
+    known = isinstance(name, types.StringLiteral) and values.instance_class in KINDS.values()
+    return values.fields.index(name.literal_value) if known and name.literal_value in values.fields else None
+
+
+@overload(operator.getitem, prefer_literal=True)
+def _item(values: Any, name: Any) -> Any:
+    """Let ``p["name"]`` be what ``p.name`` is."""
+    place = _place(values, name) if isinstance(values, _BY_NAME) else None
+
+    def item(values: Any, name: Any) -> Any:  # noqa: ARG001 - numba wants both names
+        return values[place]
+
+    return None if place is None else item
+
+
+def _get(values: Any, name: Any, default: Any = None) -> Any:
+    """Let ``p.get("name", value)`` be what it is for a mapping."""
+    del default
+    place = _place(values, name)
+
+    def get(values: Any, name: Any, default: Any = None) -> Any:  # noqa: ARG001
+        return values[place]
+
+    def without(values: Any, name: Any, default: Any = None) -> Any:  # noqa: ARG001
+        return default
+
+    return without if place is None else get
+
+
+for _kind in _BY_NAME:
+    overload_method(_kind, "get", prefer_literal=True)(_get)
 
 
 @overload_method(types.Array, "tolist")
