@@ -105,6 +105,8 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
     ``direction_rad`` (n,) is NaN where it is not known; there the rate is that between the frames around.
     """
     known = np.flatnonzero(np.isfinite(direction_rad))
+    # Two frames with one stamp tell no rate.
+    known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
     if len(known) < 3:
         return np.zeros(len(time_s)), np.zeros(len(time_s))
     step = np.diff(time_s[known])
