@@ -18,7 +18,8 @@ from torsight.discovery.own.model.problem import ModelProblem
 Array = NDArray[np.float64]
 
 _WORTH_S: Final = 2e-3
-"""Seconds of one call from which a model is compiled: that takes 3 to 5 s, and a search some 1,500 calls or more."""
+"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,000 to 2,300 calls
+(benchmarks/discovery/own_model.py)."""
 _SAME: Final = 1e-4
 """Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 do by
 1e-6 where nothing is unstable."""

@@ -95,7 +95,6 @@ class ModelProblem(OptionalMembers):
     nodes: Mapping[str, Array] = field(default_factory=dict)
     law_scales: Mapping[str, float] = field(default_factory=dict)
     once: tuple[str, ...] = ()
-    elsewhere: tuple[Mapping[str, float], ...] = ()
     sigma_known: bool = False
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
@@ -267,10 +266,8 @@ def model_problem(
     if not outputs:
         raise InputError("no output is named", where="output", do="name the column that predict gives")
     records = read_records(observed)
-    if set(outputs) & {reading.time, *(name for name in TIMES[:1] if reading.time is None)}:
-        raise InputError(
-            "is the time", where="output", value=", ".join(outputs), do="name the column that predict gives"
-        )
+    if (reading.time or TIMES[0]) in outputs:
+        raise InputError("is the time", where="output", value=", ".join(outputs), do="name what predict gives")
     measured, times = lay.observed_of(records, outputs), [time_of(record, reading.time) for record in records]
     sigmas = lay.per_output(reading.sigma, records, outputs, what="sigma")
     noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
