@@ -121,6 +121,24 @@ def test_a_compiled_model_is_the_plain_one_with_events_laws_and_helpers() -> Non
     assert np.ptp(plain) > 2.0
 
 
+def test_what_sticks_is_integrated_though_its_derivative_jumps() -> None:
+    """Thrown at 1 m/s against a pull of 0.2 and friction of 0.5: stands after 1 / 0.3 s and 1 / 0.6 m."""
+    record = Record({"time_s": TIME, "pull": np.full(201, 0.2)}, "one")
+    model = ode(
+        lambda _t, x, u, p: (x[1], u.pull - p.friction * np.sign(x[1])) if x[0] > -1.0 else (0, x[1]),
+        states=("x", "v"),
+        output=("x", "v"),
+        inputs="pull",
+        initial={"x": 0.0, "v": 1.0},
+    )
+    made = model(Values({"friction": 0.5}), record)
+    moves = TIME < 1.0 / 0.3
+    tremble = 0.7 * 0.05 / 200
+    np.testing.assert_allclose(made["v"], np.where(moves, 1.0 - 0.3 * TIME, 0.0), atol=2.0 * tremble)
+    way = np.where(moves, TIME - 0.15 * TIME**2, 1.0 / 0.6)
+    np.testing.assert_allclose(made["x"], way, atol=10.0 * tremble)
+
+
 def test_an_integration_that_goes_well_takes_few_of_the_steps_that_are_allowed() -> None:
     calls = 0
 

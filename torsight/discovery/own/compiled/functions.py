@@ -26,6 +26,7 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
+from numba.misc.special import literal_unroll
 
 from torsight.core.compiled import njit
 from torsight.discovery.own.model.values import KINDS, Curve
@@ -180,6 +181,30 @@ def _get(values: Any, name: Any, default: Any = None) -> Any:
 
 for _kind in _BY_NAME:
     overload_method(_kind, "get", prefer_literal=True)(_get)
+
+
+def fill(out: Any, values: Any) -> None:
+    """Write values, be they a tuple of numbers of any kind, a list or an array, into an array."""
+    out[:] = values
+
+
+@overload(fill)
+def _fill(out: Any, values: Any) -> Any:  # noqa: ARG001
+    if isinstance(values, types.BaseTuple):
+
+        def unrolled(out: Any, values: Any) -> None:
+            place = 0
+            for one in literal_unroll(values):
+                out[place] = one
+                place += 1  # noqa: SIM113 - what is unrolled is not counted by enumerate
+
+        return unrolled
+
+    def looped(out: Any, values: Any) -> None:
+        for place in range(len(out)):
+            out[place] = values[place]
+
+    return looped
 
 
 @overload_method(types.Array, "tolist")

@@ -50,10 +50,10 @@ def quickened(problem: ModelProblem) -> ModelProblem:
 def _compiled(predict: Predict) -> Predict | None:
     from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 
+    if isinstance(predict, Ode):
+        return predict.quick if predict.stepper is None and predict.solver.method == Solver.method else None
     try:
-        if not isinstance(predict, Ode):
-            return CompiledPredict(predict, compiled(predict))
-        return predict.compiled() if predict.stepper is None and predict.solver.method == Solver.method else None
+        return CompiledPredict(predict, compiled(predict))
     except CannotCompileError:
         return None
 

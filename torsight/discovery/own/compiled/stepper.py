@@ -17,12 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import njit
-from torsight.discovery.own.compiled.functions import compiled
+from torsight.discovery.own.compiled.functions import compiled, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import by_name
 
 Array = NDArray[np.float64]
 
+_LEAST_SHARE: Final = 0.005
+"""Share of the time from row to row to which a step is shortened: beyond a jump of the right-hand side, such as of
+friction where the speed passes zero, no shorter one would do better. What rests there trembles by so much less than it
+moves from row to row."""
 _HALVINGS: Final = 48
 """By which the moment of an event in a step is known to the digits of a float."""
 
@@ -41,7 +45,7 @@ class Stepper:
     ) -> Array:
         """Return the states (n, k) at the times; inputs (n,) are lines between them.
 
-        ``limits``: relative tolerance, longest step, most steps.
+        ``limits``: relative tolerance, longest step, most steps from row to row.
 
         Raises
         ------
@@ -100,9 +104,7 @@ def _with_jump(others: Any, k: int, does: Any) -> Any:
     @njit(nogil=True)
     def then(which: int, t: float, x: Array, u: Any, p: Any, new: Array) -> None:
         if which == k:
-            found = does(t, x, u, p)
-            for i in range(len(new)):
-                new[i] = found[i]
+            fill(new, does(t, x, u, p))
         else:
             others(which, t, x, u, p, new)
 
@@ -145,9 +147,7 @@ def _step(rhs: Any, t: float, h: float, x: Array, ends: Any, u: Any, p: Any, slo
                 change += _A[stage, j] * slopes[j, i]
             new[i] = x[i] + h * change
         at = t + _C[stage] * h
-        found = rhs(at, new, _inputs_at(at, ends, u), p)
-        for i in range(len(x)):
-            slopes[stage, i] = found[i]
+        fill(slopes[stage], rhs(at, new, _inputs_at(at, ends, u), p))
 
 
 @njit(nogil=True, error_model="numpy")
@@ -197,9 +197,9 @@ def _through_event(
     x[:] = new
     then(which, t, new, u[0][0], p, x)
     moment = MOMENT * max(1.0, abs(t))
-    found = rhs(t, x, u[0][0], p)
+    fill(slopes[0], rhs(t, x, u[0][0], p))
     for i in range(len(x)):
-        new[i] = x[i] + moment * found[i]
+        new[i] = x[i] + moment * slopes[0, i]
     x[:] = new
     t += moment
     when(t, x, _inputs_at(t, ends, u), p, before)
@@ -221,11 +221,11 @@ def _integrate(
     before, now = np.zeros(len(directions)), np.zeros(len(directions))
     states[0] = x
     h = 0.1 * (time[-1] - time[0]) / max(1, len(time) - 1)
-    steps = 0
     when(time[0], x, _inputs_at(time[0], (time[0], time[1], inputs[0], inputs[1]), u), p, before)
     for i in range(len(time) - 1):
         t, end = time[i], time[i + 1]
-        ends = (time[i], time[i + 1], inputs[i], inputs[i + 1])
+        ends, steps = (time[i], time[i + 1], inputs[i], inputs[i + 1]), 0
+        least = _LEAST_SHARE * (end - t)
         while end - t > 1e-12 * max(1.0, abs(end)):
             step = min(h, end - t, longest)
             _step(rhs, t, step, x, ends, u, p, slopes, new)
@@ -237,7 +237,7 @@ def _integrate(
             if not np.isfinite(error):
                 h = 0.2 * step
                 continue
-            if error <= 1.0:
+            if error <= 1.0 or step <= least:
                 when(t + step, new, _inputs_at(t + step, ends, u), p, now)
                 if _happened(before, now, directions) >= 0:
                     t = _through_event(functions, t, step, x, ends, u, p, slopes, before)
@@ -246,6 +246,6 @@ def _integrate(
                 x[:] = new
                 before[:] = now
             # The usual safety factor and limits of a step's change (II.4).
-            h = step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
+            h = max(least, step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2)))
         states[i + 1] = x
     return states, -1

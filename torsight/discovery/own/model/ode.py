@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -32,10 +32,9 @@ ATOL_SHARE: Final = 1e-2
 MOMENT: Final = 1e-9
 """Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
 _MOST_EVENTS: Final = 10_000
-_MOST_STEPS: Final = 20_000
-_MOST_STEPS_PER_ROW: Final = 200
-"""Steps that an integration may take, calls of a right-hand side in plain Python: one that goes well takes 5 to 30 per
-row (tests/discovery/test_own_ode.py counts them), one that diverges would not end."""
+_MOST_STEPS: Final = 5_000
+"""Steps that an integration may take from row to row, calls of a right-hand side in plain Python: one that goes well
+takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""
 TOO_MANY: Final = "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges"
 
 
@@ -143,6 +142,16 @@ class Ode:
                 )
         return np.array(made)
 
+    @cached_property
+    def quick(self) -> Ode | None:
+        """The same compiled; None where it cannot be."""
+        from torsight.discovery.own.compiled.functions import CannotCompileError
+
+        try:
+            return self.compiled()
+        except CannotCompileError:
+            return None
+
     def compiled(self) -> Ode:
         """Return the same with right-hand side and events compiled.
 
@@ -169,11 +178,17 @@ class Ode:
                 do="return one number for each state",
             )
         if self.stepper is None:
-            return self._integrated(p, record, time, start)
+            try:
+                return self._integrated(p, record, time, start)
+            except TooManyStepsError:
+                # Where a right-hand side jumps, SciPy's methods may never get through; the stepper does.
+                if self.quick is None:
+                    raise
+                return self.quick._states(p, record, time, start)  # noqa: SLF001 - the same class
         from numba.core.errors import NumbaError
 
         inputs = {name: column_of(record, name) for name in self.inputs}
-        limits = (self.solver.rtol, float(self.solver.max_step), _most(len(time)))
+        limits = (self.solver.rtol, float(self.solver.max_step), _MOST_STEPS)
         try:
             return self.stepper.integrate(time, start, inputs, p, limits=limits)
         except NumbaError as error:
@@ -200,10 +215,14 @@ class Ode:
         def inputs(t: float) -> Any:
             return _Named({name: float(np.interp(t, time, values)) for name, values in columns.items()})
 
-        called = count()
+        row, reached, calls = float(np.mean(np.diff(time))), float(time[0]), 0
 
         def rhs(t: float, x: Array) -> Any:
-            if next(called) > _most(len(time)):
+            nonlocal reached, calls
+            calls += 1
+            if t > reached:
+                reached, calls = t + row, 0
+            elif calls > _MOST_STEPS:
                 raise TooManyStepsError(TOO_MANY.format(t))
             return self.rhs(t, x, inputs(t), p)
 
@@ -250,11 +269,6 @@ class Ode:
         # A moment later the function has left zero, so that the same event does not end the next step at once.
         moment = MOMENT * max(1.0, abs(t))
         return t + moment, after + moment * np.asarray(self.rhs(t, after, inputs(t), p), np.float64)
-
-
-def _most(rows: int) -> int:
-    """Return the steps that an integration may take, of a record of so many rows."""
-    return _MOST_STEPS + _MOST_STEPS_PER_ROW * rows
 
 
 class _Named:
