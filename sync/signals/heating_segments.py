@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from sync.signals.even_signal import EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
+from torsight.core.words.plausible import HEATED_C
 
-_MIN_RISE_C: Final = 12.0
-"""A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
 _MIN_SHARE: Final = 0.3
 """A rise smaller than this share of the largest one is the other spring's warmth."""
 WINDOW_S: Final = 2.0
@@ -84,7 +83,7 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     springs = _even(log, readings, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
-    threshold_c = max(_MIN_RISE_C, _MIN_SHARE * largest)
+    threshold_c = max(HEATED_C, _MIN_SHARE * largest)
     segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S

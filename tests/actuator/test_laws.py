@@ -9,7 +9,7 @@ import pytest
 from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log
-from torsight.actuator.laws import FAMILIES, law_to_json, laws_from, laws_of
+from torsight.actuator.laws import FAMILIES, laws_from, laws_of
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
 from torsight.actuator.spec import reference_spec
@@ -95,7 +95,7 @@ def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):
 def test_a_file_gives_a_law_back(drive, laws):
     law = laws["torque_angle_deg"]
     form = law.form(law.kernels[-1], 0.05)
-    (again,) = laws_from(json.loads(json.dumps([law_to_json(form)])), where="model.json")
+    (again,) = laws_from(json.loads(json.dumps([form.to_json()])), where="model.json")
     parameters = np.random.default_rng(2).standard_normal(len(form.names))
     np.testing.assert_array_equal(form.basis, again.basis)
     np.testing.assert_allclose(
@@ -109,6 +109,6 @@ def test_a_file_gives_a_law_back(drive, laws):
 )
 def test_a_damaged_law_is_named(key, value, laws):
     law = laws["phase_cycle"]
-    entry = {**law_to_json(law.form(law.kernels[0], 0.01)), key: value}
+    entry = {**law.form(law.kernels[0], 0.01).to_json(), key: value}
     with pytest.raises(ConfigError, match=r"law|choices|known|number|one of"):
         laws_from([entry], where="model.json, key laws")

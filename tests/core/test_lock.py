@@ -20,8 +20,6 @@ with only_writer(Path(sys.argv[1])):
     time.sleep(60)
 """
 
-pytest.importorskip("fcntl", reason="this system has no such locks")
-
 
 def test_the_folder_is_left_as_it_was(tmp_path: Path) -> None:
     folder = tmp_path / "out"

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.laws import law_to_json, laws_from
+from torsight.actuator.laws import laws_from
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_names, get_number, get_table
 from torsight.core.frozen import Frozen
@@ -70,7 +70,7 @@ class Doubt:
                 {
                     "effects": list(a.effects),
                     "values": dict(a.values),
-                    "laws": [law_to_json(form) for form in a.laws],
+                    "laws": [form.to_json() for form in a.laws],
                 }
                 for a in self.alternatives
             ],

@@ -13,7 +13,7 @@ import numpy as np
 from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import chosen_effects
-from torsight.actuator.laws import law_to_json, laws_from
+from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.predicted import Prediction
@@ -279,7 +279,7 @@ def write_model(path: AnyPath, fitted: FittedModel) -> None:
             "start_angle_deg": None if fitted.start_angle_rad is None else fitted.start_angle_rad / DEG,
             "duration_s": fitted.duration_s,
             "end": None if fitted.end is None else _end_to_json(fitted.end),
-            "laws": [law_to_json(form) for form in model.laws],
+            "laws": [form.to_json() for form in model.laws],
             "account": dict(fitted.account),
             "doubt": None if fitted.doubt is None else fitted.doubt.to_json(),
         },

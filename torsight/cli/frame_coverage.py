@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from torsight.core.errors import NoResultError
+from torsight.core.tracks import USUAL_SHARE
 
-USUAL: Final = 0.9
 LEAST: Final = 0.5
-"""Shares of the contract: below the first a warning, below the second exit code 4."""
+"""Share of the frames below which a command ends with exit code 4, by the contract."""
 WHY: Final = {
     "hand": "something lies over a marker",
     "sticks": "the sticks are too close to each other",
@@ -43,7 +43,7 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
         Where less than nine tenths of the frames have an angle; :func:`is_no_result` says whether that ends a command.
     """
     share = _share(account)
-    if share >= USUAL:
+    if share >= USUAL_SHARE:
         return None
     frames = account["frames"]
     why = next(iter(frames.get("causes", {})), "")
@@ -53,7 +53,7 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
         where=where,
         value=f"{frames['with_angle']} of {frames['total']}, {100.0 * share:.0f} %"
         + (f"; most of the others: {WHY[why]}" if why in WHY else ""),
-        limit=f"{100.0 * (USUAL if share >= LEAST else LEAST):.0f} % or more",
+        limit=f"{100.0 * (USUAL_SHARE if share >= LEAST else LEAST):.0f} % or more",
         do=advice,
     )
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +147,16 @@ class LawForm:
     def at(self, driver: Array, parameters: Sequence[float] | Array) -> Array:
         """Return the law where its driver has these values; beyond the nodes the outermost value holds."""
         return np.interp(driver, self.nodes, self.values(parameters))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form as it stands in ``model.json``."""
+        return {
+            "id": self.id,
+            "nodes": self.nodes.tolist(),
+            "basis": self.basis.tolist(),
+            "unit": self.unit,
+            "scale": self.scale,
+        }
 
 
 def squared_exponential(nodes: Array, length: float) -> Array:

@@ -14,6 +14,8 @@ from torsight.core.words.wording import number
 
 MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
+USUAL_SHARE: Final = 0.9
+"""Share of the frames that a track without a warning shows, by the contract."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

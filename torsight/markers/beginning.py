@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError, TorsightError
-from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.tracks import MARKERS, USUAL_SHARE, MarkerTracks
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, listed
+from torsight.markers.drawing import SHOWN_PX
 from tracker.detect.marker_file import MarkerHints, read_markers
 
 if TYPE_CHECKING:
@@ -23,10 +24,6 @@ MOST_FRAMES: Final = 1000
 """Frames that a check follows at most: one at 1000 frames a second ends after a second, not after minutes."""
 _SHOWN: Final = 61
 """Frames of a check that the page plays; the points are followed in all."""
-_SHOWN_PX: Final = 960
-"""Longer side of a frame that the page plays."""
-_SEEN_SHARE: Final = 0.9
-"""Share of frames below which a marker is named as not seen: the share from which a track is free of a warning."""
 
 
 class Beginning:
@@ -165,7 +162,7 @@ def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float)
     unseen = [
         f"{name.replace('_', ' ')} in {count - n}"
         for name, n in zip(MARKERS, seen.tolist(), strict=True)
-        if n < _SEEN_SHARE * count
+        if n < USUAL_SHARE * count
     ]
     if unseen:
         warnings.insert(0, f"Of {counted(count, 'frame')} a marker was not seen: {listed(unseen)}.")
@@ -247,7 +244,7 @@ def jpeg(luma: NDArray[np.uint8]) -> bytes:
     """Return a frame as JPEG, shrunk to what a page shows."""
     import cv2
 
-    scale = _SHOWN_PX / max(luma.shape)
+    scale = SHOWN_PX / max(luma.shape)
     if scale < 1.0:
         size = (round(scale * luma.shape[1]), round(scale * luma.shape[0]))
         luma = np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from tracker.detect.candidates import Candidate
 
 DPI: Final = 100
+SHOWN_PX: Final = 960
+"""Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
 BASE: Final = hex_of(BASE_COLOUR)
 MOVING: Final = hex_of(MOVING_COLOUR)
 GIVEN: Final = "#f0e442"

@@ -14,6 +14,7 @@ from torsight.markers.drawing import (
     GIVEN,
     PLAIN,
     REFUSED,
+    SHOWN_PX,
     marker_colours,
     marker_names,
     new_figure,
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
     from tracker.detect.candidates import Sighting
 
-_PICTURE_PX: Final = 960.0
-"""Longer side of the frame in the picture: smaller ones are enlarged, larger ones shrunk."""
 _LIST_PX: Final = 620.0
 _LINE_PX: Final = 15.0
 _LINE_CHARACTERS: Final = 98
@@ -74,7 +73,7 @@ def write_preview(
         When the file cannot be written.
     """
     height, width = luma.shape
-    scale = _PICTURE_PX / max(width, height)
+    scale = SHOWN_PX / max(width, height)
     lines = _lines(seen, message=message or _found_words(seen, named_px), given=given_px is not None)
     tall = max(scale * height, _LINE_PX * (len(lines) + 1))
     figure = new_figure((70.0 + scale * width + 20.0 + _LIST_PX, 60.0 + tall + 50.0))

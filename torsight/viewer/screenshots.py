@@ -23,9 +23,8 @@ Answer = TypeVar("Answer")
 WHOLE: Final = "whole"
 """Name of the picture of all panes together."""
 
-START_S: Final = 30.0
 PATIENCE_S: Final = 120.0
-"""How long a viewer is asked again that did not answer in time."""
+"""How long a viewer may take to start, and is asked again where it did not answer in time."""
 SETTLE_S: Final = 0.7
 """Panes slide into place after the first picture, and the video is decoded beside."""
 
@@ -154,7 +153,7 @@ def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int |
 def _connected(viewer: Viewer) -> ViewerClient:
     from rerun.experimental import ViewerClient
 
-    end = time.monotonic() + START_S
+    end = time.monotonic() + PATIENCE_S
     while viewer.running and time.monotonic() < end:
         try:
             client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
@@ -163,7 +162,7 @@ def _connected(viewer: Viewer) -> ViewerClient:
             time.sleep(0.1)
         else:
             return client
-    raise _cannot_draw(f"it did not answer within {START_S:g} s" if viewer.running else viewer.why_ended())
+    raise _cannot_draw(f"it did not answer within {PATIENCE_S:g} s" if viewer.running else viewer.why_ended())
 
 
 def _cannot_draw(reason: str) -> OutputError:

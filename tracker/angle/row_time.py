@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
 from tracker.follow.rotation_axis import circle_equations
 
@@ -29,7 +30,6 @@ SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)
 _RIDGE: Final = 1e-9
 """Weight of circles of no size about the origin, in frames: for paths that do not fix them."""
 _ONWARDS: Final = (("right", "left"), ("down", "up"))
-_95: Final = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ class Readout:
             told |= {
                 "rows_follow": _ONWARDS[along][share < 0.0],
                 "row_time_us": row_us * abs(share),
-                "row_time_ci95_us": [row_us * (abs(share) - _95 * sigma), row_us * (abs(share) + _95 * sigma)],
+                "row_time_ci95_us": [row_us * (abs(share) - REACH * sigma), row_us * (abs(share) + REACH * sigma)],
                 "read_out_ms": 1e3 * self.frame_s * abs(share),
             }
         return told
@@ -105,6 +105,8 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
     ``direction_rad`` (n,) is NaN where it is not known; there the rate is that between the frames around.
     """
     known = np.flatnonzero(np.isfinite(direction_rad))
+    # Two frames with one stamp tell no rate.
+    known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
     if len(known) < 3:
         return np.zeros(len(time_s)), np.zeros(len(time_s))
     step = np.diff(time_s[known])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
-from torsight.core.words.wording import counted, listed
+from torsight.core.words.wording import listed
 from tracker.detect.fiducials import FoundTag, count_of, find_tags, in_words
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
@@ -226,9 +226,9 @@ def _not_found(
     return NoResultError(
         what,
         where=where,
-        value=f"no tag of {hints.family} nor of {counted(len(_USUAL) - 1, 'other usual family')}"
+        value=f"no tag of {hints.family} nor of {len(_USUAL) - 1} other usual families"
         if hints.family in _USUAL
-        else f"no tag of {hints.family} nor of {counted(len(_USUAL), 'usual family')}",
+        else f"no tag of {hints.family} nor of {len(_USUAL)} usual families",
         limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
         "4 px and more",
         do="come closer or print them larger, light them evenly, and keep hands off",

@@ -111,3 +111,13 @@ def test_frames_with_one_marker_and_none_are_corrected_too() -> None:
     ratio = error / np.rad2deg(angles.sigma_rad)
     assert np.abs(ratio[100:104]).max() < 4.0
     assert np.abs(ratio[[199, 203]]).max() < 4.0
+
+
+def test_frames_that_share_a_stamp_do_no_harm() -> None:
+    tracks = rolled(STRAIGHT, ROW_S, along=0)
+    time_s = tracks.time_s.copy()
+    time_s[[50, 120, 121]] = time_s[[49, 119, 119]]
+    angles = orient(replace(tracks, time_s=time_s), None).angles
+    error = np.rad2deg(angles.angle_rad) - STRAIGHT.truth_deg
+    right = np.setdiff1d(np.arange(len(error)), [49, 50, 51, 118, 119, 120, 121, 122])
+    assert np.sqrt(np.mean((error / np.rad2deg(angles.sigma_rad))[right] ** 2)) < 1.4

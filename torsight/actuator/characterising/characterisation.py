@@ -31,13 +31,13 @@ from torsight.core.progress import Progress, silent
 from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import MPA
+from torsight.core.words.plausible import HEATED_C
 
 Array = NDArray[np.float64]
 
 LAWS: Final = ("liang_rogers", "tanaka")
 _STEP: Final = "spring tests"
 _K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
-_LEAST_HEATING_C: Final = 5.0
 
 
 @one_thread()
@@ -103,12 +103,12 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
     parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
     measured = np.concatenate([item.angle_deg for item in tests.recoveries])
     for item in tests.recoveries:
-        if np.ptp(item.temp_c) < _LEAST_HEATING_C:
+        if np.ptp(item.temp_c) < HEATED_C:
             raise InputError(
                 "is not heated",
                 where=item.source,
                 value=f"{np.ptp(item.temp_c):.1f} °C",
-                limit=f"{_LEAST_HEATING_C:g} °C or more",
+                limit=f"{HEATED_C:g} °C or more",
                 do="heat it through its transformation",
             )
         if np.ptp(item.angle_deg) < 0.3 * item.pre_deformation_deg:
@@ -299,12 +299,12 @@ def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Array, Array]:
     top = int(np.argmax(temp))
     half = slice(top, None) if cooling else slice(None, top + 1)
     name = "cooling" if cooling else "heating"
-    if len(temp[half]) < 20 or np.ptp(temp[half]) < _LEAST_HEATING_C:
+    if len(temp[half]) < 20 or np.ptp(temp[half]) < HEATED_C:
         raise InputError(
             f"has no {name}",
             where=tests.block.source,
             value=f"{np.ptp(temp[half]):.1f} °C of {name}",
-            limit=f"{_LEAST_HEATING_C:g} °C or more, 20 rows or more",
+            limit=f"{HEATED_C:g} °C or more, 20 rows or more",
             do="log the block test until it is cold again",
         )
     return temp[half], tests.block.force_n[half]

@@ -30,17 +30,6 @@ def apply_law(ports: Ports, form: LawForm, parameters: Array) -> Ports:
     return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, form.nodes, values))
 
 
-def law_to_json(form: LawForm) -> dict[str, Any]:
-    """Return a form of a law as it stands in ``model.json``."""
-    return {
-        "id": form.id,
-        "nodes": form.nodes.tolist(),
-        "basis": form.basis.tolist(),
-        "unit": form.unit,
-        "scale": form.scale,
-    }
-
-
 def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
     """Read the laws of a ``model.json``.
 
@@ -103,4 +92,4 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
     return tuple(found)
 
 
-__all__ = ["FAMILIES", "Family", "apply_law", "law_to_json", "laws_from", "laws_of"]
+__all__ = ["FAMILIES", "Family", "apply_law", "laws_from", "laws_of"]

@@ -25,10 +25,12 @@ Array = NDArray[np.float64]
 _REACH_S: Final = 20.0
 _LEAST_S: Final = 4.0
 _LEAST_ROWS: Final = 12
-# Slope or bow, or a value below the level, of so many sigmas: the window is not level there.
+# Slope or bow of so many sigmas: the window is not level.
 _REJECTED: Final = 1.5
 # And level enough to take its mean where what it may slope or bow by is this share of the noise.
 _LEVEL: Final = 0.7
+# A value so many of its sigmas below the level is of the slope beside it; half and twice change nothing (as above).
+_BELOW: Final = 2.5
 
 
 def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, rate: Array, left_over: Array) -> None:
@@ -53,7 +55,7 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
         level, slope, sigma = _level(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
         rows = np.arange(first, last + 1)
         # At its ends the window may reach over a corner by a row or two: there the corner's own fit stands.
-        inside = value[rows] >= level - _REJECTED * left_over[rows]
+        inside = value[rows] >= level - _BELOW * left_over[rows]
         rows = rows[inside]
         value[rows], rate[rows] = level[inside], slope[inside]
         left_over[rows] = np.minimum(left_over[rows], sigma[inside])

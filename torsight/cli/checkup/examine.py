@@ -16,14 +16,13 @@ from torsight.cli.checkup.finding import Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment_file import experiment_file, read_experiment
-from torsight.cli.frame_coverage import USUAL
 from torsight.core.errors import ConfigError, TorsightError
 from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.files.tables import read_angles
 from torsight.core.optics.camera import read_camera, require_second
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import StickAngles
+from torsight.core.tracks import USUAL_SHARE, StickAngles
 from torsight.core.units import DEG
 from tracker.detect.marker_file import read_markers
 
@@ -196,7 +195,7 @@ def _look_at_angles(angles: StickAngles) -> list[Finding]:
         return [Finding("angle", "stops", "no frame has an angle.", "track the film again")]
     sigma_deg = float(np.median(angles.sigma_rad[angles.valid])) / DEG
     text = f"{int(angles.valid.sum())} of {len(angles)} frames have an angle, known to {sigma_deg:.4f}°."
-    good = angles.valid.mean() > USUAL and sigma_deg < MODEL_ERROR_DEG
+    good = angles.valid.mean() > USUAL_SHARE and sigma_deg < MODEL_ERROR_DEG
     return [Finding("angle", "fine" if good else "limits", text, angle_deg=sigma_deg)]
 
 

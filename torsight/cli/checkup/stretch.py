@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.checkup.finding import Finding, refusal
-from torsight.cli.frame_coverage import LEAST, USUAL, WHY, gap_words
+from torsight.cli.frame_coverage import LEAST, WHY, gap_words
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import Progress, silent
+from torsight.core.tracks import USUAL_SHARE
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted
 from tracker.angle.orient import orient
@@ -130,7 +131,7 @@ def _look_at_coverage(
     most = max(why, key=lambda name: why[name], default="")
     if most in WHY:
         text += f"; most of the others: {WHY[most]}"
-    if share >= USUAL:
+    if share >= USUAL_SHARE:
         return [Finding(about, "fine", f"{text}.")], content
     advice = next((words for one in told if (words := gap_words(one))), "")
     if share >= LEAST:

@@ -24,8 +24,8 @@ _SLOWEST_HALF_S: Final = 7200.0
 """Half of a heating takes minutes; the same record in milliseconds takes a thousand times as long."""
 _SHORTEST_S: Final = 2.0
 """A heating and a cooling take minutes; the same record in minutes or hours is 60 or 3,600 times shorter."""
-_HEATED_C: Final = 15.0
-"""A smaller change is no heating: a transformation of the reference rig takes 14 °C to 18 °C."""
+HEATED_C: Final = 12.0
+"""A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
 _WARMEST_REST_C: Final = 55.0
 """A room is colder in °C; in °F it has 60 and more, in kelvin 290."""
 _LOOKED_AT: Final = 1000
@@ -84,7 +84,7 @@ def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) ->
     require_stamps(time_s, where=f"{where}, column time_s")
     for name, temp_c in temps_c.items():
         known = np.isfinite(temp_c)
-        if known.sum() < 3 or np.ptp(temp_c[known]) < _HEATED_C:
+        if known.sum() < 3 or np.ptp(temp_c[known]) < HEATED_C:
             continue
         _require_cold(temp_c[known], where=f"{where}, column {name}")
         _require_pace(time_s[known], temp_c[known], where=f"{where}, column time_s")

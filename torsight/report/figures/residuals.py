@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.signals.heating_segments import WINDOW_S
 from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, column, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
@@ -41,10 +42,6 @@ LABELS: Final = {
 """Drivers that the residual is drawn against, with their labels."""
 
 
-_WINDOW_S: Final = 2.0
-"""The discovery's rates are those of a smoothed record, too."""
-
-
 def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     """Return the variables that a missing effect may depend on, as curves over the record.
 
@@ -66,8 +63,8 @@ def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
         "angle_deg": column(curves, "angle_deg"),
         "temp_active_c": active,
         "temp_passive_c": passive,
-        "temp_rate_c_s": slope(time_s, active, window_s=_WINDOW_S, apart=apart),
-        "angle_rate_deg_s": slope(time_s, smooth, window_s=_WINDOW_S),
+        "temp_rate_c_s": slope(time_s, active, window_s=WINDOW_S, apart=apart),
+        "angle_rate_deg_s": slope(time_s, smooth, window_s=WINDOW_S),
     }
 
 
