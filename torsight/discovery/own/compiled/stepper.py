@@ -128,9 +128,13 @@ _ERROR: Final = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 3392
 
 
 @njit(nogil=True, error_model="numpy")
-def _inputs_at(t: float, ends: Any, u: Any) -> Any:
-    """Return the inputs by name at a time; ``ends``: time and inputs before and after."""
-    begin, end, before, after = ends
+def _inputs_at(t: float, given: Any) -> Any:
+    """Return the inputs by name at a time.
+
+    ``given``: time and inputs of the row before and of the one after, the inputs' place by name and as an array, and
+    the parameters.
+    """
+    (begin, end, before, after), u, _ = given
     share = (t - begin) / (end - begin)
     for i in range(len(before)):
         u[1][i] = before[i] + share * (after[i] - before[i])
@@ -138,7 +142,7 @@ def _inputs_at(t: float, ends: Any, u: Any) -> Any:
 
 
 @njit(nogil=True, error_model="numpy")
-def _step(rhs: Any, t: float, h: float, x: Array, ends: Any, u: Any, p: Any, slopes: Array, new: Array) -> None:
+def _step(rhs: Any, t: float, h: float, x: Array, given: Any, slopes: Array, new: Array) -> None:
     """Fill the seven slopes of a step and the state after it."""
     for stage in range(7):
         for i in range(len(x)):
@@ -147,7 +151,7 @@ def _step(rhs: Any, t: float, h: float, x: Array, ends: Any, u: Any, p: Any, slo
                 change += _A[stage, j] * slopes[j, i]
             new[i] = x[i] + h * change
         at = t + _C[stage] * h
-        fill(slopes[stage], rhs(at, new, _inputs_at(at, ends, u), p))
+        fill(slopes[stage], rhs(at, new, _inputs_at(at, given), given[2]))
 
 
 @njit(nogil=True, error_model="numpy")
@@ -175,24 +179,23 @@ def _happened(before: Array, now: Array, directions: Array) -> int:
 
 
 @njit(nogil=True, error_model="numpy")
-def _through_event(
-    functions: Any, t: float, step: float, x: Array, ends: Any, u: Any, p: Any, slopes: Array, before: Array
-) -> float:
+def _through_event(functions: Any, t: float, step: float, x: Array, given: Any, slopes: Array, before: Array) -> float:
     """Go on to a moment after the first event in a step; return the time, with the states and events there filled."""
     directions, rhs, when, then = functions
+    _, u, p = given
     new, now = x.copy(), before.copy()
     low, high = 0.0, step
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        _step(rhs, t, middle, x, ends, u, p, slopes, new)
-        when(t + middle, new, _inputs_at(t + middle, ends, u), p, now)
+        _step(rhs, t, middle, x, given, slopes, new)
+        when(t + middle, new, _inputs_at(t + middle, given), p, now)
         if _happened(before, now, directions) >= 0:
             high = middle
         else:
             low = middle
-    _step(rhs, t, high, x, ends, u, p, slopes, new)
+    _step(rhs, t, high, x, given, slopes, new)
     t += high
-    when(t, new, _inputs_at(t, ends, u), p, now)
+    when(t, new, _inputs_at(t, given), p, now)
     which = _happened(before, now, directions)
     x[:] = new
     then(which, t, new, u[0][0], p, x)
@@ -202,7 +205,7 @@ def _through_event(
         new[i] = x[i] + moment * slopes[0, i]
     x[:] = new
     t += moment
-    when(t, x, _inputs_at(t, ends, u), p, before)
+    when(t, x, _inputs_at(t, given), p, before)
     return t
 
 
@@ -221,14 +224,14 @@ def _integrate(
     before, now = np.zeros(len(directions)), np.zeros(len(directions))
     states[0] = x
     h = 0.1 * (time[-1] - time[0]) / max(1, len(time) - 1)
-    when(time[0], x, _inputs_at(time[0], (time[0], time[1], inputs[0], inputs[1]), u), p, before)
+    when(time[0], x, _inputs_at(time[0], ((time[0], time[1], inputs[0], inputs[1]), u, p)), p, before)
     for i in range(len(time) - 1):
         t, end = time[i], time[i + 1]
-        ends, steps = (time[i], time[i + 1], inputs[i], inputs[i + 1]), 0
+        given, steps = ((time[i], time[i + 1], inputs[i], inputs[i + 1]), u, p), 0
         least = _LEAST_SHARE * (end - t)
         while end - t > 1e-12 * max(1.0, abs(end)):
             step = min(h, end - t, longest)
-            _step(rhs, t, step, x, ends, u, p, slopes, new)
+            _step(rhs, t, step, x, given, slopes, new)
             error = _size(step, x, new, slopes, rtol)
             steps += 1
             if steps > most or step < 1e-14 * max(1.0, abs(t)):
@@ -238,9 +241,9 @@ def _integrate(
                 h = 0.2 * step
                 continue
             if error <= 1.0 or step <= least:
-                when(t + step, new, _inputs_at(t + step, ends, u), p, now)
+                when(t + step, new, _inputs_at(t + step, given), p, now)
                 if _happened(before, now, directions) >= 0:
-                    t = _through_event(functions, t, step, x, ends, u, p, slopes, before)
+                    t = _through_event(functions, t, step, x, given, slopes, before)
                     continue
                 t += step
                 x[:] = new
