@@ -42,20 +42,6 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
     assert cost[0.05] > cost[None] + Settings().apart
 
 
-def test_clocks_are_together_to_the_interval_of_the_log_s_rows_at_best() -> None:
-    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
-    half_cycles = [{"spring": s, "peak_c": 75.0, "ramp_s": 300.0, "heat_s": 320.0, "cool_s": 250.0} for s in "ab"]
-    scene = {"motion": {"kind": "rig"}, "protocol": {"half_cycle": half_cycles}}
-    table = make_record(scene, seed=5, sigma_deg=0.15).table
-    problem = ActuatorProblem(ActuatorModel(spec).prepare(table), spec)
-    plain = {p.name: p.value for p in problem.parameters}
-    late_s = float(np.median(np.diff(table.time_s))) / np.sqrt(12.0)
-    clocks = {"clock_offset_s": late_s, "clock_drift_ppm": 0.0}
-    expected = problem.predict({**plain, **clocks}, ["clock_offset"]) - problem.predict(plain, ())
-    found = problem.shared_errors(plain, ())[:, -1]
-    assert np.sqrt(np.mean((found - expected)[problem.valid] ** 2)) < 0.1 * np.sqrt(np.mean(expected**2))
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
