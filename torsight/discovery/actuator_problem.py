@@ -27,7 +27,7 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
-from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, shared_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, top_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
@@ -216,13 +216,12 @@ class ActuatorProblem(OptionalMembers):
         return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
+        """Return what one standard deviation of each half-cycle's top temperature does to the angle (n, k), degrees.
 
-        At a top an incomplete transformation ends: its error stays in the angle until the next heating. The clocks'
-        error is alike in all samples. What moves the angle nowhere by a tenth of the resolution is left out: tops of
-        complete heatings.
+        At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
+        error moves the angle nowhere by a tenth of the resolution are left out: those of complete heatings.
         """
-        found = self._errors_through(shared_errors(self.drive), values, effects)
+        found = self._errors_through(top_errors(self.drive), values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:

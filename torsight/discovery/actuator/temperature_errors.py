@@ -8,7 +8,6 @@ level over the last seconds may still rise within its noise.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -66,16 +65,12 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
 
 
-def shared_errors(drive: Drive) -> list[tuple[Array, Array]]:
-    """Return one standard deviation of every error that many rows share, for both springs (n,) each.
-
-    Those of the tops, where the log has noise; and that of the stamps: a row tells when it was written to within the
-    log's interval, so film and log are together to that over √12 at best, however well they were aligned.
-    """
-    none, late_s = np.zeros(len(drive)), float(np.median(np.diff(drive.sensors.time_s))) / math.sqrt(12.0)
-    tops = _tops(drive) if drive.noise_c > NEGLIGIBLE_C else ()
-    found = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in tops]
-    return [*found, (late_s * drive.rate_a_c_s, late_s * drive.rate_b_c_s)]
+def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
+    """Return one standard deviation of every error of a top, for both springs (n,) each; none where negligible."""
+    if drive.noise_c <= NEGLIGIBLE_C:
+        return []
+    none = np.zeros(len(drive))
+    return [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
