@@ -27,7 +27,7 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
-from torsight.discovery.actuator.temperature_errors import TemperatureErrors, draw_errors, top_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import draw_errors, top_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
@@ -121,7 +121,8 @@ class ActuatorProblem(OptionalMembers):
         """Return the problem with these forms of laws among its candidates."""
         other = replace(self, forms=tuple(forms))
         # What depends on the record alone is not worked out again.
-        kept = ("rows", "share", "time_s", "_means", "valid", "block", "rest", "drivers", "laws", "_temperature_errors")
+        samples = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
+        kept = (*samples, "drivers", "laws", "_smooth_drives", "_top_drives")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -212,7 +213,7 @@ class ActuatorProblem(OptionalMembers):
 
         Errors of the size that the conditioning gives are drawn and driven through the model.
         """
-        found = self._errors_through([errors.smooth_c for errors in self._temperature_errors], values, effects)
+        found = self._off_by(self._smooth_drives, values, effects)
         return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
@@ -221,7 +222,7 @@ class ActuatorProblem(OptionalMembers):
         At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
         error moves the angle nowhere by a tenth of the resolution are left out: those of complete heatings.
         """
-        found = self._errors_through(top_errors(self.drive), values, effects)
+        found = self._off_by(self._top_drives, values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
@@ -230,13 +231,11 @@ class ActuatorProblem(OptionalMembers):
         ways = [known[name].seen for name in effects if name in known]
         return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
 
-    def _errors_through(
-        self, added_c: Sequence[tuple[Array, Array]], values: Mapping[str, float], effects: Sequence[str]
-    ) -> Array:
-        if not added_c:
+    def _off_by(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Array:
+        """Return by how much the angle (n, k) differs where other drives take the record's place, degrees."""
+        if not drives:
             return np.zeros((len(self.rows), 0))
         clean = self.predict(values, effects)
-        drives = (with_errors(self.drive, errors) for errors in added_c)
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
@@ -244,8 +243,13 @@ class ActuatorProblem(OptionalMembers):
         return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
 
     @cached_property
-    def _temperature_errors(self) -> tuple[TemperatureErrors, ...]:
-        return tuple(draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS))
+    def _smooth_drives(self) -> tuple[Drive, ...]:
+        drawn = draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS)
+        return tuple(with_errors(self.drive, errors.smooth_c) for errors in drawn)
+
+    @cached_property
+    def _top_drives(self) -> tuple[Drive, ...]:
+        return tuple(with_errors(self.drive, error_c) for error_c in top_errors(self.drive))
 
 
 def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -116,8 +116,8 @@ def linear_problem(
     sigma, resolution : float
         Reading noise, and the size of a difference that nobody would miss, in units of ``observed``.
     """
-    all_columns = {**base, **{key: own for some in candidates.values() for key, own in some.items()}, **drivers}
-    for name, own in {**all_columns, "time_s": time_s, "block": block}.items():
+    columns = {**base, **{key: own for some in candidates.values() for key, own in some.items()}}
+    for name, own in {**columns, **drivers, "time_s": time_s, "block": block}.items():
         if np.shape(own) != np.shape(observed):
             raise InputError(
                 "is not of the length of what was measured",
@@ -138,12 +138,12 @@ def linear_problem(
         Candidate(
             name,
             "",
-            tuple(parameter(key, column, null=0.0) for key, column in columns.items()),
+            tuple(parameter(key, column, null=0.0) for key, column in own.items()),
         )
-        for name, columns in candidates.items()
+        for name, own in candidates.items()
     )
     return LinearProblem(
-        columns={**base, **{key: column for columns in candidates.values() for key, column in columns.items()}},
+        columns=columns,
         parameters=tuple(parameter(name, column, null=None) for name, column in base.items()),
         candidates=effects,
         time_s=time_s,

@@ -78,11 +78,12 @@ def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> fl
     step to the neighbours of the fitted rows around it, and a marker may slide for a while: the largest Λ counts. Where
     no angle was seen for longer than from a row to the next, a step could hide.
     """
-    good = np.isfinite(angle_rad)
-    t, angle = time_s[good], angle_rad[good]
     usual_s = float(np.median(np.diff(time_s)))
     k = int(np.searchsorted(fitted_s, values["slip_time_s"]))
     first, last = fitted_s[max(k - 2, 0)], fitted_s[min(k + 1, len(fitted_s) - 1)]
+    reach_s = _BESIDE * usual_s + 1.5 * _LASTS_S[-1]
+    good = np.isfinite(angle_rad) & (time_s > first - reach_s) & (time_s < last + reach_s)
+    t, angle = time_s[good], angle_rad[good]
     height, most = values["slip_deg"] * DEG, -np.inf
     for lasts_s in _LASTS_S:
         beside_s = max(_BESIDE * usual_s, lasts_s)
@@ -94,7 +95,9 @@ def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> fl
                 return 0.0
             found, variance = _step_beside(t[around] - at_s, angle[around])
             most = max(most, (found**2 - (found - height) ** 2) / (2.0 * variance))
-    return min(0.0, most) if np.isfinite(most) else 0.0
+            if most >= 0.0:
+                return 0.0
+    return most if np.isfinite(most) else 0.0
 
 
 def _step_beside(time_s: Array, angle_rad: Array) -> tuple[float, float]:
