@@ -274,8 +274,7 @@ def _weights(found: list[_Found]) -> Floats:
 
 def _total(found: list[_Found]) -> float:
     """Return the logarithm of the evidence of all together."""
-    weight = _weights(found)
-    return float(weight.max() + np.log(np.sum(np.exp(weight - weight.max()))))
+    return float(np.logaddexp.reduce(_weights(found)))
 
 
 def _blended(
@@ -283,9 +282,10 @@ def _blended(
 ) -> Tilt:
     """Return what all priors say together, each by its evidence, as far as the motion tells it."""
     parts: list[tuple[float, Floats, Floats]] = []
-    for items, part in ((list(none), 1.0 - shown), (list(rolling), shown)):
-        weight = _weights(items) if items else np.zeros(0)
-        weight = part * np.exp(weight - _total(items)) if items else weight
+    for items, part in ((none, 1.0 - shown), (list(rolling), shown)):
+        if not items:
+            continue
+        weight = part * np.exp(_weights(items) - _total(items))
         for w, item in zip(weight.tolist(), items, strict=True):
             missing = 6 - len(item.values)
             parts.append((w, np.pad(item.values, (0, missing)), np.pad(item.covariance, (0, missing))))
