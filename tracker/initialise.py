@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.initial_sticks import look_for_tags, sticks_of
 from tracker.patches.stick_follower import StickFollower
+
+_BOTH: Final = 2
+"""Pictures that prove a tag to be one, see :func:`tracker.detect.fiducials.tags_seen`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,28 +97,20 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
     kept: list[NDArray[np.uint8]] = []
     best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
-    count = 0
-    for frame in decoded(source):
-        count += 1
-        if frame.index > LOOKED_AT[-1]:
-            break
-        if frame.index not in LOOKED_AT or frame.luma is None:
-            continue
-        progress("looking for the markers", frame.index, LOOKED_AT[-1])
+    last = 0
+    for last, luma in _looked_at(source, progress):
         # The first frame and the last two: markers may come into sight late.
-        kept = [*kept[:1], *kept[1:][-1:], frame.luma.copy()]
-        found = sticks_in(frame.luma)
-        if found is None:
-            continue
-        score = min(found[0].score, found[1].score)
-        if are_markers(found) and (best is None or score > best[0]):
-            best = (score, frame.index, frame.luma.copy(), found)
-        if score > CLEAR:
+        kept = [*kept[:1], *kept[1:][-1:], luma]
+        found = sticks_in(luma)
+        score = -np.inf if found is None else min(found[0].score, found[1].score)
+        if found is not None and are_markers(found) and (best is None or score > best[0]):
+            best = (score, last, luma, found)
+        if score > CLEAR or (len(kept) == _BOTH and tags_seen(kept)[0]):
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
-    if count == 0:
+    if not kept:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
-    where = f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, LOOKED_AT[-1])}"
+    where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
     if (best is None or best[0] <= CLEAR) and (tags := _found_tags(kept, where=where)) is not None:
         return tags
     if best is None:
@@ -128,6 +124,16 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in markers_on(luma, stick)]
     return Start(markers, index, None, doubtful=score <= CLEAR)
+
+
+def _looked_at(source: FrameSource, progress: Progress) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Give the frames in which markers are looked for: their numbers, and pictures to keep."""
+    for frame in decoded(source):
+        if frame.index > LOOKED_AT[-1]:
+            return
+        if frame.index in LOOKED_AT and frame.luma is not None:
+            progress("looking for the markers", frame.index, LOOKED_AT[-1])
+            yield frame.index, frame.luma.copy()
 
 
 def _found_tags(lumas: Sequence[NDArray[np.uint8]], *, where: str) -> Start | None:

@@ -8,20 +8,24 @@ stick's own edges is fitted.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.appearance.disc import SHAPE, disc_at
+from torsight.core.compiled import njit
+from tracker.appearance.disc import SHAPE, Floats, Record, disc_point
+from tracker.appearance.lucas_kanade import inner, invert, products
+
+LIGHT, STEP, SQUARE, EXPLAINED = 6, 7, 8, 9
+"""Where the outcome stands behind the six parameters of a fit."""
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
 _SHARPEST_PX: Final = 0.12
 """Least edge: below it the mean over a pixel, which is taken apart, hides all of the blur."""
-_NUDGE_PX: Final = 0.02
-"""Change of the edge by which its slope is taken: a difference, since the edge has no closed form over a pixel."""
 _ROUNDS: Final = 15
 """Steps of Levenberg and Marquardt at most."""
 _LOOK: Final = 3
@@ -123,136 +127,168 @@ def fit_dot(
     """
     start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
     # First with a wide window, which holds the rim even where the start is off; then with the right one.
-    wide = min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5))
-    window = _window(luma, start, wide)
-    found = None if window is None else _minimise(window, start, free=4, radius_px=radius_px)
+    found = _fitted(luma, start, 4, min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5)), radius_px)
     for _ in range(2):
         if found is None:
             return None
-        parameters = found[0]
-        window = _window(luma, parameters, window_for(parameters[2], parameters[3], room_px))
-        found = None if window is None else _minimise(window, parameters, free=6 if ellipse else 4, radius_px=radius_px)
+        last = found[:6]
+        found = _fitted(luma, last, 6 if ellipse else 4, window_for(last[2], last[3], room_px), radius_px)
     if found is None:
         return None
-    parameters, solved = found
-    return _result(parameters, solved, 1.0 if light_dot else -1.0, window_for(parameters[2], parameters[3], room_px))
+    return _result(found, 1.0 if light_dot else -1.0, window_for(found[2], found[3], room_px))
 
 
-def _minimise(
-    window: _Window, start: NDArray[np.float64], *, free: int, radius_px: float
-) -> tuple[NDArray[np.float64], _Solved] | None:
-    """Fit the first ``free`` parameters in one window by Levenberg and Marquardt; None where it is hopeless."""
-    parameters, best, damping = start.copy(), _solve(window, start, free), 1e-3
-    if best.explained < _DOUBTFUL:
+def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> Floats | None:
+    """Fit the first ``free`` parameters in one window; None where it is hopeless, or leaves the picture."""
+    window = cut_window(luma, start[0], start[1], window_px)
+    if not len(window[0]):
         return None
-    for round_number in range(_ROUNDS):
-        if round_number == _LOOK and best.explained < _HOPELESS:
-            return None
-        normal = best.jacobian.T @ best.jacobian
-        gradient = best.jacobian.T @ best.residual_vector
-        delta = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
-        trial = parameters.copy()
-        trial[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
-        trial[3] = max(trial[3], _SHARPEST_PX)
-        other = _solve(window, trial, free) if _sane(trial, parameters, start, radius_px) else None
-        if other is None or other.mean_square > best.mean_square * (1.0 + 1e-9):
+    found = minimise(window, start, free, radius_px, np.zeros(1, SHAPE))
+    return found if found[EXPLAINED] > 0.0 else None
+
+
+@njit(cache=True, nogil=True)
+def cut_window(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats:
+    """Return x, y and brightness (3, n) of the pixels around a place; none where they leave the picture."""
+    cx, cy, half = round(x_px), round(y_px), math.ceil(radius_px)
+    height, width = luma.shape
+    out = np.empty((3, (2 * half + 1) ** 2))
+    n = 0
+    if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
+        return out[:, :0].copy()
+    for y in range(cy - half, cy + half + 1):
+        for x in range(cx - half, cx + half + 1):
+            if (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px * radius_px:
+                out[0, n], out[1, n], out[2, n] = x, y, luma[y, x]
+                n += 1
+    return out[:, :n].copy()
+
+
+@njit(cache=True, nogil=True)
+def set_shape(shape: Record, found: Floats) -> None:
+    """Take radius, edge and stretch from the parameters."""
+    shape.radius, shape.edge = found[2], found[3]
+    shape.stretch[0], shape.stretch[1] = found[4], found[5]
+
+
+@njit(cache=True, nogil=True)
+def solve_linear(window: Floats, found: Floats, free: int, shape: Record, rows: Floats) -> None:
+    """Solve the linear part (light, contrast, slope) for a given shape, and find the slopes of the rest.
+
+    ``rows`` (11, n): four columns of the linear part, the slopes by six parameters, freed of what the linear part can
+    make up for (variable projection), and the residual.
+    """
+    n = window.shape[1]
+    set_shape(shape, found)
+    for i in range(n):
+        dx, dy = window[0, i] - found[0], window[1, i] - found[1]
+        inside, along_x, along_y, rows[7, i] = disc_point(dx, dy, shape)
+        rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, inside, dx * (1.0 - inside), dy * (1.0 - inside)
+        rows[4, i], rows[5, i], rows[6, i] = -along_x, -along_y, -(dx * along_x + dy * along_y) / found[2]
+        rows[8, i], rows[9, i] = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
+    inverse = invert(products(rows, 4))
+    linear = project_out(window[2], rows, inverse, rows[10])
+    for k in range(4, 4 + free):
+        for i in range(n):
+            rows[k, i] *= linear[1]
+        project_out(rows[k].copy(), rows, inverse, rows[k])
+    square, mean = 0.0, window[2].sum() / n
+    spread = 0.0
+    for i in range(n):
+        square += rows[10, i] ** 2
+        spread += (window[2, i] - mean) ** 2
+    found[LIGHT], found[STEP], found[SQUARE] = linear[0], linear[1], square / n
+    found[EXPLAINED] = 1.0 - square / max(spread, 1e-12 * n)
+
+
+@njit(cache=True, nogil=True)
+def project_out(values: Floats, rows: Floats, inverse: Floats, out: Floats) -> Floats:
+    """Leave in ``out`` of values what the first rows cannot make up for; return what they can, by row."""
+    weights = solved(inverse, rows, values)
+    out[:] = values
+    for k in range(len(inverse)):
+        for i in range(len(values)):
+            out[i] -= weights[k] * rows[k, i]
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def solved(inverse: Floats, rows: Floats, values: Floats) -> Floats:
+    """Return an inverse (k, k) times the first k rows times values."""
+    weights = np.zeros(len(inverse))
+    for m in range(len(inverse)):
+        total = inner(rows[m], values)
+        for k in range(len(inverse)):
+            weights[k] += inverse[k, m] * total
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def minimise(window: Floats, start: Floats, free: int, radius_px: float, shapes: NDArray[np.void]) -> Floats:
+    """Fit the first ``free`` parameters by Levenberg and Marquardt.
+
+    Returned (10,) are x, y, radius, edge, stretch (2), light, step, mean square of the residual, and the share that is
+    explained: 0 where it is hopeless.
+    """
+    n = window.shape[1]
+    best, other = np.empty((11, n)), np.empty((11, n))
+    found, trial = np.zeros(10), np.zeros(10)
+    found[:6] = start[:6]
+    damping = 1e-3
+    solve_linear(window, found, free, shapes[0], best)
+    if found[EXPLAINED] < _DOUBTFUL:
+        found[EXPLAINED] = 0.0
+        return found
+    for step in range(_ROUNDS):
+        if step == _LOOK and found[EXPLAINED] < _HOPELESS:
+            found[EXPLAINED] = 0.0
+            break
+        largest = step_from(found, best, free, damping, radius_px, trial)
+        good = is_sane(trial, found, start, radius_px)
+        if good:
+            solve_linear(window, trial, free, shapes[0], other)
+        if not good or trial[SQUARE] > found[SQUARE] * (1.0 + 1e-9):
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e4:
                 break
             continue
-        gain = 1.0 - other.mean_square / max(best.mean_square, 1e-12)
-        parameters, best, damping = trial, other, max(damping * 0.2, 1e-9)
-        if gain < 1e-5 or np.max(np.abs(delta)) < 1e-4:
+        gain = 1.0 - trial[SQUARE] / max(found[SQUARE], 1e-12)
+        damping = max(damping * 0.2, 1e-9)
+        found[:], best[:] = trial, other
+        if gain < 1e-5 or largest < 1e-4:
             break
-    return parameters, best
+    return found
 
 
-@dataclass(slots=True)
-class _Window:
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    value: NDArray[np.float64]
+@njit(cache=True, nogil=True)
+def step_from(found: Floats, rows: Floats, free: int, damping: float, radius_px: float, trial: Floats) -> float:
+    """Put the parameters after a damped step into ``trial``; return the largest change that it would make."""
+    normal = products(rows[4:], free)
+    for k in range(free):
+        normal[k, k] += damping * (normal[k, k] + 1e-9)
+    delta = solved(invert(normal), rows[4:], rows[10])
+    trial[:6] = found[:6]
+    for k in range(free):
+        trial[k] += min(max(delta[k], -0.3 * radius_px), 0.3 * radius_px)
+    trial[3] = max(trial[3], _SHARPEST_PX)
+    return float(np.abs(delta).max())
 
 
-@dataclass(slots=True)
-class _Solved:
-    residual_vector: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    mean_square: float
-    light: float
-    step: float
-    explained: float
-
-
-def _window(luma: NDArray[np.uint8], parameters: NDArray[np.float64], radius_px: float) -> _Window | None:
-    cx, cy = round(float(parameters[0])), round(float(parameters[1]))
-    half = int(np.ceil(radius_px))
-    height, width = luma.shape
-    if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
-        return None
-    y, x = np.mgrid[cy - half : cy + half + 1, cx - half : cx + half + 1]
-    inside = (x - parameters[0]) ** 2 + (y - parameters[1]) ** 2 <= radius_px**2
-    patch = luma[cy - half : cy + half + 1, cx - half : cx + half + 1]
-    return _Window(x[inside].astype(np.float64), y[inside].astype(np.float64), patch[inside].astype(np.float64))
-
-
-def _solve(window: _Window, parameters: NDArray[np.float64], free: int) -> _Solved:
-    """Solve the linear part (light, contrast, slope) for a given shape, and return the slopes of the rest.
-
-    The slopes are freed of what the linear part can make up for (variable projection).
-    """
-    dx, dy = window.x - parameters[0], window.y - parameters[1]
-    radius, edge = float(parameters[2]), float(parameters[3])
-    stretch = (float(parameters[4]), float(parameters[5]))
-    shape = np.zeros(1, SHAPE)
-    shape["radius"], shape["edge"], shape["stretch"] = radius, edge, stretch
-    inside, along_x, along_y = disc_at(dx, dy, shape[0])
-    shape["edge"] += _NUDGE_PX
-    softer = (disc_at(dx, dy, shape[0])[0] - inside) / _NUDGE_PX
-    basis = np.stack([np.ones_like(dx), inside, dx * (1.0 - inside), dy * (1.0 - inside)], axis=1)
-    inverse = np.linalg.inv(basis.T @ basis + 1e-9 * np.eye(4)) @ basis.T
-    linear = inverse @ window.value
-    residual = window.value - basis @ linear
-    radial = -(dx * along_x + dy * along_y) / radius
-    across, diagonal = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
-    slopes = np.stack([-along_x, -along_y, radial, softer, across, diagonal][:free], axis=1) * linear[1]
-    mean_square = float(residual @ residual) / len(residual)
-    spread = float(np.var(window.value))
-    return _Solved(
-        residual_vector=residual,
-        jacobian=slopes - basis @ (inverse @ slopes),
-        mean_square=mean_square,
-        light=float(linear[0]),
-        step=float(linear[1]),
-        explained=1.0 - mean_square / max(spread, 1e-12),
-    )
-
-
-def _sane(trial: NDArray[np.float64], now: NDArray[np.float64], start: NDArray[np.float64], radius_px: float) -> bool:
+@njit(cache=True, nogil=True)
+def is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
+    """Return whether parameters may still be those of the dot at the start."""
     return bool(
-        np.all(np.isfinite(trial))
-        and np.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
+        np.isfinite(trial[:6]).all()
+        and math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
         and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
-        and np.hypot(trial[4], trial[5]) < 0.45
+        and math.hypot(trial[4], trial[5]) < 0.45
     )
 
 
-def _result(parameters: NDArray[np.float64], solved: _Solved, sign: float, window_px: float) -> DotFit | None:
-    if solved.light <= 0 or solved.step * sign <= 0:
+def _result(found: Floats, sign: float, window_px: float) -> DotFit | None:
+    x_px, y_px, radius, edge, across, diagonal, light, step, mean_square, explained = found.tolist()
+    if light <= 0 or step * sign <= 0:
         return None
-    shape = DotShape(
-        radius_px=float(parameters[2]),
-        edge_px=float(parameters[3]),
-        stretch=(float(parameters[4]), float(parameters[5])),
-        contrast=solved.step / max(solved.light, 1.0),
-        window_px=window_px,
-    )
-    return DotFit(
-        x_px=float(parameters[0]),
-        y_px=float(parameters[1]),
-        shape=shape,
-        light=solved.light,
-        residual=float(np.sqrt(solved.mean_square)),
-        explained=solved.explained,
-    )
+    shape = DotShape(radius, edge, (across, diagonal), step / max(light, 1.0), window_px)
+    return DotFit(x_px, y_px, shape, light, math.sqrt(mean_square), explained)

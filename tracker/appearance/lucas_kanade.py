@@ -126,15 +126,27 @@ def combine(weights: Floats, rows: Floats, out: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
+def inner(one: Floats, other: Floats) -> float:
+    """Return the inner product of two rows, by four sums that the processor adds in one go."""
+    even = len(one) - len(one) % 4
+    a = b = c = d = 0.0
+    for i in range(0, even, 4):
+        a += one[i] * other[i]
+        b += one[i + 1] * other[i + 1]
+        c += one[i + 2] * other[i + 2]
+        d += one[i + 3] * other[i + 3]
+    for i in range(even, len(one)):
+        a += one[i] * other[i]
+    return (a + b) + (c + d)
+
+
+@njit(cache=True, nogil=True)
 def products(rows: Floats, count: int) -> Floats:
     """Return the products of the first rows with each other."""
     normal = np.empty((count, count))
     for i in range(count):
         for j in range(i + 1):
-            total = 0.0
-            for p in range(rows.shape[1]):
-                total += rows[i, p] * rows[j, p]
-            normal[i, j] = normal[j, i] = total
+            normal[i, j] = normal[j, i] = inner(rows[i], rows[j])
     return normal
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tracker.appearance.disc import SHAPE, disc_at
+from tracker.appearance.disc import SHAPE, disc_point
 from tracker.appearance.dot_fit import fit_dot
 from tracker.follow.marker import Marker
 
@@ -44,7 +44,7 @@ def test_the_share_of_a_pixel_is_what_counting_gives() -> None:
     y, x = np.mgrid[-11:12, -11:12].astype(float)
     shape = np.zeros(1, SHAPE)
     shape["radius"], shape["edge"] = 7.3, 0.12
-    ours = disc_at((x - 0.31).ravel(), (y + 0.22).ravel(), shape[0])[0].reshape(x.shape)
+    ours = np.vectorize(lambda u, v: disc_point(u, v, shape[0])[0])(x - 0.31, y + 0.22)
     counted = brute_disc(11.31, 10.78, 7.3, size=23, fine=60)
     assert np.abs(ours - counted).max() < 0.06
     assert ours.sum() == pytest.approx(np.pi * 7.3**2, rel=2e-3)
