@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, inlined
+from torsight.core.compiled import inlined, lending
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]
@@ -142,7 +142,7 @@ def latent_delay(heating: bool, xi_0: float, per_s: float, p: Scalars) -> float:
     return p["latent"] * part * per_s / (p["a_width"] if heating else p["m_width"])
 
 
-@compiled
+@lending
 def held_back(heating: bool, place: float, furthest: float, delay: float, p: Scalars) -> float:
     """Return the place in the window that latent heat lets a section reach from the furthest one so far.
 

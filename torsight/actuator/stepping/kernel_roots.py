@@ -44,7 +44,7 @@ from torsight.actuator.stepping.kernel_laws import (
     table_and_slope,
     window_place,
 )
-from torsight.core.compiled import compiled, inlined
+from torsight.core.compiled import inlined, lending
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array
     return total
 
 
-@compiled
+@lending
 def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
@@ -170,7 +170,7 @@ def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) ->
     return b, fb, x, fx
 
 
-@compiled
+@lending
 def slide(
     sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array
 ) -> float:
@@ -286,7 +286,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w:
     return total, slope, advances
 
 
-@compiled
+@lending
 def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
@@ -331,7 +331,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables
     return False
 
 
-@compiled
+@lending
 def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tables: Array, sections: Array) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
@@ -355,7 +355,7 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tabl
     return b
 
 
-@compiled
+@lending
 def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Scalars) -> float:
     """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
     a, b = xi_from, xi_to
@@ -379,7 +379,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Arra
     return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
 
 
-@compiled
+@lending
 def crosstalk(theta: float, c: Array, g: Array, o: Scalars, tables: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], o, tables)
