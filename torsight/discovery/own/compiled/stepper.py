@@ -9,7 +9,7 @@ section II.4 (step size control).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -41,7 +41,7 @@ class Stepper:
     directions: Array
 
     def integrate(
-        self, time: Array, start: Array, inputs: dict[str, Array], p: Any, *, limits: tuple[float, float, int]
+        self, time: Array, start: Array, inputs: Mapping[str, Array], p: Any, *, limits: tuple[float, float, int]
     ) -> Array:
         """Return the states (n, k) at the times; inputs (n,) are lines between them.
 
