@@ -133,8 +133,9 @@ def _by_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> list[Fit]:
         at, finer = AtPoint(over, names, ()), space
         if fine is not None:
             # Derivatives are differences over what a fit leaves open: over a longer stretch everything is steeper.
-            known = fine.jacobian.T @ fitter.weight.times(fine.jacobian)
-            finer = replace(space, scale=np.minimum(space.scale, np.sqrt(np.diag(np.linalg.pinv(known))) / STEP_SHARE))
+            known = fine.jacobian.T @ fitter.weight.times(fine.jacobian) + np.diag(space.scale**-2.0)
+            left_open = np.sqrt(np.diag(np.linalg.inv(known)))
+            finer = replace(space, scale=np.minimum(space.scale, left_open / STEP_SHARE))
         solve_from = partial(solve, at, observed=problem.observed, weight=fitter.weight, space=finer, max_iterations=20)
         return min(map(solve_from, starts), key=lambda one: one.cost)
 
