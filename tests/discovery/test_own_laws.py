@@ -170,7 +170,7 @@ def test_a_prediction_shows_itself(sledge: Findings) -> None:
     (curve,) = sledge.laws
     assert repr(curve).startswith("MeasuredCurve(friction: a law of speed, from")
     assert list(curve.to_frame()) == ["driver", "value", "sigma", "covered"]
-    assert curve.plot().get_xlabel() == "speed, m/s"
+    assert curve.plot().get_xlabel() == "speed m/s"
 
 
 def test_a_model_with_a_law_is_the_same_after_a_file(sledge: Findings) -> None:

@@ -99,14 +99,9 @@ class MeasuredCurve(Shown):
         return self.table()
 
     def _draw(self, axes: Any) -> None:
-        at, low, high = self.nodes, self.values - 1.96 * self.sigma, self.values + 1.96 * self.sigma
-        (line,) = axes.plot(at, self.values, label=self.id, linewidth=1.0)
-        axes.fill_between(at, low, high, color=line.get_color(), alpha=0.2, linewidth=0.0)
-        for label, name, unit in (
-            (axes.set_xlabel, self.driver, self.driver_unit),
-            (axes.set_ylabel, self.id, self.unit),
-        ):
-            label(f"{name}, {unit}" if unit else name)
+        from torsight.discovery.own.answer.pictures import draw_law
+
+        draw_law(axes, self)
 
     def told(self) -> str:
         """Return one sentence."""

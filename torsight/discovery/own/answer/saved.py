@@ -27,7 +27,7 @@ from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
+from torsight.discovery.own.records import Record, Table, column_of, read_records, time_column, time_of
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ class SavedModel:
             slopes = jacobian(at, x, at_x=middle.ravel(), space=space_of(parameters))
         spread = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes).reshape(middle.shape)
         spread += self._beyond(model, values, done)
-        made = {(self.time_name or next((one for one in TIMES if one in own), "row")): time_of(own, self.time_name)}
+        made = {(self.time_name or time_column(own) or "row"): time_of(own, self.time_name)}
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)

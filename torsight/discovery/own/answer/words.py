@@ -140,7 +140,7 @@ def what_next(found: Findings) -> list[str]:
 
 def summary(found: Findings) -> str:
     """Return the findings for a terminal."""
-    return "\n".join(f"{title:{_WIDTH}s}{text}".rstrip() for title, text in lines(found))
+    return "\n".join(f"{title:{_WIDTH - 1}s} {text}".rstrip() for title, text in lines(found))
 
 
 def html(found: Findings) -> str:

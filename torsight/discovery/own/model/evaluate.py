@@ -174,8 +174,9 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
         if missing:
+            do = "give outputs (states of an ode, too) the names of the columns that were measured"
             raise InputError(
-                f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do="add it"
+                f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do=do
             )
         columns = [np.asarray(given[name]) for name in names]
     elif isinstance(given, tuple) or (isinstance(given, list) and len(names) > 1):
