@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.words.wording import estimate, number
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -134,6 +135,12 @@ def what_next(found: Findings) -> list[str]:
             if found.drivers
             else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
+        model = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
+        if isinstance(model, Ode) and model.measured and math.isinf(model.solver.restart_s):
+            told += (
+                " If small errors grow over a record, let the measured states begin anew on the way: "
+                "ode(…, solver=Solver(restart_s=…))."
+            )
         return [told]
     return []
 
