@@ -73,11 +73,12 @@ def find_missing(
     if processes is not None:
         given.one_of(processes, bool, "find_missing, processes", do="give True, False or None")
     with heard() as stream, one_thread():
-        notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):
+            notes = list(check_problem(problem))
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
         asked = quickened(problem) if processes is None else problem
+        notes = list(check_problem(asked))
         with problem.evaluator.processes(wanted=processes if asked is problem else False):
             made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)

@@ -128,10 +128,9 @@ class Failure:
         """Return it as an error of ours, for a model that cannot be used at all."""
         changes = "read-only" in self.message or "cannot be changed" in self.message
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
-        if self.kind:
-            error = ModelError(f"the model fails: {self.told()}{copy}", where=where, do="mend the model")
-        else:
-            error = ModelError(self.told(), where=where)  # an error of ours says what to do
+        # An error of ours has its own words.
+        fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
+        error = ModelError(f"{fails}{self.told()}{copy}", where=where, do=f"mend {what}")
         error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
 
