@@ -85,6 +85,23 @@ class LawOn:
         """Return its values on its nodes (k,)."""
         return self.form.values([values[name] for name in self.form.names])
 
+    def steep(self, values: Mapping[str, float]) -> float:
+        """Return its root mean square slope."""
+        return float(np.sqrt(np.mean((np.diff(self.curve(values)) / np.diff(self.form.nodes)) ** 2)))
+
+    def further(self, values: Mapping[str, float], asked: tuple[float, float]) -> list[Curve]:
+        """Return the law as it may go on beyond an end at which it is asked for more: up, and down."""
+        nodes, curve = self.form.nodes, self.curve(values)
+        far = 10.0 * (nodes[-1] - nodes[0])  # the model may then ask for more
+        ends = [(0, nodes[0] - far, curve[0])] if asked[0] < nodes[0] else []
+        ends += [(len(nodes), nodes[-1] + far, curve[-1])] if asked[1] > nodes[-1] else []
+        rise = self.steep(values) * far
+        return [
+            Curve(np.insert(nodes, place, end), np.insert(curve, place, value + side * rise))
+            for place, end, value in ends
+            for side in (1.0, -1.0)
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class SavedModel:
@@ -196,28 +213,19 @@ class SavedModel:
         There a law may rise or fall as steeply as it does within its nodes. What only time tells holds for the record
         that it was measured in: elsewhere its size is a doubt.
         """
-        middle = done.outputs if done.outputs is not None else np.zeros((0, 0))
-        found = np.zeros(middle.shape)
+        middle = self._with_added(model, values, done)
+        found, curves = np.zeros(middle.shape), self._curves(values)
         for law in self.laws:
-            curve, nodes = law.curve(values), law.form.nodes
-            steep = float(np.sqrt(np.mean((np.diff(curve) / np.diff(nodes)) ** 2)))
-            if law.output is not None:
-                k = self.outputs.index(law.output)
-                if law.time_like:
-                    found[:, k] += float(np.mean(curve**2))
-                else:
-                    at = column_of(model.records[0], law.driver)
-                    found[:, k] += (steep * (at - np.clip(at, nodes[0], nodes[-1]))) ** 2
-                continue
-            low, high = done.asked[law.form.id]
-            far = 10.0 * (nodes[-1] - nodes[0])  # the model may then ask for more
-            ends = [(0, nodes[0] - far, curve[0])] if low < nodes[0] else []
-            ends += [(len(nodes), nodes[-1] + far, curve[-1])] if high > nodes[-1] else []
-            for place, end, value in ends:
-                for rise in (steep * far, -steep * far):
-                    further = Curve(np.insert(nodes, place, end), np.insert(curve, place, value + rise))
-                    other = self._done(model, values, {**self._curves(values), law.form.id: further}).outputs
-                    found += 0.0 if other is None else 0.5 * (other - middle) ** 2
+            if law.output is None:
+                for further in law.further(values, done.asked[law.form.id]):
+                    other = self._done(model, values, {**curves, law.form.id: further})
+                    found += 0.5 * (self._with_added(model, values, other) - middle) ** 2
+            elif law.time_like:
+                found[:, self.outputs.index(law.output)] += float(np.mean(law.curve(values) ** 2))
+            else:
+                at, nodes = column_of(model.records[0], law.driver), law.form.nodes
+                beyond_by = at - np.clip(at, nodes[0], nodes[-1])
+                found[:, self.outputs.index(law.output)] += (law.steep(values) * beyond_by) ** 2
         return found
 
     def _parameter(self, name: str, value: float) -> Parameter:

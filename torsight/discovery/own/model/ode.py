@@ -374,6 +374,9 @@ def ode(
     if not named or unknown:
         told = f"'{', '.join(unknown)}' is no state" if named else "has no state"
         raise InputError(told, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
+    if callable(wanted) and np.isfinite(solver.restart_s):
+        do = "name the states that are measured as output=[…]"
+        raise InputError("has no state that is measured itself", where="ode, solver, restart_s", do=do)
     plain = getattr(rhs, "py_func", rhs)
     made = Ode(plain, named, wanted, driven, begin, happens, time, solver)
     return made if plain is rhs else made.compiled()
