@@ -54,7 +54,10 @@ def inlined(function: F) -> F:
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
-FOLDERS: Final = (*(_TORSIGHT / name for name in ("actuator", "synthetic")), _TORSIGHT.parent / "tracker")
+FOLDERS: Final = (
+    *(_TORSIGHT / name for name in ("actuator", "synthetic", "discovery/own")),
+    _TORSIGHT.parent / "tracker",
+)
 _COMPILED: Final = re.compile(rb"^from torsight\.core\.compiled import ", re.MULTILINE)
 _IMPORT: Final = re.compile(rb"^(?:from|import) ([\w.]+)", re.MULTILINE)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -16,12 +17,15 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
-from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
+from torsight.core.series import scatter
+from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import linear_change
+from torsight.discovery.inference.solver import STEP_SHARE, Solution, linear_change, solve
 from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
+from torsight.discovery.own.model.evaluate import Evaluator
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -30,6 +34,10 @@ _BASE_POINTS: Final = 12
 """Points over the bounds at which the base model is looked at ..."""
 _BASE_FITS: Final = 2
 """... and from the best of which it is fitted, beside its own start."""
+_STRETCHES: Final = (64, 16, 4)
+"""Stretches of a record, shorter ones first, over which differential equations are fitted before whole records are."""
+_LEAST_ROWS: Final = 4
+"""Rows from one end of a stretch to the other, at least: its states have to show in them."""
 _POINTS: Final = 12
 """Points over a candidate's bounds ..."""
 _STARTS: Final = 2
@@ -91,7 +99,7 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
     left = [_left(fitter, at) for at in problem.predict_many(points, ())]
     looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_BASE_FITS]
     others = in_parallel(looked.tolist(), lambda place: fitter.fit((), [points[place]], keep=1))
-    best = min([own, *others], key=lambda fit: fit.cost)
+    best = min([own, *others, *_by_stretches(problem, fitter, own)], key=lambda fit: fit.cost)
     if best.cost >= _MUCH_BETTER * own.cost:
         return min([own, best], key=lambda fit: fit.cost), []
     away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
@@ -102,6 +110,44 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
         "better one is gone on with; starts nearer to it make the answer surer"
     )
     return best, [told]
+
+
+def _by_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> list[Fit]:
+    """Return a fit of differential equations that begins where fits to longer and longer stretches have led.
+
+    Over a whole record the squares may have many valleys; over a stretch that begins at what was measured they have
+    few (multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981). Where
+    little more than noise is left, the record has been followed already.
+    """
+    ode = problem.model.predict
+    left = np.where(fitter.weight.each > 0.0, fitter.residual(own), np.nan)
+    pieces = [left[place][np.isfinite(left[place])] for *_, place in problem.layout.places]
+    much = float(np.sqrt(np.nanmean(left**2))) > problem.over_floor * scatter(*pieces)
+    if not isinstance(ode, Ode) or not ode.measured or math.isfinite(ode.solver.restart_s) or not much:
+        return []
+    times = problem.times()
+    span, row = max(float(np.ptp(one)) for one in times), max(float(np.median(np.diff(one))) for one in times)
+    space, names = fitter.space(()), [p.name for p in problem.parameters]
+
+    def solved(over: ModelProblem, starts: list[Array], fine: Solution | None = None) -> Solution:
+        at, finer = AtPoint(over, names, ()), space
+        if fine is not None:
+            # Derivatives are differences over what a fit leaves open: over a longer stretch everything is steeper.
+            known = fine.jacobian.T @ fitter.weight.times(fine.jacobian) + np.diag(space.scale**-2.0)
+            left_open = np.sqrt(np.diag(np.linalg.inv(known)))
+            finer = replace(space, scale=np.minimum(space.scale, left_open / STEP_SHARE))
+        solve_from = partial(solve, at, observed=problem.observed, weight=fitter.weight, space=finer, max_iterations=20)
+        return min(map(solve_from, starts), key=lambda one: one.cost)
+
+    found, starts = [], [np.array(list(own.values.values())), np.array([p.value for p in problem.parameters])]
+    for count in _STRETCHES:
+        solver = replace(ode.solver, restart_s=max(span / count, _LEAST_ROWS * row))
+        model = replace(problem.model, predict=replace(ode, solver=solver))
+        over = solved(replace(problem, model=model, evaluator=Evaluator(model)), starts)
+        found.append(solved(problem, [over.x], over))
+        starts = [over.x]
+    best = min(found, key=lambda one: one.cost)
+    return [Fit((), own.parameters, solved(problem, [best.x], best))]
 
 
 def _left(fitter: Fitter, at: Array) -> Array:
