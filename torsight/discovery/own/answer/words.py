@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.words.wording import estimate, number
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -134,13 +135,19 @@ def what_next(found: Findings) -> list[str]:
             if found.drivers
             else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
+        model = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
+        if isinstance(model, Ode) and model.measured and math.isinf(model.solver.restart_s):
+            told += (
+                " If small errors grow over a record, let the measured states begin anew on the way: "
+                "ode(…, solver=Solver(restart_s=…))."
+            )
         return [told]
     return []
 
 
 def summary(found: Findings) -> str:
     """Return the findings for a terminal."""
-    return "\n".join(f"{title:{_WIDTH}s}{text}".rstrip() for title, text in lines(found))
+    return "\n".join(f"{title:{_WIDTH - 1}s} {text}".rstrip() for title, text in lines(found))
 
 
 def html(found: Findings) -> str:
