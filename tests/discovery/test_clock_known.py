@@ -63,7 +63,7 @@ def test_the_clocks_error_does_what_an_offset_of_that_size_does() -> None:
         ({"method": "motion against temperature: 4 of 4 strokes", "offset_s": {"ci95": [6.9, 7.1]}}, None),
         ({"method": "given offset", "offset_s": {"ci95": [7.0, 7.0]}}, None),
         ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [6.804, 7.196]}}, 0.1),
-        ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [7.0, 7.001]}}, 0.05),
+        ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [7.0, 7.001]}}, CLOCKS_S),
     ],
 )
 def test_only_a_shared_event_tells_the_clocks(

@@ -26,9 +26,8 @@ _TOP_SHARE: Final = 0.5
 """How well a top is known, in standard deviations of one sample: on clean records 0.25 to 0.5 are as probable
 (benchmarks/discovery/tops.py); behind a slow sensor a top is known less well."""
 _TOP_C: Final = 1.0
-CLOCKS_S: Final = 0.05
-"""How well the clocks of film and log are together at best, whatever told it: a frame is exposed and handed on for some
-tens of milliseconds, and a logger reads one channel after the other."""
+CLOCKS_S: Final = 0.03
+"""How well the clocks of film and log are together at best, whatever told it: to a frame of 30 per second."""
 _HOLD_S: Final = 4.0
 """The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
 the level: 0.4 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
