@@ -34,7 +34,10 @@ def verdict_words(found: Findings) -> str:
     missing = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing{_alike(found)}"
     beside = f"{missing}, and " if found.effects else ""
     if found.effects and not found.decision.unnamed:
-        return f"{beside}{number(found.decision.over_floor)} times the noise is left that nothing offered explains"
+        # So far from the noise a name only says what helps most.
+        most = f"of what was offered, {named} {'explains' if len(found.effects) == 1 else 'explain'} most"
+        left = number(found.decision.over_floor)
+        return f"{left} times the noise is left that nothing offered explains; {most}"
     declared = {port.name for port in found.ports}
     laws = [name for name in found.decision.unnamed if name in declared]
     if laws and len(laws) == len(found.decision.unnamed):
