@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
+from tracker.detect.fiducials import tags_seen
 from tracker.detect.given import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
@@ -87,7 +90,8 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
-    """Return the four dots that stand out in one of the first frames."""
+    """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
+    kept: list[NDArray[np.uint8]] = []
     best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
     count = 0
     for frame in decoded(source):
@@ -97,6 +101,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         if frame.index not in LOOKED_AT or frame.luma is None:
             continue
         progress("looking for the markers", frame.index, LOOKED_AT[-1])
+        # The first frame and the last two: markers may come into sight late.
+        kept = [*kept[:1], *kept[1:][-1:], frame.luma.copy()]
         found = sticks_in(frame.luma)
         if found is None:
             continue
@@ -106,19 +112,40 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         if score > CLEAR:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
+    if count == 0:
+        raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+    where = f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, LOOKED_AT[-1])}"
+    if (best is None or best[0] <= CLEAR) and (tags := _found_tags(kept, where=where)) is not None:
+        return tags
     if best is None:
-        if count == 0:
-            raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
-            where=f"{getattr(source, 'name', 'film')}, frames 0 to {min(count - 1, LOOKED_AT[-1])}",
+            where=where,
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
-            "of one stick no more than 3 times as large as those of the other",
+            "of one stick no more than 3 times as large as those of the other; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
     score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in markers_on(luma, stick)]
     return Start(markers, index, None, doubtful=score <= CLEAR)
+
+
+def _found_tags(lumas: Sequence[NDArray[np.uint8]], *, where: str) -> Start | None:
+    """Return the two tags that are seen in some of the first frames, or None."""
+    family, numbers = tags_seen(lumas)
+    if len(numbers) > 2:
+        raise NoResultError(
+            "more than two tags are seen",
+            where=where,
+            value=f"{family}, numbers {listed([str(number) for number in numbers])}",
+            limit="one tag on each stick",
+            do=f'name the two in a file for --markers: kind = "tag", family = "{family}", base_id, moving_id',
+        )
+    if not numbers:
+        return None
+    nowhere = np.full((4, 2), np.nan)
+    hints = MarkerHints(nowhere, ("tag", "tag"), where, family=family, ids=(numbers[0], numbers[1]))
+    return Start([], 0, None, hints.kinds, hints=hints)
 
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:

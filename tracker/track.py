@@ -150,6 +150,25 @@ def _moves(table: NDArray[np.void], stick: int) -> bool:
     return bool(high - low > _DOUBTFUL_RAD)
 
 
+def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoResultError:
+    """Return that neither stick is seen to move, with what was taken for the markers."""
+    tags = start.hints
+    do = (
+        "name the tag of the moving stick with --markers"
+        if tags
+        else "if they are not, pick the markers with 'torsight markers' and name its file with --markers"
+    )
+    return NoResultError(
+        "no stick moves, so the moving one cannot be told from the base",
+        where=where,
+        value=f"tags {tags.ids[0]} and {tags.ids[1]} of {tags.family} were followed"
+        if tags
+        else _followed(table, start),
+        limit="a motion of 1 degree and more" + ("" if tags else f"; dots of 3 to {HUGE_PX:g} px radius"),
+        do=f"film a motion{', or ' if tags else ' if these four dots are the markers; '}{do}",
+    )
+
+
 def _followed(table: NDArray[np.void], start: Start) -> str:
     """Return in words which dots were taken for the markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
@@ -161,19 +180,20 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
     return f"dots of {radii[0]:.0f} to {radii[-1]:.0f} px radius{contrast} were followed, last at {places}"
 
 
+def _tags(start: Start, *, base: int) -> dict[str, Any]:
+    """Return which tags were found by themselves, as a marker file names them."""
+    if start.hints is None or start.moving is not None:
+        return {}
+    ids = start.hints.ids
+    return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
+
+
 def _result(
     table: NDArray[np.void], start: Start, follower: Follower | StickFollower, source: FrameSource
 ) -> TrackResult:
     moving = follower.moving
     if moving is None or (start.doubtful and not _moves(table, moving)):
-        raise NoResultError(
-            "no stick moves, so the moving one cannot be told from the base",
-            where=source.name,
-            value=_followed(table, start),
-            limit=f"a motion of 1 degree and more; dots of 3 to {HUGE_PX:g} px radius",
-            do="film a motion if these four dots are the markers; if they are not, pick the markers with 'torsight "
-            "markers' and name its file with --markers",
-        )
+        raise _nothing_moves(table, start, where=source.name)
     base = 1 - moving
     order = [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1]
     rows = table.copy()
@@ -195,6 +215,7 @@ def _result(
         "markers": {
             "kind": start.kind if len(set(start.kinds)) == 1 else dict(zip(STICKS, start.kinds, strict=True)),
             "given": start.moving is not None,
+            **_tags(start, base=base),
             "first_frame": start.frame,
             **sizes,
         },

@@ -117,7 +117,7 @@ def track_to_folder(
     from torsight.core.files.tables import marker_columns, write_angles
     from torsight.core.optics.camera import read_camera
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
-    from torsight.markers.track_picture import write_track_picture
+    from torsight.markers.track_picture import keep_pictures, write_track_picture
     from tracker.angle.orient import orient
     from tracker.checkpoint import drop
     from tracker.detect.marker_file import read_markers
@@ -132,6 +132,7 @@ def track_to_folder(
     remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
     source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
+        keep_pictures(source)
         kept = [out / ".track", out / ".track-right"]
         result = _tracked(source, hints, out=out, resume=resume, progress=progress)
         other = None

@@ -1,126 +1,256 @@
-"""What the pictures of a film's markers share: the canvas, a frame as background, candidates, named markers."""
+"""What the pictures of a film's markers share: a canvas, a frame as background, candidates, named markers.
+
+Drawn with OpenCV, which a track has loaded anyway: a plotting library takes longer to start than a short film to track.
+"""
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.files.storage import atomic_path
 from torsight.core.tracks import MARKERS
-from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
+from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from tracker.detect.candidates import Candidate
 
-DPI: Final = 100
 SHOWN_PX: Final = 960
 """Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
-BASE: Final = hex_of(BASE_COLOUR)
-MOVING: Final = hex_of(MOVING_COLOUR)
-GIVEN: Final = "#f0e442"
+BASE: Final = BASE_COLOUR
+MOVING: Final = MOVING_COLOUR
+GIVEN: Final[Colour] = (240, 228, 66)
 """A position that a person gave."""
-DOT: Final = "#e69f00"
+DOT: Final[Colour] = (230, 159, 0)
 """A dot that was not taken."""
-REFUSED: Final = "#cc79a7"
+REFUSED: Final[Colour] = (204, 121, 167)
 """A place that is no dot."""
-PLAIN: Final = "#333333"
+PLAIN: Final[Colour] = (51, 51, 51)
+WHITE: Final[Colour] = (255, 255, 255)
+BLACK: Final[Colour] = (0, 0, 0)
+TEXT_PX: Final = 12
+_REGULAR: Final = 400
+_BOLD: Final = 600
+_SHIFT: Final = 4
+"""Binary digits of a coordinate after the point, for OpenCV's anti-aliased lines."""
+_BEFORE: Final = {"left": 0.0, "center": 0.5, "right": 1.0}
+"""Share of a line of text that lies before its place."""
+_DOT_PX: Final = 2
+"""Length of a dotted ring's pieces, and of the gaps between them."""
 
 
-def new_figure(size_px: tuple[float, float]) -> Figure:
-    """Return an empty figure of this size for a picture file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+class Canvas:
+    """A picture that is drawn on: places as x and y in pixels from its upper left pixel, colours as red, green, blue.
 
-    figure = Figure(figsize=(size_px[0] / DPI, size_px[1] / DPI), dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def panel(figure: Figure, box_px: tuple[float, float, float, float]) -> Axes:
-    """Return axes at ``(left, top, width, height)`` in pixels of the figure, top counted from above."""
-    left, top, width, height = box_px
-    across, down = figure.get_size_inches() * DPI
-    return figure.add_axes((left / across, 1.0 - (top + height) / down, width / across, height / down))
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, the same bytes for the same content.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
+    Parameters
+    ----------
+    pixels : (h, w, 3) uint8
+        Blue, green, red; drawn on in place.
     """
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
+
+    def __init__(self, pixels: NDArray[np.uint8]) -> None:
+        self.pixels = pixels
+        self._face: Any = cv2.FontFace("sans")
+
+    @staticmethod
+    def blank(size_px: tuple[float, float]) -> Canvas:
+        """Return a white canvas of a width and height."""
+        return Canvas(np.full((round(size_px[1]), round(size_px[0]), 3), 255, np.uint8))
+
+    def part(self, box_px: tuple[float, float, float, float]) -> Canvas:
+        """Return a part ``(left, top, width, height)`` as a canvas of its own: what is drawn ends at its border."""
+        left, top, width, height = (round(value) for value in box_px)
+        return Canvas(self.pixels[top : top + height, left : left + width])
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+    def text(
+        self,
+        place_px: tuple[float, float],
+        words: str,
+        *,
+        colour: Colour = PLAIN,
+        size_px: int = TEXT_PX,
+        bold: bool = False,
+        align: str = "left",
+    ) -> None:
+        """Write one line; its base line begins, is centred or ends at a place."""
+        before = _BEFORE[align] * self.width_of(words)
+        at = (round(place_px[0] - before), round(place_px[1]))
+        cv2.putText(self.pixels, words, at, colour[::-1], self._face, size_px, _BOLD if bold else _REGULAR)
+
+    def text_upwards(self, place_px: tuple[float, float], words: str) -> None:
+        """Write one line from below to above, its middle at a place."""
+        _, _, wide, tall = self._extent(words)
+        line = Canvas.blank((wide + 4, tall + 8))
+        line.text((2, tall), words)
+        turned = cv2.rotate(line.pixels, cv2.ROTATE_90_COUNTERCLOCKWISE)
+        top, left = round(place_px[1] - turned.shape[0] / 2), round(place_px[0] - turned.shape[1] / 2)
+        self.pixels[max(top, 0) : top + turned.shape[0], left : left + turned.shape[1]] = turned[max(-top, 0) :]
+
+    def label(self, place_px: tuple[float, float], words: str, colour: Colour) -> None:
+        """Write black on a patch of a colour, with its lower left corner at a place, or as near as there is room."""
+        _, top, wide, tall = self._extent(words)
+        x = max(0, min(round(place_px[0]), self.size_px[0] - wide - 7))
+        y = max(tall + 3, round(place_px[1]))
+        cv2.rectangle(self.pixels, (x, y - tall - 3), (x + wide + 6, y), colour[::-1], cv2.FILLED)
+        self.text((x + 3, y - tall - 1 - top), words, colour=BLACK)
+
+    def width_of(self, words: str) -> int:
+        """Return the width of a line of text in pixels."""
+        return self._extent(words)[2]
+
+    def _extent(self, words: str) -> tuple[int, int, int, int]:
+        left, top, wide, tall = cv2.getTextSize((1, 1), words, (0, 0), self._face, TEXT_PX, _REGULAR)
+        return int(left), int(top), int(wide), int(tall)
+
+    def line(self, points_px: NDArray[np.float64], colour: Colour, *, width_px: int = 1) -> None:
+        """Draw the line through places (n, 2); it is interrupted where one is NaN."""
+        known = np.isfinite(points_px).all(axis=1)
+        cuts = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
+        for begin, end in zip(cuts[::2], cuts[1::2], strict=True):
+            places = [_fixed(points_px[begin:end])]
+            cv2.polylines(self.pixels, places, False, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
+
+    def dashes(self, x_px: float, colour: Colour, *, dash_px: int) -> None:
+        """Draw an upright line over the whole height, in dashes with gaps as long."""
+        x = min(max(round(x_px), 0), self.size_px[0] - 1)
+        for top in range(0, self.size_px[1], 2 * dash_px):
+            self.pixels[top : top + dash_px, x] = colour[::-1]
+
+    def ring(
+        self,
+        centre_px: tuple[float, float],
+        radius_px: float,
+        colour: Colour,
+        *,
+        width_px: int = 2,
+        dotted: bool = False,
+    ) -> None:
+        """Draw a circle."""
+        if not dotted:
+            x, y = _fixed(np.array(centre_px)).tolist()
+            reach = round(radius_px * 2**_SHIFT)
+            cv2.circle(self.pixels, (x, y), reach, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
+            return
+        parts = max(6, round(math.pi * radius_px / _DOT_PX))
+        angles = np.arange(2 * parts).reshape(parts, 2) * math.pi / parts
+        for x, y in np.stack([np.cos(angles), np.sin(angles)], axis=1):
+            self.line(np.array(centre_px) + radius_px * np.column_stack([x, y]), colour, width_px=width_px)
+
+    def cross(self, centre_px: tuple[float, float], reach_px: float, colour: Colour) -> None:
+        """Draw an upright cross."""
+        x, y = centre_px
+        self.line(np.array([[x - reach_px, y], [x + reach_px, y]]), colour)
+        self.line(np.array([[x, y - reach_px], [x, y + reach_px]]), colour)
+
+    def tint(self, polygons_px: Sequence[NDArray[np.float64]], colour: Colour, share: float) -> None:
+        """Colour polygons (n, 2) apart from each other, by a share from 0 (not at all) to 1 (opaque)."""
+        over = self.pixels.copy()
+        for corners_px in polygons_px:
+            cv2.fillPoly(over, [_fixed(corners_px)], colour[::-1], cv2.LINE_AA, _SHIFT)
+        self.pixels[:] = cv2.addWeighted(over, share, self.pixels, 1.0 - share, 0.0)
+
+    def frame_round(self) -> None:
+        """Draw the border of this canvas."""
+        width, height = self.size_px
+        cv2.rectangle(self.pixels, (0, 0), (width - 1, height - 1), PLAIN[::-1], 1)
+
+    def save(self, path: Path) -> None:
+        """Write a PNG, the same bytes for the same content.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        content = cv2.imencode(".png", self.pixels)[1].tobytes()
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(content)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameView:
+    """A part of a frame, drawn on a canvas.
+
+    Attributes
+    ----------
+    canvas : Canvas
+        Where it is drawn; the part fills it.
+    left_px, top_px : int
+        First column and row of the frame that are shown.
+    scale_x, scale_y : float
+        Pixels of the canvas for one of the frame.
+    """
+
+    canvas: Canvas
+    left_px: int
+    top_px: int
+    scale_x: float
+    scale_y: float
+
+    def at(self, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where places (..., 2) of the frame are on the canvas; pixel centres are at whole numbers in both."""
+        corner = np.array([self.left_px, self.top_px]) - 0.5
+        return np.asarray((places_px - corner) * np.array([self.scale_x, self.scale_y]) - 0.5, dtype=np.float64)
 
 
 def show_frame(
-    axes: Axes, luma: NDArray[np.uint8], *, view_px: tuple[float, float, float, float] | None = None
-) -> None:
-    """Draw a frame, or the part ``(left, top, right, bottom)`` of it, without ticks.
+    canvas: Canvas, luma: NDArray[np.uint8], *, view_px: tuple[int, int, int, int] | None = None
+) -> FrameView:
+    """Draw a frame, or the part of it from ``(left, top)`` to before ``(right, bottom)``, over a whole canvas.
 
-    What has more pixels than the axes is shrunk before, by means over areas: thin marks stay visible.
+    What has more pixels than the canvas is shrunk by means over areas: thin marks stay visible.
     """
-    import cv2
-
-    height, width = luma.shape
-    left, top, right, bottom = view_px or (-0.5, -0.5, width - 0.5, height - 0.5)
-    first_x, first_y = max(0, int(left)), max(0, int(top))
-    part = luma[first_y : min(height, int(np.ceil(bottom)) + 1), first_x : min(width, int(np.ceil(right)) + 1)]
-    edges = (first_x - 0.5, first_x + part.shape[1] - 0.5, first_y + part.shape[0] - 0.5, first_y - 0.5)
-    room = axes.get_window_extent()
-    shrink = min(room.width / part.shape[1], room.height / part.shape[0])
-    if shrink < 1.0:
-        size = (max(1, round(shrink * part.shape[1])), max(1, round(shrink * part.shape[0])))
-        part = np.asarray(cv2.resize(np.ascontiguousarray(part), size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    axes.imshow(part, cmap="gray", vmin=0, vmax=255, extent=edges, interpolation="nearest", aspect="equal")
-    axes.set_xlim(left, right)
-    axes.set_ylim(bottom, top)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    left, top, right, bottom = view_px or (0, 0, luma.shape[1], luma.shape[0])
+    part = np.ascontiguousarray(luma[top:bottom, left:right])
+    width, height = canvas.size_px
+    view = FrameView(canvas, left, top, width / part.shape[1], height / part.shape[0])
+    how = cv2.INTER_AREA if min(view.scale_x, view.scale_y) < 1.0 else cv2.INTER_NEAREST
+    canvas.pixels[:] = cv2.cvtColor(cv2.resize(part, (width, height), interpolation=how), cv2.COLOR_GRAY2BGR)
+    return view
 
 
-def show_stick(axes: Axes, points_px: NDArray[np.float64], *, colour: str, radius_px: float) -> None:
+def show_stick(view: FrameView, points_px: NDArray[np.float64], *, colour: Colour, radius_px: float) -> None:
     """Draw the markers (2, 2) of a stick that were read, and the line between them; NaN where one was not."""
-    from matplotlib.patches import Circle
+    places = view.at(points_px)
+    view.canvas.line(places, colour)
+    for x, y in places[np.isfinite(places).all(axis=1)].tolist():
+        view.canvas.ring((x, y), 1.6 * radius_px * view.scale_x, colour)
+        view.canvas.cross((x, y), 3.5, colour)
 
-    axes.plot(points_px[:, 0], points_px[:, 1], color=colour, lw=1.2, alpha=0.9)
-    for x, y in points_px[np.isfinite(points_px).all(axis=1)].tolist():
-        axes.add_patch(Circle((x, y), 1.6 * radius_px, fill=False, color=colour, lw=1.6))
-        axes.plot([x], [y], "+", color=colour, ms=5, mew=1.0)
 
-
-def show_candidates(axes: Axes, candidates: Sequence[Candidate]) -> None:
+def show_candidates(view: FrameView, candidates: Sequence[Candidate]) -> None:
     """Draw the candidates that were not taken, each with its number."""
-    from matplotlib.patches import Circle
-
     for one in candidates:
         if one.taken:
             continue
         colour = DOT if one.is_dot else REFUSED
-        reach = max(1.5 * one.radius_px, 4.0)
-        line = "-" if one.is_dot else ":"
-        axes.add_patch(Circle((one.x_px, one.y_px), reach, fill=False, color=colour, lw=1.4, ls=line))
-        tag(axes, (one.x_px + reach, one.y_px - reach), str(one.number), colour)
+        x, y = view.at(np.array([one.x_px, one.y_px])).tolist()
+        reach = max(1.5 * one.radius_px, 4.0) * view.scale_x
+        view.canvas.ring((x, y), reach, colour, dotted=not one.is_dot)
+        view.canvas.label((x + 0.8 * reach, y - 0.8 * reach), str(one.number), colour)
 
 
-def show_named(axes: Axes, places_px: NDArray[np.float64], names: Sequence[str], colours: Sequence[str]) -> None:
+def show_named(
+    view: FrameView, places_px: NDArray[np.float64], names: Sequence[str], colours: Sequence[Colour]
+) -> None:
     """Draw places (n, 2) as rings with a cross and a name."""
-    for (x, y), name, colour in zip(places_px.tolist(), names, colours, strict=True):
-        axes.plot([x], [y], "o", mfc="none", mec=colour, ms=13, mew=1.8)
-        axes.plot([x], [y], "+", color=colour, ms=7, mew=1.0)
-        axes.annotate(
-            name, (x, y), xytext=(10, 4), textcoords="offset points", color="black", fontsize=8, bbox=_label(colour)
-        )
+    for (x, y), name, colour in zip(view.at(places_px).tolist(), names, colours, strict=True):
+        view.canvas.ring((x, y), 9.0, colour)
+        view.canvas.cross((x, y), 5.0, colour)
+        view.canvas.label((x + 13.0, y - 4.0), name, colour)
 
 
 def marker_names() -> list[str]:
@@ -128,20 +258,25 @@ def marker_names() -> list[str]:
     return [name.replace("_", " ") for name in MARKERS]
 
 
-def marker_colours() -> list[str]:
+def marker_colours() -> list[Colour]:
     """Return the colours of the four markers."""
     return [BASE, BASE, MOVING, MOVING]
 
 
-def tag(axes: Axes, place_px: tuple[float, float], text: str, colour: str) -> None:
-    """Write a short label at a place of the picture."""
-    axes.annotate(text, place_px, color="black", fontsize=7, ha="left", va="bottom", bbox=_label(colour), clip_on=True)
-
-
-def _label(colour: str) -> dict[str, object]:
-    return {"boxstyle": "round,pad=0.15", "fc": colour, "ec": "none", "alpha": 0.85}
+def round_numbers(low: float, high: float, *, most: int) -> NDArray[np.float64]:
+    """Return at most so many multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
+    span = max(high - low, 1e-9)
+    power = 10.0 ** math.floor(math.log10(span / most))
+    step = next(power * times for times in (1.0, 2.0, 5.0, 10.0, 20.0) if span / (power * times) <= most - 1)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return np.array([step * number for number in range(first, last + 1)])
 
 
 def wrapped(text: str, width: int) -> list[str]:
     """Return a text in lines of at most ``width`` characters, and no empty list."""
     return textwrap.wrap(text, width) or [""]
+
+
+def _fixed(places_px: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Return places in OpenCV's numbers with fixed point; what lies far outside is drawn at the edge of its range."""
+    return np.clip(np.rint(places_px * 2.0**_SHIFT), -(2**24), 2**24).astype(np.int32)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,11 +16,13 @@ from torsight.markers.drawing import (
     PLAIN,
     REFUSED,
     SHOWN_PX,
+    TEXT_PX,
+    WHITE,
+    Canvas,
+    FrameView,
     marker_colours,
     marker_names,
-    new_figure,
-    panel,
-    save,
+    round_numbers,
     show_candidates,
     show_frame,
     show_named,
@@ -27,15 +30,18 @@ from torsight.markers.drawing import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+    from torsight.core.words.colours import Colour
     from tracker.detect.candidates import Sighting
 
+_CORNER_PX: Final = (60.0, 50.0)
+"""Where the frame's upper left corner is in the picture."""
 _LIST_PX: Final = 620.0
 _LINE_PX: Final = 15.0
 _LINE_CHARACTERS: Final = 98
 _GRID_LINES: Final = 16
 """Most lines of the grid along the frame's longer side."""
+_GRID_SHARE: Final = 0.28
+"""Share of white in the grid's lines: dots below them stay visible."""
 
 
 def write_preview(
@@ -76,34 +82,40 @@ def write_preview(
     scale = SHOWN_PX / max(width, height)
     lines = _lines(seen, message=message or _found_words(seen, named_px), given=given_px is not None)
     tall = max(scale * height, _LINE_PX * (len(lines) + 1))
-    figure = new_figure((70.0 + scale * width + 20.0 + _LIST_PX, 60.0 + tall + 50.0))
-    figure.text(0.01, 0.985, title, fontsize=11, weight="bold", va="top", color=PLAIN)
-    axes = panel(figure, (60.0, 50.0, scale * width, scale * height))
-    show_frame(axes, luma)
-    _grid(axes, (width, height))
-    show_candidates(axes, seen.candidates)
+    canvas = Canvas.blank((70.0 + scale * width + 20.0 + _LIST_PX, 60.0 + tall + 50.0))
+    canvas.text((12, 24), title, size_px=16, bold=True)
+    view = show_frame(canvas.part((*_CORNER_PX, scale * width, scale * height)), luma)
+    _grid(canvas, view, (width, height))
+    show_candidates(view, seen.candidates)
     if named_px is not None:
-        show_named(axes, named_px, marker_names(), marker_colours())
+        show_named(view, named_px, marker_names(), marker_colours())
     elif seen.sticks_px is not None:
         names = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
-        show_named(axes, seen.sticks_px.reshape(4, 2), names, marker_colours())
+        show_named(view, seen.sticks_px.reshape(4, 2), names, marker_colours())
     if given_px is not None:
-        show_named(axes, given_px, [f"{name}, given" for name in marker_names()], [GIVEN] * 4)
-    _write_list(panel(figure, (60.0 + scale * width + 20.0, 50.0, _LIST_PX, tall)), lines)
-    save(figure, path)
+        show_named(view, given_px, [f"{name}, given" for name in marker_names()], [GIVEN] * 4)
+    _write_list(canvas.part((60.0 + scale * width + 20.0, _CORNER_PX[1], _LIST_PX, tall)), lines)
+    canvas.save(path)
 
 
-def _grid(axes: Axes, size_px: tuple[int, int]) -> None:
+def _grid(canvas: Canvas, view: FrameView, size_px: tuple[int, int]) -> None:
     """Draw lines at round numbers of pixels, labelled at the border."""
-    from matplotlib.ticker import MaxNLocator, MultipleLocator
-
-    edges = MaxNLocator(nbins=_GRID_LINES, steps=[1, 2, 5, 10], integer=True).tick_values(0, max(size_px))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(float(edges[1] - edges[0])))
-    axes.tick_params(labelsize=8, length=3)
-    axes.grid(color="white", alpha=0.28, lw=0.6)
-    axes.set_xlabel("x (px)", fontsize=8)
-    axes.set_ylabel("y (px)", fontsize=8)
+    left, top = _CORNER_PX
+    width, height = view.canvas.size_px
+    lines = round_numbers(0.0, float(max(size_px)), most=_GRID_LINES)
+    over = Canvas(view.canvas.pixels.copy())
+    for number in lines[lines < size_px[0]].tolist():
+        x = float(view.at(np.array([number, 0.0]))[0])
+        over.line(np.array([[x, 0.0], [x, height]]), WHITE)
+        canvas.text((left + x, top + height + 16), f"{number:g}", align="center")
+    for number in lines[lines < size_px[1]].tolist():
+        y = float(view.at(np.array([0.0, number]))[1])
+        over.line(np.array([[0.0, y], [width, y]]), WHITE)
+        canvas.text((left - 6, top + y + 4), f"{number:g}", align="right")
+    view.canvas.pixels[:] = cv2.addWeighted(over.pixels, _GRID_SHARE, view.canvas.pixels, 1.0 - _GRID_SHARE, 0.0)
+    view.canvas.frame_round()
+    canvas.text((left + width / 2, top + height + 34), "x (px)", align="center")
+    canvas.text_upwards((16, top + height / 2), "y (px)")
 
 
 def _found_words(seen: Sighting, named_px: NDArray[np.float64] | None) -> str:
@@ -114,7 +126,7 @@ def _found_words(seen: Sighting, named_px: NDArray[np.float64] | None) -> str:
     return "Four markers were found."
 
 
-def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, str]]:
+def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, Colour]]:
     """Return the lines of the list beside the picture, each with its colour."""
     lines = [(line, PLAIN) for line in wrapped(message[:1].upper() + message[1:], _LINE_CHARACTERS)]
     if given:
@@ -130,12 +142,10 @@ def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, str]
     return lines
 
 
-def _write_list(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:
-    axes.set_axis_off()
-    tall = axes.get_window_extent().height
+def _write_list(canvas: Canvas, lines: Sequence[tuple[str, Colour]]) -> None:
     for number, (text, colour) in enumerate(lines):
         # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
-        y = 1.0 - _LINE_PX * number / tall
-        axes.text(0.02, y, text, transform=axes.transAxes, fontsize=8, va="top", color=PLAIN)
+        y = round(_LINE_PX * number) + TEXT_PX
+        canvas.text((14, y), text)
         if colour != PLAIN and not text.startswith("      "):
-            axes.plot([0.005], [y - 0.4 * _LINE_PX / tall], "s", color=colour, ms=6, transform=axes.transAxes)
+            canvas.pixels[y - 9 : y, 1:10] = colour[::-1]

@@ -15,12 +15,11 @@ from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import BASE, MOVING, PLAIN, new_figure, panel, save, show_frame, show_stick
+from torsight.markers.drawing import BASE, MOVING, PLAIN, Canvas, round_numbers, show_frame, show_stick
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+    from torsight.core.words.colours import Colour
     from tracker.track import TrackResult
 
 NAME: Final = "track.png"
@@ -32,13 +31,22 @@ _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
 _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
-_GAP: Final = "#d55e00"
+_GAP: Final[Colour] = (213, 94, 0)
+_ANGLE: Final[Colour] = (0, 114, 178)
+_GRID: Final[Colour] = (230, 230, 230)
 
 
 class Pictures(Protocol):
     """A source of frames that gives single ones again after a pass."""
 
     name: str
+
+    @property
+    def frame_count(self) -> int | None:
+        """Number of frames, where it is known before they are read."""
+
+    def keep(self, indices: Iterable[int]) -> None:
+        """Say which frames will be asked for after the next pass: they need not be decoded again."""
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some frames of the last pass by their numbers, without those that cannot be decoded."""
@@ -50,6 +58,12 @@ class Shown:
 
     index: int
     why: str
+
+
+def keep_pictures(source: Pictures) -> None:
+    """Say to a source, before a pass, which of its frames will be drawn as far as that is known by then."""
+    if source.frame_count:
+        source.keep(_evenly(source.frame_count))
 
 
 def write_track_picture(path: Path, source: Pictures, result: TrackResult, angles: StickAngles) -> None:
@@ -77,18 +91,22 @@ def write_track_picture(path: Path, source: Pictures, result: TrackResult, angle
     rows = (len(shown) + 2) // 3
     wide = 3 * _PANEL_PX + 4 * 10.0
     high = _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90.0
-    figure = new_figure((wide, high))
+    canvas = Canvas.blank((wide, high))
     known = int(angles.valid.sum())
     title = f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle"
-    figure.text(10.0 / wide, 1.0 - 10.0 / high, title, fontsize=12, weight="bold", va="top", color=PLAIN)
+    canvas.text((10, 26), title, size_px=18, bold=True)
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
-        box = (10.0 + column * (_PANEL_PX + 10.0), 2 * _HEAD_PX + row * (tall + _HEAD_PX), _PANEL_PX, tall)
-        _draw_frame(panel(figure, box), lumas.get(one.index), one, result=result, angles=angles, view=view)
+        left, top = 10.0 + column * (_PANEL_PX + 10.0), 2 * _HEAD_PX + row * (tall + _HEAD_PX)
+        angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
+        canvas.text((left + _PANEL_PX / 2, top - 24), one.why, align="center")
+        below = f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}"
+        canvas.text((left + _PANEL_PX / 2, top - 8), below, align="center")
+        _draw_frame(canvas.part((left, top, _PANEL_PX, tall)), lumas.get(one.index), one, result=result, view=view)
     top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10.0
-    _draw_angle(panel(figure, (70.0, top, wide - 90.0, _PLOT_PX)), angles, shown)
-    save(figure, path)
+    _draw_angle(canvas, (70.0, top, wide - 90.0, _PLOT_PX), angles, shown)
+    canvas.save(path)
 
 
 def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
@@ -109,11 +127,15 @@ def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
     else:
         index = int(np.argmax(angles.sigma_rad))
         worst = Shown(index, f"worst: largest uncertainty, ± {angles.sigma_rad[index] / DEG:.3f}°")
-    for part in range(1, _OVER_THE_FILM + 1):
-        index = round(part * (count - 1) / _OVER_THE_FILM)
+    for part, index in enumerate(_evenly(count)[1:], 1):
         shown.append(Shown(index, f"{100 * part // _OVER_THE_FILM} % of the film"))
     once = {one.index: one for one in [*reversed(shown), worst]}
     return [*sorted((one for one in once.values() if one is not worst), key=lambda one: one.index), worst]
+
+
+def _evenly(count: int) -> list[int]:
+    """Return the first frame of so many and four up to the last."""
+    return [round(part * (count - 1) / _OVER_THE_FILM) for part in range(_OVER_THE_FILM + 1)]
 
 
 def _why(result: TrackResult, index: int) -> str:
@@ -123,70 +145,102 @@ def _why(result: TrackResult, index: int) -> str:
     return ", ".join(f"{states.count(state)} {state}" for state in bad) or "impossible length"
 
 
-def _view(result: TrackResult) -> tuple[float, float, float, float]:
+def _view(result: TrackResult) -> tuple[int, int, int, int]:
     """Return the part of the picture that holds all places of all markers, with room around them."""
     width, height = result.tracks.size_px
-    whole = (-0.5, -0.5, width - 0.5, height - 0.5)
     places = result.tracks.position_px.reshape(-1, 2)
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):
-        return whole
+        return 0, 0, width, height
     low, high = places.min(axis=0), places.max(axis=0)
     room = max(0.15 * float((high - low).max()), 4.0 * float(result.report["markers"]["radius_px"]))
     wide, tall = (high - low + 2.0 * room).tolist()
     # Panels of one shape, as far as the picture reaches; a smaller part is moved to lie inside it.
     wide, tall = min(max(wide, _SHAPE * tall), float(width)), min(max(tall, wide / _SHAPE), float(height))
-    left = min(max(whole[0], 0.5 * (low[0] + high[0] - wide)), whole[2] - wide)
-    top = min(max(whole[1], 0.5 * (low[1] + high[1] - tall)), whole[3] - tall)
-    return float(left), float(top), float(left + wide), float(top + tall)
+    left = min(max(0, round(0.5 * (low[0] + high[0] - wide))), width - round(wide))
+    top = min(max(0, round(0.5 * (low[1] + high[1] - tall))), height - round(tall))
+    return left, top, left + round(wide), top + round(tall)
 
 
 def _draw_frame(
-    axes: Axes,
+    canvas: Canvas,
     luma: NDArray[np.uint8] | None,
     one: Shown,
     *,
     result: TrackResult,
-    angles: StickAngles,
-    view: tuple[float, float, float, float],
+    view: tuple[int, int, int, int],
 ) -> None:
-    angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
-    axes.set_title(f"{one.why}\nframe {one.index}, {angles.time_s[one.index]:.2f} s: {angle}", fontsize=8, color=PLAIN)
     if luma is None:
-        axes.text(0.5, 0.5, "this frame cannot be decoded", ha="center", transform=axes.transAxes, fontsize=9)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        return
-    show_frame(axes, luma, view_px=view)
-    radius = float(result.report["markers"]["radius_px"])
-    read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
-    show_stick(axes, read[:2], colour=BASE, radius_px=radius)
-    show_stick(axes, read[2:], colour=MOVING, radius_px=radius)
+        width, height = canvas.size_px
+        canvas.text((width / 2, height / 2), "this frame cannot be decoded", align="center")
+    else:
+        frame = show_frame(canvas, luma, view_px=view)
+        radius = float(result.report["markers"]["radius_px"])
+        read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
+        show_stick(frame, read[:2], colour=BASE, radius_px=radius)
+        show_stick(frame, read[2:], colour=MOVING, radius_px=radius)
+    canvas.frame_round()
 
 
-def _draw_angle(axes: Axes, angles: StickAngles, shown: list[Shown]) -> None:
+def _draw_angle(
+    canvas: Canvas, box_px: tuple[float, float, float, float], angles: StickAngles, shown: list[Shown]
+) -> None:
     """Draw the angle over time, its 95 % band, the gaps as bands, and where the frames above are."""
-    time_s, angle_deg = angles.time_s, angles.angle_rad / DEG
+    left, top, width, height = (round(value) for value in box_px)
+    plot = canvas.part(box_px)
+    time_s, angle_deg = angles.time_s, np.where(angles.valid, angles.angle_rad, np.nan) / DEG
     band = REACH * angles.sigma_rad / DEG
-    axes.fill_between(time_s, angle_deg - band, angle_deg + band, color="#0072b2", alpha=0.25, lw=0)
-    axes.plot(time_s, angle_deg, color="#0072b2", lw=1.0, label="angle, with its 95 % band")
-    if not angles.valid.all() and len(time_s):
-        step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
-        gaps = [(time_s[begin] - 0.5 * step, time_s[end - 1] + 0.5 * step) for begin, end in runs(~angles.valid)]
-        axes.broken_barh(
-            [(begin, end - begin) for begin, end in gaps],
-            (0.0, 1.0),
-            transform=axes.get_xaxis_transform(),
-            color=_GAP,
-            alpha=0.3,
-            lw=0,
-            label=f"no angle ({counted(int((~angles.valid).sum()), 'frame')})",
-        )
+    reach = np.concatenate([angle_deg - band, angle_deg + band])
+    low, high = _limits(reach[np.isfinite(reach)], margin=0.05)
+    begin_s, end_s = _limits(time_s, margin=0.01)
+
+    def at(times: NDArray[np.float64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+        across = (times - begin_s) / (end_s - begin_s) * (width - 1)
+        return np.column_stack([across, (high - degrees) / (high - low) * (height - 1)])
+
+    for number in round_numbers(begin_s, end_s, most=12).tolist():
+        x = float(at(np.array([number]), np.array([low]))[0, 0])
+        plot.line(np.array([[x, 0.0], [x, height]]), _GRID)
+        canvas.text((left + x, top + height + 16), f"{number:g}", align="center")
+    for number in round_numbers(low, high, most=7).tolist():
+        y = float(at(np.array([begin_s]), np.array([number]))[0, 1])
+        plot.line(np.array([[0.0, y], [width, y]]), _GRID)
+        canvas.text((left - 6, top + y + 4), f"{number:g}".replace("-", "−"), align="right")
+    upper, lower = at(time_s, angle_deg + band), at(time_s, angle_deg - band)
+    known = [slice(begin, end) for begin, end in runs(np.isfinite(angle_deg + band))]
+    plot.tint([np.concatenate([upper[some], lower[some][::-1]]) for some in known], _ANGLE, 0.25)
+    plot.line(at(time_s, angle_deg), _ANGLE)
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    gaps = [(time_s[begin] - 0.5 * step, time_s[end - 1] + 0.5 * step) for begin, end in runs(~angles.valid)]
+    edges = np.array([high, high, low, low])
+    plot.tint([at(np.array([begin, end, end, begin]), edges) for begin, end in gaps], _GAP, 0.3)
     for one in shown:
-        axes.axvline(time_s[one.index], color=PLAIN, lw=0.7, ls=":" if one is not shown[-1] else "--", alpha=0.7)
-    axes.set_xlabel("time (s); dotted: the frames above, dashed: the worst one", fontsize=8)
-    axes.set_ylabel("angle (°)", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.grid(alpha=0.25)
-    axes.margins(x=0.01)
-    axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
+        x = float(at(time_s[[one.index]], np.array([low]))[0, 0])
+        plot.dashes(x, PLAIN, dash_px=5 if one is shown[-1] else 2)
+    plot.frame_round()
+    _write_legend(canvas, (left + width, top - 8), gaps=int((~angles.valid).sum()))
+    below = "time (s); dotted: the frames above, dashed: the worst one"
+    canvas.text((left + width / 2, top + height + 36), below, align="center")
+    canvas.text_upwards((left - 54, top + height / 2), "angle (°)")
+
+
+def _write_legend(canvas: Canvas, end_px: tuple[int, int], *, gaps: int) -> None:
+    """Write what the line and the bands mean, up to a place from the left."""
+    words = [("angle, with its 95 % band", _ANGLE)]
+    if gaps:
+        words.append((f"no angle ({counted(gaps, 'frame')})", _GAP))
+    x, y = end_px
+    for text, colour in reversed(words):
+        canvas.text((x, y), text, align="right")
+        x -= canvas.width_of(text) + 8
+        canvas.line(np.array([[x - 24.0, y - 4.0], [x, y - 4.0]]), colour, width_px=2)
+        x -= 44
+
+
+def _limits(values: NDArray[np.float64], *, margin: float) -> tuple[float, float]:
+    """Return the range of values and a share of it at either side; never an empty one."""
+    if not len(values):
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    room = margin * (high - low) or 0.5
+    return low - room, high + room

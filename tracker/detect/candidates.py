@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX, Dot, Refused, find_and_refuse, find_large_dots
+from tracker.detect.fiducials import tags_seen
 from tracker.detect.sticks import Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
 
 _SHOWN: Final = 24
@@ -86,7 +88,9 @@ def look(luma: NDArray[np.uint8]) -> Sighting:
         rows += [(at.x_px, at.y_px, at.radius_px, False, False, at.reason) for at in _apart(refused, dots)]
     candidates = tuple(Candidate(number, *row) for number, row in enumerate(rows[:_SHOWN], 1))
     if found is None:
-        return Sighting(candidates, None, _why_none(luma, dots, paired, sticks))
+        family, numbers = tags_seen([luma])
+        reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""
+        return Sighting(candidates, None, reason or _why_none(luma, dots, paired, sticks))
     places = np.array([[dot.x_px, dot.y_px] for dot in taken]).reshape(2, 2, 2)
     return Sighting(candidates, places, "")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -16,6 +18,12 @@ from torsight.core.words.wording import listed
 Floats = NDArray[np.float64]
 
 _PREFIX: Final = "DICT_"
+USUAL: Final = (
+    "4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5", "ARUCO_ORIGINAL",
+    "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
+)  # fmt: skip
+"""Families that are tried where none is given or the given one is not seen: the most printed first, of one code the
+smallest."""
 
 
 def families() -> tuple[str, ...]:
@@ -87,6 +95,20 @@ def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
         FoundTag(int(number), np.asarray(four, dtype=np.float64).reshape(4, 2))
         for number, four in zip(np.ravel(numbers), corners, strict=True)
     ]
+
+
+def tags_seen(lumas: Sequence[NDArray[np.uint8]]) -> tuple[str, list[int]]:
+    """Return the first usual family of which two tags or more are seen in pictures of one film, and their numbers.
+
+    Of several pictures two have to show a tag, once each: clutter that looks like one does not stay.
+    """
+    for family in USUAL:
+        seen = [Counter(tag.number for tag in find_tags(luma, family)) for luma in lumas]
+        shown = Counter(number for one in seen for number, times in one.items() if times == 1)
+        numbers = sorted(number for number, pictures in shown.items() if pictures >= min(2, len(lumas)))
+        if len(numbers) > 1:
+            return family, numbers
+    return "", []
 
 
 @lru_cache(maxsize=32)

@@ -49,6 +49,8 @@ class FilmSource:
         self._times_s = times_s
         self.display = Display()
         self.pts: list[int | None] = []
+        self._keep: frozenset[int] = frozenset()
+        self._kept: dict[int, NDArray[np.uint8]] = {}
         with self.open() as container:
             stream = self.stream(container)
             self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
@@ -145,6 +147,7 @@ class FilmSource:
             start = stream.start_time
             index = 0
             self.pts = []
+            self._kept = {}
             last_s = -np.inf
             for pts, luma, damaged in decoder.pictures(container, stream, display=self.display):
                 if start is None and pts is not None:
@@ -162,6 +165,8 @@ class FilmSource:
                         limit=f"{self._size_px[0]} × {self._size_px[1]}",
                         do="cut the film where its size changes",
                     )
+                if luma is not None and index in self._keep:
+                    self._kept[index] = luma.copy()
                 yield Frame(index, time_s, luma, damaged=damaged or luma is None)
                 index += 1
         self._note_end(index, last_s, decoder)
@@ -174,15 +179,20 @@ class FilmSource:
             return np.arange(len(pts)) / self._fps
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
+    def keep(self, indices: Iterable[int]) -> None:
+        """Say which frames :meth:`pictures` will be asked for after the next pass: these are kept in memory."""
+        self._keep = frozenset(indices)
+
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some frames of the last pass again, by their numbers; those that cannot be decoded are left out.
 
         Frames that cannot be sought, in a damaged film or one without an index, are all taken from one further pass.
         """
         wanted = set(indices)
-        stamps = {index: self.pts[index] for index in wanted if index < len(self.pts)}
+        found = {index: self._kept[index] for index in wanted & set(self._kept)}
+        stamps = {index: self.pts[index] for index in wanted - set(found) if index < len(self.pts)}
         sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
-        found = {index: luma for index, luma in sought.items() if luma is not None}
+        found |= {index: luma for index, luma in sought.items() if luma is not None}
         left = wanted - set(found)
         for frame in self if left else ():
             if frame.index in left and frame.luma is not None:

@@ -113,6 +113,9 @@ class PictureSource:
             yield Frame(index, time_s, luma, damaged=luma is None)
         note_rows_left(self.damage, self.times_s, len(self.paths))
 
+    def keep(self, indices: Iterable[int]) -> None:
+        """Keep nothing: single pictures are read again as fast."""
+
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some pictures again, by their numbers; those that cannot be read are left out."""
         read = {index: _read(self.paths[index]) for index in indices}

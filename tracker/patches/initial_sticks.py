@@ -14,7 +14,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from torsight.core.words.wording import listed
-from tracker.detect.fiducials import FoundTag, count_of, find_tags, in_words
+from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.follower import DotState
@@ -39,11 +39,6 @@ _STRUCTURE_PX: Final = 2.0
 _SLOPE: Final = 0.6
 """Least slope (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2 to 10,
 the straight edge of a pipe in a film in H.264 0.3 to 0.5."""
-_USUAL: Final = (
-    "4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5", "ARUCO_ORIGINAL",
-    "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
-)  # fmt: skip
-"""Families that are tried where the given one is not seen: the most printed first, and of one code the smallest."""
 _TRIED: Final = 3
 """Frames in which other families are looked for."""
 
@@ -56,15 +51,15 @@ def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
     NoResultError
         When there is no dot or no texture at a position that was given.
     """
-    assert first is not None  # noqa: S101 - for the type checker: kept wherever a stick has no dots
     base, moving = (_stick(first, hints, stick) for stick in (0, 1))
     return base, moving
 
 
-def _stick(first: Frame, hints: MarkerHints, stick: int) -> Stick:
+def _stick(first: Frame | None, hints: MarkerHints, stick: int) -> Stick:
     kind, number = hints.kinds[stick], hints.ids[stick]
     if kind == "tag" and number is not None:
         return TagStick(hints.family, number)
+    assert first is not None  # noqa: S101 - for the type checker: kept wherever a stick has no tag
     if kind == "dot":
         return DotState(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
     return _texture_stick(first, hints, stick)
@@ -226,9 +221,9 @@ def _not_found(
     return NoResultError(
         what,
         where=where,
-        value=f"no tag of {hints.family} nor of {len(_USUAL) - 1} other usual families"
-        if hints.family in _USUAL
-        else f"no tag of {hints.family} nor of {len(_USUAL)} usual families",
+        value=f"no tag of {hints.family} nor of {len(USUAL) - 1} other usual families"
+        if hints.family in USUAL
+        else f"no tag of {hints.family} nor of {len(USUAL)} usual families",
         limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
         "4 px and more",
         do="come closer or print them larger, light them evenly, and keep hands off",
@@ -239,7 +234,7 @@ def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list
     """Return the usual family of which most tags are seen, and these tags."""
     best: tuple[str, list[FoundTag]] = ("", [])
     code, own = but.partition("_")[0], count_of(but)
-    for family in _USUAL:
+    for family in USUAL:
         if family == but:
             continue
         seen = max((find_tags(luma, family) for luma in kept), key=len, default=[])

@@ -170,7 +170,7 @@ def advice(
 
     ``gaps`` is of frames without an angle; ``radius_px`` is None where not all markers are dots.
     """
-    words: list[str] = []
+    words = list(gaps)
     compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
     if ratio is not None and ratio > _COMPRESSED and not compression["lossless"]:
@@ -179,7 +179,6 @@ def advice(
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "
             "FFV1."
         )
-    words += gaps
     if radius_px is not None and radius_px < _SMALL_PX:
         words.append(
             f"The dots are small (radius {radius_px:.1f} px): the error falls as the root of their radius grows."

@@ -24,6 +24,8 @@ from tracker.track import track_film
 SIDE = 36.0
 ALONG = 70.0
 FAMILY = "4X4_50"
+TAG_1 = Sprite(**tag(FAMILY, 1, side_mm=SIDE, along_mm=95.0))
+TAG_5 = Sprite(**tag(FAMILY, 5, side_mm=SIDE, along_mm=40.0))
 PAIR = {"kind": "tag", "family": FAMILY, "base_id": 0, "moving_id": 1}
 
 
@@ -119,6 +121,32 @@ def test_going_on_from_a_noted_state_is_the_same_bit_by_bit(tmp_path: Path) -> N
     again.restore(state)
     rest = [again.step(frame) for frame in itertools.islice(source, 9, None)]
     assert [row.tobytes() for row in rest] == [row.tobytes() for row in rows[9:]]
+
+
+def test_tags_are_found_without_a_marker_file(tmp_path: Path) -> None:
+    # The tag of the larger number is on the base.
+    made = film("APRILTAG_36h11", (9, 4), noise=3.0)
+    result = track_film(open_source(made.write(tmp_path / "film.mkv")))
+    told = result.report["markers"]
+    assert (told["kind"], told["family"], told["base_id"], told["moving_id"]) == ("tag", "APRILTAG_36h11", 9, 4)
+    assert not told["given"]
+    named = {"kind": "tag", "family": "APRILTAG_36h11", "base_id": 9, "moving_id": 4}
+    same = track_film(open_source(tmp_path / "film.mkv"), markers=read_markers(named))
+    np.testing.assert_allclose(result.tracks.position_px, same.tracks.position_px, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"angle_deg": lambda t: 60.0 + 0.0 * t}, ["no stick moves", "tags 0 and 1 of 4X4_50", "--markers"]),
+        ({"moving": [TAG_1, TAG_5]}, ["more than two tags", "numbers 0, 1 and 5", "base_id"]),
+    ],
+)
+def test_tags_found_without_a_marker_file_that_tell_no_angle(how: dict, words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(NoResultError) as error:
+        track_film(open_source(film(**how).write(tmp_path / "film.mkv")))
+    for word in words:
+        assert word in str(error.value)
 
 
 def test_motion_tells_which_stick_moves(tmp_path: Path) -> None:

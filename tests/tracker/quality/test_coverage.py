@@ -10,7 +10,9 @@ import pandas as pd
 import pytest
 from films import Rig, write_film
 
+from torsight.cli.frame_coverage import few_angles
 from torsight.cli.main import main
+from tracker.quality.account import advice
 
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=40)
 """Forty frames at 30 a second; the lamp is off in a share of them."""
@@ -44,6 +46,21 @@ def test_few_frames_with_an_angle(
         assert str(film) in errors
     if code:
         assert "most of the others: the light is off" in errors
+
+
+def test_why_frames_have_no_angle_comes_before_what_makes_the_others_better() -> None:
+    told = {
+        "compression": {"error_over_white_noise": 4.5, "codec": "h264", "lossless": False},
+        "noise": {"marker_contrast_grey": 100.0},
+        "frames": {"total": 100, "with_angle": 70},
+    }
+    gap = "30 of 100 frames have no angle (30 lost): start filming later."
+    words = advice(told, length_px=100.0, radius_px=6.0, events=[], gaps=[gap])
+    assert words[0] == gap
+    assert "bit rate" in words[1]
+    few = few_angles({**told, "advice": words}, where="film.mp4")
+    assert few is not None
+    assert few.do == "start filming later"
 
 
 def test_a_bare_command_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:

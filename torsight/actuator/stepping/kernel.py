@@ -17,7 +17,8 @@ sign s (φ = s (x − θ_P/2)).
 Arrays that go from function to function:
 ``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
-reference state; ``w`` (5, m) per section: ξ, ξ0, the furthest place in the law's window, and a trial's ξ and place;
+reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, and at
+what rate ξ changed before;
 ``g`` what goes on from sample to sample; :class:`State` holds them together.
 """
 
@@ -55,6 +56,7 @@ from torsight.actuator.stepping.kernel_roots import (
     MOVE_2,
     OTHER,
     OWN,
+    PACE,
     PER_S,
     REST_S,
     SCALE,
@@ -75,6 +77,7 @@ from torsight.actuator.stepping.kernel_roots import (
     X_NOW,
     X_REF,
     XI_0_P,
+    XI_BEFORE,
     XI_NOW,
     XI_P,
     XI_REF,
@@ -298,8 +301,11 @@ def _pass_over(per_s: float, c: Array, g: Array) -> None:
 
 
 @inlined
-def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
-    """Keep the mean speed over the sample before, and this sample's share of the time of both."""
+def _keep_rates(per_s: float, starts: bool, turns: bool, c: Array, g: Array, w: Array) -> None:
+    """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both."""
+    for j in range(w.shape[1]):
+        w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
+        w[XI_BEFORE, j] = w[0, j]
     known = not starts and c[PER_S] > 0.0
     c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
@@ -308,7 +314,7 @@ def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((5, sections))
+    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
@@ -343,7 +349,7 @@ def step_through(
                 out[i, k] = out[i, k - 1]
             _pass_over(per_s[k], c, g)
             continue
-        _keep_speed(per_s[k], starts, c, g)
+        _keep_rates(per_s[k], starts, turns, c, g, w)
         c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
         c[SIGN] = 1.0 if who == 0 else -1.0
         c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0

@@ -133,17 +133,20 @@ def _stretches(
         return [0]
     if start.kind != "dot":
         return [begin]
-    moving = _liveliest(source, stamps, check, about, progress, sought=hints is None and not start.doubtful)
+    sought = hints is None and not start.doubtful
+    moving = _liveliest(source, stamps, check, about, progress, begin=begin, sought=sought)
     return [begin] if abs(moving - begin) < CLIP // 2 else [begin, moving]
 
 
-def _liveliest(source: Any, stamps: Stamps, check: Check, about: str, progress: Progress, *, sought: bool) -> int:
+def _liveliest(
+    source: Any, stamps: Stamps, check: Check, about: str, progress: Progress, *, begin: int, sought: bool
+) -> int:
     """Return where a stretch begins that lies around the largest change between two sampled frames.
 
-    ``sought``: whether the markers are looked for in some of the frames on the way.
+    ``begin`` is where a run begins; ``sought``: whether the markers are looked for in some of the frames on the way.
     """
     count = len(stamps)
-    places = np.linspace(0, count - 1, PLACES).astype(int).tolist()
+    places = np.linspace(begin, count - 1, PLACES).astype(int).tolist()
     seen: dict[int, Picture] = {}
     found = []
     for number, place in enumerate(places):
@@ -171,7 +174,7 @@ def _liveliest(source: Any, stamps: Stamps, check: Check, about: str, progress: 
             break
         seen[middle] = _small(luma)
         low, high = max(((low, middle), (middle, high)), key=lambda ends: _changed(seen[ends[0]], seen[ends[1]]))
-    return max(0, min((low + high) // 2 - CLIP // 2, count - CLIP))
+    return max(begin, min((low + high) // 2 - CLIP // 2, count - CLIP))
 
 
 def _luma_at(source: Any, stamps: Stamps, place: int) -> Picture | None:

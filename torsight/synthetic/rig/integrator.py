@@ -65,6 +65,10 @@ _RATE_FOLLOWS_S: Final = 2.0
 """A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
 
 
+_HEAT_FOLLOWS_S: Final = 0.2
+"""Heat that the phase takes up is missing at the sensor so much later; if at once, the control would swing about it."""
+
+
 class Course(NamedTuple):
     """What is done at every sample.
 
@@ -242,5 +246,6 @@ def integrate(
                 passive_step(c, springs[1 - active], felt_c[1 - active], since_s)
             before_xi[:] = s[:, XI]
             sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
-            pace[:] = (s[:, XI] - before_xi) / step_s
+            for i in range(2):
+                pace[i] += ((s[i, XI] - before_xi[i]) / step_s - pace[i]) * min(step_s / _HEAT_FOLLOWS_S, 1.0)
     return out
