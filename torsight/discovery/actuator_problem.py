@@ -46,7 +46,7 @@ class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
     The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
-    little carry nothing. Effects act on all rows before that.
+    little carry nothing. What changes the temperatures acts on all rows before that.
 
     Attributes
     ----------
@@ -78,6 +78,7 @@ class ActuatorProblem(OptionalMembers):
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _thinned: dict[Drive, Drive] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -122,7 +123,7 @@ class ActuatorProblem(OptionalMembers):
         other = replace(self, forms=tuple(forms))
         # What depends on the record alone is not worked out again.
         samples = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
-        kept = (*samples, "drivers", "laws", "_smooth_drives", "_shared_drives")
+        kept = (*samples, "drivers", "laws", "_smooth_drives", "_shared_drives", "_thinned")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -241,7 +242,11 @@ class ActuatorProblem(OptionalMembers):
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         model = self.model(effects)
-        return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
+        if not model.by_rows:
+            return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
+        if drive not in self._thinned:
+            self._thinned[drive] = drive.at(self.rows)
+        return model.simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
