@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -20,8 +19,9 @@ from torsight.core.parameter import Parameter
 from torsight.core.series import scatter
 from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import STEP_SHARE, Solution, linear_change, solve
+from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, linear_change, solve
 from torsight.discovery.inference.validate import block_labels
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
 from torsight.discovery.own.model.evaluate import Evaluator
@@ -34,9 +34,13 @@ _BASE_POINTS: Final = 12
 """Points over the bounds at which the base model is looked at ..."""
 _BASE_FITS: Final = 2
 """... and from the best of which it is fitted, beside its own start."""
-_STRETCHES: Final = (64, 16, 4)
-"""Stretches of a record, shorter ones first, over which differential equations are fitted before whole records are
-(benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling pendulum 9 are fitted, none without)."""
+_STRETCHES: Final = 64
+"""Stretches of a record over which differential equations are fitted first ..."""
+_BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
+"""... then longer and longer beginnings of it (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
+pendulum 13 are fitted, none without) ..."""
+_UNSURE: Final = 3.0
+"""... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
 _LEAST_ROWS: Final = 4
 """Rows from one end of a stretch to the other, at least: its states have to show in them."""
 _POINTS: Final = 12
@@ -114,11 +118,12 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
 
 
 def _by_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> list[Fit]:
-    """Return a fit of differential equations that begins where fits to longer and longer stretches have led.
+    """Return a fit of differential equations that begins where stretches and longer and longer beginnings have led.
 
     Over a whole record the squares may have many valleys; over a stretch that begins at what was measured they have
-    few (multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981). Where
-    little more than noise is left, the record has been followed already.
+    few (multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981), and what
+    a beginning tells is near enough for twice of it. Where little more than noise is left, the record has been followed
+    already.
     """
     ode = problem.model.predict
     left = np.where(fitter.weight.each > 0.0, fitter.residual(own), np.nan)
@@ -128,29 +133,32 @@ def _by_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> list[Fit]:
         return []
     times = problem.times()
     span, row = max(float(np.ptp(one)) for one in times), max(float(np.median(np.diff(one))) for one in times)
+    since = problem.layout.spread([one - one[0] for one in times])
     space, names = fitter.space(()), [p.name for p in problem.parameters]
 
-    def solved(over: ModelProblem, starts: list[Array], fine: Solution | None = None) -> Solution:
-        at, finer = AtPoint(over, names, ()), space
-        if fine is not None:
-            # Derivatives are differences over what a fit leaves open: over a longer stretch everything is steeper.
-            known = fine.jacobian.T @ fitter.weight.times(fine.jacobian) + np.diag(space.scale**-2.0)
-            left_open = np.sqrt(np.diag(np.linalg.inv(known)))
-            finer = replace(space, scale=np.minimum(space.scale, left_open / STEP_SHARE))
-        solve_from = partial(solve, at, observed=problem.observed, weight=fitter.weight, space=finer, max_iterations=20)
-        return min(map(solve_from, starts), key=lambda one: one.cost)
+    def solved(over: ModelProblem, x: Array, weight: Weight, within: Space) -> Solution:
+        at = AtPoint(over, names, ())
+        return solve(at, x, observed=problem.observed, weight=weight, space=within, max_iterations=20)
 
-    found, starts = [], [np.array(list(own.values.values())), np.array([p.value for p in problem.parameters])]
-    for count in _STRETCHES:
-        solver = replace(ode.solver, restart_s=max(span / count, _LEAST_ROWS * row))
-        model = replace(problem.model, predict=replace(ode, solver=solver))
-        stretched = replace(problem, model=model, evaluator=Evaluator(model))
-        over = solved(stretched, starts)
-        problem.evaluator.calls += stretched.evaluator.calls
-        found.append(solved(problem, [over.x], over))
-        starts = [over.x]
-    best = min(found, key=lambda one: one.cost)
-    return [Fit((), own.parameters, solved(problem, [best.x], best))]
+    def left_open(at: Solution, weight: Weight) -> Array:
+        known = at.jacobian.T @ weight.times(at.jacobian) + np.diag(space.scale**-2.0)
+        return np.sqrt(np.diag(np.linalg.inv(known)))
+
+    solver = replace(ode.solver, restart_s=max(span / _STRETCHES, _LEAST_ROWS * row))
+    model = replace(problem.model, predict=replace(ode, solver=solver))
+    stretched = replace(problem, model=model, evaluator=Evaluator(model))
+    starts = (np.array(list(own.values.values())), np.array([p.value for p in problem.parameters]))
+    found = min((solved(stretched, x, fitter.weight, space) for x in starts), key=lambda one: one.cost)
+    problem.evaluator.calls += stretched.evaluator.calls
+    unsure = left_open(found, fitter.weight)
+    over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
+    for share in _BEGINNINGS:
+        # Derivatives are differences over what the fit before leaves open: over a longer time everything is steeper.
+        weight = fitter.weight.only(since <= share * span)
+        finer = np.minimum(space.scale, unsure / STEP_SHARE)
+        found = solved(problem, found.x, weight, replace(over if share < 1.0 else space, scale=finer))
+        unsure = np.minimum(unsure, left_open(found, weight))
+    return [Fit((), own.parameters, found)]
 
 
 def _left(fitter: Fitter, at: Array) -> Array:
