@@ -132,8 +132,8 @@ class Search:
         return max(first, *again, key=self.value_of)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from values of one's own: under the likelihood there, then under that of the end."""
-        for _ in range(2):
+        """Fit a set of effects from values of one's own: under the likelihood there, then twice under that of the end."""
+        for _ in range(3):
             prediction = self._problem.predict(start, effects)
             likelihood = self._likelihood_at(self._problem, start, effects)
             fitter = _weighted(likelihood, self._problem, prediction)
