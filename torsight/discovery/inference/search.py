@@ -132,7 +132,7 @@ class Search:
         return max(first, *again, key=self.value_of)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from values of one's own: under the likelihood there, then twice under that of the end."""
+        """Fit a set of effects from values of one's own: under the likelihood there, then twice under the end's."""
         for _ in range(3):
             prediction = self._problem.predict(start, effects)
             likelihood = self._likelihood_at(self._problem, start, effects)
