@@ -60,6 +60,7 @@ def integrate_and_model() -> None:
     record = make_record({"protocol": {"time_factor": 0.05}})
     model = ActuatorModel(replace(reference_spec(), uncertainty={"tau_c_mnm": 0.3}), ["backlash"])
     fit_model(model, model.prepare(record.table))
+    import torsight.discovery.own.compiled.stepper  # noqa: F401 - its machine code is made where it is imported
 
 
 def main() -> None:

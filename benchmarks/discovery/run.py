@@ -159,6 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=PARTS, default="work")
     parser.add_argument("--match", default="", help="only cases whose name contains one of these, comma-separated")
+    parser.add_argument("--after", type=int, default=0, help="leave out so many at the beginning")
     parser.add_argument("--first", type=int, default=None, help="only the first so many")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--out", type=Path, required=True)
@@ -166,7 +167,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--make-only", action="store_true", help="only make the records")
     given = parser.parse_args(arguments)
     wanted = given.match.split(",")
-    chosen = [case for case in suite(given.part) if any(word in case.name for word in wanted)][: given.first]
+    chosen = [case for case in suite(given.part) if any(word in case.name for word in wanted)]
+    chosen = chosen[given.after :][: given.first]
     lines = given.out.read_text().splitlines() if given.out.exists() else []
     done = {result["name"] for result in map(json.loads, lines) if "failed" not in result}
     left = [case for case in chosen if case.name not in done]

@@ -63,7 +63,8 @@ def same_by_both_ways(model, monkeypatch, more=None):
         slid.append(glide(*given))
         return slid[-1]
 
-    monkeypatch.setattr(kernel, "run", kernel.run.py_func)
+    for name in ("run", "step_through"):
+        monkeypatch.setattr(kernel, name, getattr(kernel, name).py_func)
     monkeypatch.setattr(kernel, "glide", counted)
     model.simulate(drive, values)
     moves = np.count_nonzero(np.abs(np.diff(short.phi_rad)) > 1e-9)

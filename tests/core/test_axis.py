@@ -73,8 +73,8 @@ def test_axis_from_a_pair_without_noise():
 
 @pytest.mark.parametrize("cameras", [1, 2])
 def test_axis_lies_within_its_own_sigma(cameras):
-    rng = np.random.default_rng(1)
-    direction, _, points = rig(9.0, np.radians(np.linspace(0, 200, 120)))
+    rng, frames = np.random.default_rng(1), 60
+    direction, _, points = rig(9.0, np.radians(np.linspace(0, 200, frames)))
     scaled, misfit = [], []
     # A pair's fit has more than twice the residuals.
     draws = 25 if cameras == 1 else 10
@@ -85,8 +85,8 @@ def test_axis_lies_within_its_own_sigma(cameras):
     # Two tilts, each at most one sigma wide: the mean square is at most 2, within the scatter of the draws.
     assert np.mean(np.square(scaled)) < 2.0 + 5 * 2.0 * np.sqrt(1 / draws)
     assert np.mean(np.square(scaled)) > 0.5
-    # χ² per degree of freedom of 3 residuals a frame, 7 of two cameras, in 120 frames, each time.
-    assert np.mean(misfit) == pytest.approx(1.0, abs=5 * np.sqrt(0.5 / (120 * (4 * cameras - 1)) / draws) + 0.005)
+    # χ² per degree of freedom of 3 residuals a frame, 7 of two cameras, each time.
+    assert np.mean(misfit) == pytest.approx(1.0, abs=5 * np.sqrt(0.5 / (frames * (4 * cameras - 1)) / draws) + 0.005)
 
 
 def test_without_perspective_the_mirror_image_fits_almost_as_well():

@@ -242,7 +242,10 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: asked(observed={"u": np.ones(9), "y": np.ones(8)}),
     ),
     "observed: no output": ("is measured nowhere", lambda: asked(observed=columns(y=np.full(ROWS, NAN)))),
-    "observed: words alone": ("record 1: holds too little", lambda: asked(observed={"u": ["a"] * 9, "y": ["b"] * 9})),
+    "observed: words alone": (
+        "record 1: has no column of numbers",
+        lambda: asked(observed={"u": ["a"] * 9, "y": ["b"] * 9}),
+    ),
     "observed: the output in words": (
         "record 1: has no column 'y'",
         lambda: asked(observed=columns(y=["1.0 V"] * ROWS)),

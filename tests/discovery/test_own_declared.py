@@ -28,6 +28,7 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
 from torsight.discovery.own.model.model_file import READING
+from torsight.discovery.own.records import read_records, time_of
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 
@@ -221,3 +222,15 @@ def test_read_sensor_is_the_plain_line_at_null() -> None:
     full = model_problem(read_sensor, sensor_record(), sensor_parameters(), sensor_candidates(), output="y")
     values = {"gain": 2.0, "offset": 1.0}
     np.testing.assert_allclose(full.predict(values, ()), problem().predict(values, ()), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("mark", "point"), [(",", "."), (";", "."), (";", ","), ("\t", ".")])
+def test_a_record_is_read_as_an_instrument_writes_it(mark: str, point: str, tmp_path: Path) -> None:
+    rows = [f"{0.5 * k}{mark}{k % 3 + 0.25}{mark}run" for k in range(9)]
+    text = "\n".join([mark.join(("Time (s)", "Force (N)", "remark")), *rows])
+    path = tmp_path / "logger.csv"
+    path.write_text(text if point == "." else text.replace(".", ","), encoding="utf-8-sig")
+    (record,) = read_records(path)
+    assert list(record) == ["Time (s)", "Force (N)"]
+    np.testing.assert_allclose(time_of(record, None), 0.5 * np.arange(9))
+    np.testing.assert_allclose(record["Force (N)"], np.arange(9) % 3 + 0.25)

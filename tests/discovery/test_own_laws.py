@@ -102,11 +102,11 @@ def rub(speed: np.ndarray | float) -> Any:
     return 0.8 * np.tanh(np.asarray(speed) / 0.5) + 0.4 * np.asarray(speed)
 
 
-def sledge_record(seed: int, rows: int = 400) -> Table:
+def sledge_record(seed: int, rows: int = 400, push: float = 2.0) -> Table:
     """Return the speed of v' = f − 0.3 v − rub(v) (SciPy's LSODA)."""
     rng = np.random.default_rng(seed)
     t = 0.1 * np.arange(rows)
-    force = np.repeat(rng.uniform(-2.0, 2.0, rows // 10 + 1), 10)[:rows]
+    force = np.repeat(rng.uniform(-push, push, rows // 10 + 1), 10)[:rows]
 
     def rhs(s: float, v: np.ndarray) -> np.ndarray:
         return force[min(int(s / 0.1 + 1e-9), rows - 1)] - 0.3 * v - rub(v)
@@ -148,6 +148,29 @@ def test_a_law_inside_a_differential_equation_is_measured_through_it(sledge: Fin
     assert sledge.errors["speed"][1].rmse_held_out < 0.2 * sledge.errors["speed"][0].rmse_held_out
     assert set(curve.table()) == {"driver", "value", "sigma", "covered"}
     assert set(sledge.parameters) == {"viscous"}
+
+
+def test_what_a_law_does_where_it_was_never_measured_is_a_doubt(sledge: Findings) -> None:
+    """Pushed three times as hard, the sledge is faster than 1.5 m/s, from where friction rises on by 0.4 N s/m."""
+    later = sledge_record(9, push=6.0)
+    made = sledge.predict(later)
+    off, sigma = made["speed"] - later["speed"], made["speed_sigma"]
+    assert np.max(np.abs(off)) > 20.0 * 0.01
+    assert np.mean(np.abs(off) < 1.96 * sigma) > 0.9
+    assert np.max(np.abs(off) / sigma) < 4.0
+    assert "beyond which" in made.warnings[0]
+
+
+def test_a_prediction_shows_itself(sledge: Findings) -> None:
+    made = sledge.predict(sledge_record(9))
+    assert list(made) == ["time_s", "speed", "speed_sigma"] == list(made.to_frame())
+    assert repr(made).startswith("PredictedOutputs(record: record 1, 400 rows, speed: ")
+    assert "<td>" in made._repr_html_()
+    assert made.plot().get_xlabel() == "time_s"
+    (curve,) = sledge.laws
+    assert repr(curve).startswith("MeasuredCurve(friction: a law of speed, from")
+    assert list(curve.to_frame()) == ["driver", "value", "sigma", "covered"]
+    assert curve.plot().get_xlabel() == "speed m/s"
 
 
 def test_a_model_with_a_law_is_the_same_after_a_file(sledge: Findings) -> None:
@@ -210,8 +233,8 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     found = find_missing(with_port())
     assert not [one for one in found.warnings if "beyond which" in one]
     wider = waves(seed=8)
-    assert not found.model().doubts(wider)
-    assert "beyond which" in found.model().doubts({**wider, "u": 4.0 * wider["u"]})[0]
+    assert not found.predict(wider).warnings
+    assert "beyond which" in found.predict({**wider, "u": 4.0 * wider["u"]}).warnings[0]
 
 
 def test_a_form_is_sure_only_where_a_free_law_was_measured_in_its_place() -> None:

@@ -33,6 +33,7 @@ from torsight.cli.main import main
 from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
 from torsight.core.errors import OutputError
+from torsight.core.files.storage import read_json
 from torsight.viewer import save_pictures
 from torsight.viewer.program import free_port
 
@@ -49,6 +50,8 @@ class World:
 
     def give(self, command: str) -> None:
         """Give a command as a user at a shell would."""
+        # A run's results go beside its experiment, be that said or not.
+        command = re.sub(r"^(torsight run (.*)/experiment.toml) --out \2/results$", r"\1", command.strip())
         if command in self.done:
             return
         program, *words = [name for word in shlex.split(command) for name in self._spread(word)]
@@ -71,6 +74,10 @@ class World:
             return
         if words[0] == "markers" and "--preview" not in words:
             _pick(words)
+            return
+        if words[:2] == ["run", "--from"]:
+            # Done again, to the last byte, in tests/cli/test_run.py.
+            assert read_json(self.folder / words[2])["command"]
             return
         if words[:2] == ["live", "0"]:
             words = ["live", "bench.mkv", *words[2:]]

@@ -133,6 +133,14 @@ class Drive:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def at(self, rows: NDArray[np.int64]) -> Drive:
+        """Return the drive at some of its rows (m,)."""
+        cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
+        sensors = Sensors(self.sensors.time_s, self.sensors.temps_c, self.sensors.rows[rows])
+        names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
+                 "angle_sigma_rad", "known")  # fmt: skip
+        return replace(self, cycles=cycles, sensors=sensors, **{name: getattr(self, name)[rows] for name in names})
+
 
 def whole_turns(angle_rad: Array) -> int:
     """Return by how many whole turns a reading is ahead of the actuator's own angle.

@@ -16,7 +16,7 @@ from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
-from torsight.actuator.springs import Rig, values_of_b
+from torsight.actuator.springs import SPRING_B, Rig, values_of_b
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
 from torsight.core.errors import ConfigError, InputError
@@ -195,9 +195,11 @@ class ActuatorModel:
         counts = drive.cycles.counts()
         before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
         zero_rad = given["zero_deg"] * DEG
+        rig = Rig.from_values(given)
+        alike = not any(name.startswith(SPRING_B) for name in given)
         ports = Ports(
-            rig=Rig.from_values(given),
-            rig_b=Rig.from_values(values_of_b(given)),
+            rig=rig,
+            rig_b=rig if alike else Rig.from_values(values_of_b(given)),
             time_s=drive.time_s,
             temp_a_c=drive.temp_a_c,
             temp_b_c=drive.temp_b_c,
@@ -223,12 +225,21 @@ class ActuatorModel:
         return ports
 
     @cached_property
+    def _stages(self) -> list[int]:
+        """Place of every effect and then of every law among the stages."""
+        acts_on = [*(effect.acts_on for effect in self.chosen), *(FAMILIES[form.id].stage for form in self.laws)]
+        return [STAGES.index(stage) for stage in acts_on]
+
+    @cached_property
     def _parts(self) -> tuple[Effect | LawForm, ...]:
         """Effects and laws in the order in which they act: by place, laws after effects."""
-        stages = [STAGES.index(effect.acts_on) for effect in self.chosen]
-        stages += [STAGES.index(FAMILIES[form.id].stage) for form in self.laws]
         parts: list[Effect | LawForm] = [*self.chosen, *self.laws]
-        return tuple(parts[i] for i in sorted(range(len(parts)), key=lambda i: (stages[i], i)))
+        return tuple(parts[i] for i in sorted(range(len(parts)), key=lambda i: (self._stages[i], i)))
+
+    @property
+    def by_rows(self) -> bool:
+        """Whether all that acts does so row by row: nothing changes the temperatures, which have a course in time."""
+        return STAGES.index("temperature") not in self._stages
 
     def simulate(
         self,

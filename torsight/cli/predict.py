@@ -72,9 +72,8 @@ def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
 
     require_apart([out], [model, record])
     with heard():
-        own = read_model(model, record)
-        found, doubts = own.predict(record), own.doubts(record)
-    for doubt in doubts:
+        found = read_model(model, record).predict(record)
+    for doubt in found.warnings:
         say(f"note: {doubt}")
     write_table(out, found)
     return Answer({"rows": len(next(iter(found.values()))), "columns": list(found)}, files=(out,))

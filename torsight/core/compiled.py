@@ -17,11 +17,12 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 from numba import njit
+from numba.core.options import DefaultOptions
 
-__all__ = ["compiled", "inlined", "njit"]
+__all__ = ["compiled", "inlined", "lending", "njit"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -34,13 +35,29 @@ def compiled(function: F) -> F:
     return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
+_NO_COUNTS: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
+"""numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+
+
+def lending(function: F) -> F:
+    """Compile as :func:`compiled` a function that makes no array and keeps none: its callers lend it theirs.
+
+    References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
+    arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
+    """
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy", **_NO_COUNTS)(function))
+
+
 def inlined(function: F) -> F:
-    """Compile a small function into its callers."""
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+    """Compile a small function, one that makes no array, into its callers."""
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_NO_COUNTS)(function))
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
-FOLDERS: Final = (*(_TORSIGHT / name for name in ("actuator", "synthetic")), _TORSIGHT.parent / "tracker")
+FOLDERS: Final = (
+    *(_TORSIGHT / name for name in ("actuator", "synthetic", "discovery/own")),
+    _TORSIGHT.parent / "tracker",
+)
 _COMPILED: Final = re.compile(rb"^from torsight\.core\.compiled import ", re.MULTILINE)
 _IMPORT: Final = re.compile(rb"^(?:from|import) ([\w.]+)", re.MULTILINE)
 

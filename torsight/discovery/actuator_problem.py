@@ -27,7 +27,7 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter
 from torsight.core.units import DEG
-from torsight.discovery.actuator.temperature_errors import draw_errors, top_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import draw_errors, shared_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
     The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
-    little carry nothing. Effects act on all rows before that.
+    little carry nothing. What changes the temperatures acts on all rows before that.
 
     Attributes
     ----------
@@ -78,6 +78,7 @@ class ActuatorProblem(OptionalMembers):
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _thinned: dict[Drive, Drive] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -122,7 +123,7 @@ class ActuatorProblem(OptionalMembers):
         other = replace(self, forms=tuple(forms))
         # What depends on the record alone is not worked out again.
         samples = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
-        kept = (*samples, "drivers", "laws", "_smooth_drives", "_top_drives")
+        kept = (*samples, "drivers", "laws", "_smooth_drives", "_shared_drives", "_thinned")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -217,12 +218,13 @@ class ActuatorProblem(OptionalMembers):
         return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what one standard deviation of each half-cycle's top temperature does to the angle (n, k), degrees.
+        """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
 
-        At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
-        error moves the angle nowhere by a tenth of the resolution are left out: those of complete heatings.
+        At a top an incomplete transformation ends: its error stays in the angle until the next heating. The clocks'
+        error is in all that moves. What moves the angle nowhere by a tenth of the resolution is left out: tops of
+        complete heatings.
         """
-        found = self._off_by(self._top_drives, values, effects)
+        found = self._off_by(self._shared_drives, values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
@@ -240,7 +242,11 @@ class ActuatorProblem(OptionalMembers):
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
         model = self.model(effects)
-        return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
+        if not model.by_rows:
+            return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
+        if drive not in self._thinned:
+            self._thinned[drive] = drive.at(self.rows)
+        return model.simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
@@ -248,8 +254,8 @@ class ActuatorProblem(OptionalMembers):
         return tuple(with_errors(self.drive, errors.smooth_c) for errors in drawn)
 
     @cached_property
-    def _top_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, error_c) for error_c in top_errors(self.drive))
+    def _shared_drives(self) -> tuple[Drive, ...]:
+        return tuple(with_errors(self.drive, error_c) for error_c in shared_errors(self.drive))
 
 
 def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -21,8 +21,7 @@ from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import errors_of, fitted_values, fixed_values, own_parameters
 from torsight.discovery.inference.explanation import Explanation, covariance
-from torsight.discovery.inference.search import Search
-from torsight.discovery.settings import Settings
+from torsight.discovery.own.find import KnownFit, fit_known
 
 
 @one_thread()
@@ -51,34 +50,13 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
     require_motion(drive, where=where)
     forms = model.laws
     problem = ActuatorProblem(drive, model.spec, forms=forms, phase_law=model.phase_law, theta_l_deg=model.theta_l_deg)
-    search = Search(problem, settings=Settings(), progress=progress)
     named = [effect.id for effect in model.chosen if effect not in always_fitted()]
-    members = [*named, *(form.id for form in forms)]
-    progress("fit", 0, 1 + len(members))
-    found = search.plain()
-    for number, name in enumerate(members, 1):
-        progress("fit", number, 1 + len(members))
-        found = _proposed_at_means(search, search.with_effect(found, name), name)
-    progress("fit", 1 + len(members), 1 + len(members))
-    return _result(problem, found, search)
+    return _result(problem, fit_known(problem, [*named, *(form.id for form in forms)], progress=progress))
 
 
-def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explanation:
-    """Return a fit, or a better one from where an effect is seen in what the priors' means leave.
-
-    The plain fit may have made up for an event in the record, so that its residual shows it at another time.
-    """
-    fitter, effects = found.fitter, found.fit.effects
-    candidate, means = fitter.candidates[name], fitter.nominal
-    if candidate.propose is None:
-        return found
-    points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
-    scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
-    return max(found, search.fit_from(scouted.values, effects), key=search.value_of)
-
-
-def _result(problem: ActuatorProblem, found: Explanation, search: Search) -> FitResult:
-    drive, fit = problem.drive, found.fit
+def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
+    found, drive = known.explanation, problem.drive
+    fit = found.fit
     model = problem.model(fit.effects)
     spread = covariance(found)
     sigma = np.sqrt(np.diag(spread))
@@ -105,7 +83,7 @@ def _result(problem: ActuatorProblem, found: Explanation, search: Search) -> Fit
         rmse_deg=errors_of(problem, found, None).rmse_train_deg,
         r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
-        converged=search.has_settled(found),
+        converged=known.settled,
         silent_about=silent_about,
         notes=notes_of_fit(model, silent_about, ratio, rows),
     )

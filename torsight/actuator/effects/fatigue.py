@@ -51,7 +51,7 @@ EFFECT: Final = Effect(
     title="the recoverable angle falls from cycle to cycle",
     parameters=(
         Parameter(name="fatigue_per_cycle", value=0.005, unit="", lower=0.0, upper=0.4, null=0.0),
-        Parameter(name="fatigue_persistence", value=1.0, unit="", lower=0.0, upper=1.2, sigma=0.3),
+        Parameter(name="fatigue_persistence", value=1.0, unit="", lower=0.0, upper=1.0, sigma=0.3),
         Parameter(name="fatigue_plastic_share", value=0.0, unit="", lower=0.0, upper=1.0, sigma=0.5),
     ),
     apply=apply,

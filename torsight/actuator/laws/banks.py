@@ -10,6 +10,11 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
+_WANDERS = 0.1
+"""What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
+drift by tenths of a second an hour (200 ppm), and a network's corrections move either by some tens of milliseconds
+(Mills, RFC 5905)."""
+
 
 def waves(nodes: Array) -> tuple[Kernel, ...]:
     """Return a constant, a slope, waves one to six times per turn, and smooth functions."""
@@ -85,12 +90,15 @@ def drifting(nodes: Array) -> tuple[Kernel, ...]:
 
 
 def wandering(nodes: Array) -> tuple[Kernel, ...]:
-    """Return a constant, a slope, and smooth functions with both: how far one clock is ahead of another."""
+    """Return a constant, a slope, and both with a small smooth function: how far one clock is ahead of another."""
     constant = np.ones_like(nodes)
-    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
+    line = outer(constant) + slope(nodes)
     return (
         *usual_kernels([("constant", constant), ("slope", nodes - nodes.mean())]),
-        *(Kernel(kernel.name, kernel.matrix + outer(constant), smooth=True) for kernel in smooth),
+        *(
+            Kernel(kernel.name, line + _WANDERS**2 * kernel.matrix, smooth=True)
+            for kernel in smooth_kernels(nodes, shares=(0.5, 0.25, 0.12))
+        ),
     )
 
 

@@ -17,7 +17,8 @@ sign s (φ = s (x − θ_P/2)).
 Arrays that go from function to function:
 ``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
 cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
-reference state; ``w`` (5, m) per section: ξ, ξ0, the furthest place in the law's window, and a trial's ξ and place;
+reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, and at
+what rate ξ changed before;
 ``g`` what goes on from sample to sample; :class:`State` holds them together.
 """
 
@@ -55,6 +56,7 @@ from torsight.actuator.stepping.kernel_roots import (
     MOVE_2,
     OTHER,
     OWN,
+    PACE,
     PER_S,
     REST_S,
     SCALE,
@@ -75,6 +77,7 @@ from torsight.actuator.stepping.kernel_roots import (
     X_NOW,
     X_REF,
     XI_0_P,
+    XI_BEFORE,
     XI_NOW,
     XI_P,
     XI_REF,
@@ -91,7 +94,7 @@ from torsight.actuator.stepping.kernel_roots import (
     sticking_end,
     wire_fraction,
 )
-from torsight.core.compiled import compiled, inlined
+from torsight.core.compiled import compiled, inlined, lending
 
 Array = NDArray[np.float64]
 
@@ -100,7 +103,7 @@ _LONG_S: Final = 1e6
 """Time at rest before a record: nobody knows how long it was, but long."""
 
 
-@compiled
+@lending
 def _wound_for(x: float, limit: float, p: Scalars, tables: Array) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
     if loading_torque(x, p, tables) <= limit:
@@ -119,17 +122,19 @@ def _wound_for(x: float, limit: float, p: Scalars, tables: Array) -> float:
     return wound
 
 
-@compiled
-def _home(theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Array) -> Array:
-    """Return θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
+@lending
+def _wind_home(
+    wound: Array, theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Array
+) -> None:
+    """Set θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
     The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
     unwound, that holds.
     """
-    wound, p = np.empty(2), springs[0]
+    p = springs[0]
     if p["unwound_a"] >= 0.0:
         wound[0], wound[1] = theta_start + p["unwound_a"], p["theta_p"] - theta_start + p["unwound_b"]
-        return wound
+        return
     for i in range(2):
         own = theta_start if i == 0 else p["theta_p"] - theta_start
         hold = scale * friction_torque(theta_start, i == 1, p, tables)
@@ -139,16 +144,6 @@ def _home(theta_start: float, first: int, scale: float, springs: NDArray[np.void
         other += side_torque(p["theta_p"] - own, springs[1 - i], tables)
         limit = (other + hold) / p["first_share"] if i == first else other * p["first_share"] + hold
         wound[i] = _wound_for(own, limit - side_torque(own, springs[i], tables), springs[i], tables)
-    return wound
-
-
-@compiled
-def _unwound(theta_a: float, own: float, g: Array, wound: Array, p: Scalars, tables: Array) -> Array:
-    """Return by how much both springs are unwound, as the next half-cycle will find them."""
-    who = int(g[WHO])
-    left = wound - np.array([theta_a, p["theta_p"] - theta_a])
-    left[who] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW]
-    return np.maximum(left, 0.0)
 
 
 @inlined
@@ -160,7 +155,7 @@ def _recoverable(wound: float, left: Array, p: Scalars, tables: Array) -> float:
     return max(0.0, whole * left[0] - left[1])
 
 
-@compiled
+@lending
 def _start_half_cycle(
     who: int, theta_a: float, scale: float, left: Array, own: float, state: State, springs: NDArray[np.void],
     tables: Array,
@@ -189,10 +184,21 @@ def _start_half_cycle(
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
     q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
     q[THETA_L] = _recoverable(wound[who], left, p, tables)
-    w[0], w[1], w[2] = 1.0, 1.0, 0.0
+    for j in range(w.shape[1]):
+        w[0, j], w[1, j], w[2, j] = 1.0, 1.0, 0.0
 
 
-@compiled
+@inlined
+def _copy(state: State) -> None:
+    """Keep the reference state before a turn."""
+    for i in range(state.q.size):
+        state.saved_q[i] = state.q[i]
+    for j in range(state.w.shape[1]):
+        for i in range(state.w.shape[0]):
+            state.saved_w[i, j] = state.w[i, j]
+
+
+@lending
 def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tables: Array) -> None:
     """Take a new reference state when heating turns into cooling or back.
 
@@ -200,10 +206,11 @@ def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tabl
     """
     g, q, w, saved_q, saved_w = state.g, state.q, state.w, state.saved_q, state.saved_w
     if g[CHANGED] > 0.0:
-        saved_q[:], saved_w[:] = q, w
+        _copy(state)
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
         q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables)
-        w[1], w[2] = w[0], 0.0
+        for j in range(w.shape[1]):
+            w[1, j], w[2, j] = w[0, j], 0.0
         if heating:
             # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
             # martensite and not yet wound that far, what it recovered before is what it recovers again.
@@ -222,7 +229,7 @@ def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tabl
     g[CHANGED] = 0.0
 
 
-@compiled
+@lending
 def _settle(state: State, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
@@ -294,20 +301,85 @@ def _pass_over(per_s: float, c: Array, g: Array) -> None:
 
 
 @inlined
-def _keep_speed(per_s: float, starts: bool, c: Array, g: Array) -> None:
-    """Keep the mean speed over the sample before, and this sample's share of the time of both."""
+def _keep_rates(per_s: float, starts: bool, turns: bool, c: Array, g: Array, w: Array) -> None:
+    """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both."""
+    for j in range(w.shape[1]):
+        w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
+        w[XI_BEFORE, j] = w[0, j]
     known = not starts and c[PER_S] > 0.0
     c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
 
 
-@inlined
-def _at_home(sections: int, wound: Array) -> State:
-    """Return the state before the first sample, with so many sections of the wire."""
-    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((5, sections))
+@compiled
+def _new_state(sections: int) -> State:
+    """Return the state before the first sample, with so many sections of the wire, not yet wound."""
+    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
-    return State(c, q, g, w, q.copy(), w.copy(), wound)
+    return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
+
+
+@lending
+def step_through(
+    out: Array, state: State, samples: Samples, recoverable: Array, springs: NDArray[np.void], tables: Array,
+    sections: Array, theta_start: float,
+) -> None:  # fmt: skip
+    """Fill ``out`` as :func:`run` returns it; in the end ``state.wound`` holds by how much both are unwound."""
+    per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
+    directions, friction_scale, load_change = samples.directions, samples.friction_scale, samples.load_change
+    c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
+    theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
+    _wind_home(wound, theta_start, active[0], friction_scale[0], springs, tables)
+    for k in range(active.size):
+        starts = k == 0 or half[k] != half[k - 1]
+        turns = not starts and directions[0, k] != directions[0, k - 1]
+        if starts or turns:
+            own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
+            if starts:
+                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, state, springs, tables)
+                p, o = springs[active[k]], springs[1 - active[k]]
+            else:
+                _turn(directions[0, k] > 0, left, own, state, p, tables)
+        fresh = starts or turns
+        who = int(g[WHO])
+        c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
+        if not fresh and _nothing_to_do(c, g, w, p, sections):
+            for i in range(5):
+                out[i, k] = out[i, k - 1]
+            _pass_over(per_s[k], c, g)
+            continue
+        _keep_rates(per_s[k], starts, turns, c, g, w)
+        c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
+        c[SIGN] = 1.0 if who == 0 else -1.0
+        c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
+        c[TURN_NOW] = directions[1, k]
+        if p["passive_share"] > 0.0:
+            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
+        if load_change.shape[1] > 0:
+            c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
+        total = g[XI_NOW]
+        # Only after a sample that slid.
+        easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
+        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
+        if starts and slid and g[XI_NOW] == 1.0:
+            # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
+            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
+        g[REST_S] = 0.0 if slid else g[REST_S] + (_LONG_S if k == 0 else 1.0 / per_s[k])
+        if g[XI_NOW] != total or g[X_NOW] != c[X0]:
+            g[CHANGED] = 1.0
+        wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
+        theta_a = g[X_NOW] if who == 0 else theta_p - g[X_NOW]
+        out[0, k] = theta_a
+        out[1 + who, k] = g[XI_NOW]
+        out[2 - who, k] = g[XI_P]
+        out[3 + who, k] = g[TAU_NOW]
+        out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
+    # By how much both are unwound, as the next half-cycle will find them.
+    wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - theta_p + theta_a, 0.0)
+    who = int(g[WHO])
+    own = beside(g[X_NOW], c, p, tables)
+    wound[who] = max(_wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW], 0.0)
 
 
 @compiled
@@ -343,55 +415,6 @@ def run(
     (2,) float64
         By how much A and B are unwound in the end (rad).
     """
-    per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
-    directions, friction_scale, load_change = samples.directions, samples.friction_scale, samples.load_change
-    n = active.size
-    out = np.empty((5, n))
-    state = _at_home(sections.shape[1], _home(theta_start, active[0], friction_scale[0], springs, tables))
-    c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
-    theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
-    for k in range(n):
-        starts = k == 0 or half[k] != half[k - 1]
-        turns = not starts and directions[0, k] != directions[0, k - 1]
-        if starts or turns:
-            own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
-            if starts:
-                _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, state, springs, tables)
-                p, o = springs[active[k]], springs[1 - active[k]]
-            else:
-                _turn(directions[0, k] > 0, left, own, state, p, tables)
-        fresh = starts or turns
-        who = int(g[WHO])
-        c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
-        if not fresh and _nothing_to_do(c, g, w, p, sections):
-            for i in range(5):
-                out[i, k] = out[i, k - 1]
-            _pass_over(per_s[k], c, g)
-            continue
-        _keep_speed(per_s[k], starts, c, g)
-        c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
-        c[SIGN] = 1.0 if who == 0 else -1.0
-        c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
-        c[TURN_NOW] = directions[1, k]
-        if p["passive_share"] > 0.0:
-            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
-        if load_change.shape[1] > 0:
-            c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
-        total = g[XI_NOW]
-        # Only after a sample that slid.
-        easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
-        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
-        if starts and slid and g[XI_NOW] == 1.0:
-            # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
-            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
-        g[REST_S] = 0.0 if slid else g[REST_S] + (_LONG_S if k == 0 else 1.0 / per_s[k])
-        if g[XI_NOW] != total or g[X_NOW] != c[X0]:
-            g[CHANGED] = 1.0
-        wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
-        theta_a = g[X_NOW] if who == 0 else theta_p - g[X_NOW]
-        out[0, k] = theta_a
-        out[1 + who, k] = g[XI_NOW]
-        out[2 - who, k] = g[XI_P]
-        out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
-    return out, _unwound(theta_a, beside(g[X_NOW], c, p, tables), g, wound, p, tables)
+    out, state = np.empty((5, samples.active.size)), _new_state(sections.shape[1])
+    step_through(out, state, samples, recoverable, springs, tables, sections, theta_start)
+    return out, state.wound

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, inlined
+from torsight.core.compiled import inlined, lending
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]
@@ -135,19 +135,9 @@ def done_slope(heating: bool, place: float, p: Scalars) -> float:
     return 0.5 * np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * np.sin(np.pi * bent(place, ahead))
 
 
-@inlined
-def latent_delay(heating: bool, xi_0: float, per_s: float, p: Scalars) -> float:
-    """Return λ = ℓ Δξ/(Δt w) of a section that began at ``xi_0``: Δξ what its whole window changes, w its width."""
-    part = xi_0 if heating else 1.0 - xi_0
-    return p["latent"] * part * per_s / (p["a_width"] if heating else p["m_width"])
-
-
-@compiled
-def held_back(heating: bool, place: float, furthest: float, delay: float, p: Scalars) -> float:
-    """Return the place in the window that latent heat lets a section reach from the furthest one so far.
-
-    s + λ (done(s) − done(s_0)) = s_T: s_T the place by the sensor, λ from :func:`latent_delay`.
-    """
+@lending
+def held_place(heating: bool, place: float, furthest: float, delay: float, p: Scalars) -> float:
+    """Return s that solves s + λ (done(s) − done(s_0)) = s_T: s_T a place ahead of the furthest so far, λ the delay."""
     low, high = furthest, place
     before = share_done(heating, furthest, p)
     reached = high

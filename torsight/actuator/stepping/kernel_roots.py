@@ -10,8 +10,8 @@ two or three.
 
 ``p`` holds the rig's scalars with the active spring's values, ``o`` the same with the passive spring's;
 ``c`` holds what stands during one sample, ``q`` the reference state, ``g`` what goes on from sample to sample, at the
-places named here; ``w`` (5, m) per section of the wire: ξ, ξ0, the furthest place in the law's window, and a trial's ξ
-and place.
+places named here; ``w`` (7, m) per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and
+place, and at what rate ξ changed before.
 """
 
 from __future__ import annotations
@@ -34,9 +34,8 @@ from torsight.actuator.stepping.kernel_laws import (
     done_slope,
     friction_torque,
     from_table,
-    held_back,
+    held_place,
     held_table,
-    latent_delay,
     left_by_winding,
     loading_slope,
     share_done,
@@ -44,7 +43,7 @@ from torsight.actuator.stepping.kernel_laws import (
     table_and_slope,
     window_place,
 )
-from torsight.core.compiled import compiled, inlined
+from torsight.core.compiled import inlined, lending
 
 Array = NDArray[np.float64]
 
@@ -53,10 +52,28 @@ TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+PACE, XI_BEFORE = 5, 6
+"""Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
 _NEWTON_STEPS: Final = 8
+
+
+@inlined
+def held_back(heating: bool, place: float, j: int, c: Array, w: Array, p: Scalars) -> tuple[float, float]:
+    """Return the place in the window that latent heat lets a section reach, and how far that follows the sensor's.
+
+    s + ℓ ξ'/w = s_T: s_T the place by the sensor, ℓ what is held back per rate, w the window's width. ξ' at the
+    sample's end comes from the mean rates over it and the one before, as the speed does (:func:`speed_friction`); where
+    that is none, nothing holds it back any more.
+    """
+    part, width = (w[1, j], p["a_width"]) if heating else (1.0 - w[1, j], p["m_width"])
+    delay = p["latent"] * part * c[PER_S] * (1.0 + c[AHEAD]) / width
+    reached = held_place(heating, place + c[AHEAD] * p["latent"] * w[PACE, j] / width, w[2, j], delay, p)
+    if reached >= place:
+        return place, 1.0
+    return reached, 1.0 / (1.0 + delay * done_slope(heating, reached, p))
 
 
 @inlined
@@ -70,14 +87,14 @@ def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array
         xi = w[0, j]
         if place > w[2, j]:
             if p["latent"] > 0.0:
-                place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
+                place, _ = held_back(heating, place, j, c, w, p)
             done = share_done(heating, place, p)
             xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
         total += sections[0, j] * xi
     return total
 
 
-@compiled
+@lending
 def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
@@ -87,7 +104,7 @@ def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> f
         place = window_place(heating, own, torque, p)
         if place > w[2, j]:
             if p["latent"] > 0.0:
-                place = held_back(heating, place, w[2, j], latent_delay(heating, w[1, j], c[PER_S], p), p)
+                place, _ = held_back(heating, place, j, c, w, p)
             done = share_done(heating, place, p)
             w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
             w[2, j] = place
@@ -170,7 +187,7 @@ def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) ->
     return b, fb, x, fx
 
 
-@compiled
+@lending
 def slide(
     sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array
 ) -> float:
@@ -271,9 +288,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w:
         if place > w[2, j]:
             advances = True
             if p["latent"] > 0.0:
-                delay = latent_delay(heating, w[1, j], c[PER_S], p)
-                place = held_back(heating, place, w[2, j], delay, p)
-                follows = 1.0 / (1.0 + delay * done_slope(heating, place, p))
+                place, follows = held_back(heating, place, j, c, w, p)
             xi = 0.0 if heating else 1.0
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))
@@ -286,7 +301,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w:
     return total, slope, advances
 
 
-@compiled
+@lending
 def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
@@ -331,7 +346,7 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables
     return False
 
 
-@compiled
+@lending
 def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tables: Array, sections: Array) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
@@ -355,7 +370,7 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tabl
     return b
 
 
-@compiled
+@lending
 def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Scalars) -> float:
     """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
     a, b = xi_from, xi_to
@@ -379,7 +394,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Arra
     return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
 
 
-@compiled
+@lending
 def crosstalk(theta: float, c: Array, g: Array, o: Scalars, tables: Array) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], o, tables)

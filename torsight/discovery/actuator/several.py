@@ -272,7 +272,7 @@ class SeveralRecords(OptionalMembers):
         return np.concatenate([part.input_noise(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        """Return what one standard deviation of each half-cycle's top temperature does to the angles (n, k)."""
+        """Return what one standard deviation of each error that many samples share does to the angles (n, k)."""
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
 

@@ -21,6 +21,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.weight import Weight
@@ -29,8 +30,8 @@ Array = NDArray[np.float64]
 MOTION: Final = 0
 REST: Final = 1
 OPENING: Final = 2
-_SIZES: Final = 28
-"""Bisections of the size's logarithm over thirteen decades: to a part in ten thousand."""
+_SIZE: Final = 1e-4
+"""To what share of it a discrepancy's size is wanted."""
 _ROUNDS: Final = 8
 """Shared errors and discrepancy in turn, at most; three or four suffice."""
 _SETTLED: Final = 1e-3
@@ -166,14 +167,13 @@ class Likelihood:
 def _discrepancy(square: Array, floor: Array, count: Array, *, least: float) -> float:
     """Return s² at the maximum of the likelihood, or the least where that is less."""
 
-    def rises(extra: float) -> bool:
-        variance = floor + extra
-        return float(count @ ((square - variance) / variance**2)) > 0.0
+    def slope(log_size: float) -> float:
+        variance = floor + np.exp(log_size)
+        return float(np.exp(log_size) * (count @ ((square - variance) / variance**2)))
 
-    if not rises(least):
+    low = np.log(max(least, 1e-9 * float(np.mean(floor))))
+    if not slope(low) > 0.0:
         return least
-    low, high = max(least, 1e-9 * float(np.mean(floor))), float(np.max(square)) + 1e-30
-    for _ in range(_SIZES):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if rises(middle) else (low, middle)
-    return float(np.sqrt(low * high))
+    # Where the size is that of the largest residual, every sample asks for less.
+    high = np.log(float(np.max(square)) + 1e-30)
+    return float(np.exp(float(brentq(slope, low, high, xtol=_SIZE))))

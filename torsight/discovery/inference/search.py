@@ -132,11 +132,13 @@ class Search:
         return max(first, *again, key=self.value_of)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from values of one's own."""
-        prediction = self._problem.predict(start, effects)
-        likelihood = self._likelihood_at(self._problem, start, effects)
-        fitter = _weighted(likelihood, self._problem, prediction)
-        fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
+        """Fit a set of effects from values of one's own: under the likelihood there, then twice under the end's."""
+        for _ in range(3):
+            prediction = self._problem.predict(start, effects)
+            likelihood = self._likelihood_at(self._problem, start, effects)
+            fitter = _weighted(likelihood, self._problem, prediction)
+            fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
+            start = fit.values
         return self._settled(self._problem, fit, ())
 
     def has_settled(self, found: Explanation) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,9 @@ from torsight.core.progress import Progress, silent
 from torsight.core.series import scatter
 from torsight.core.threads import one_thread
 from torsight.discovery.inference import engine
+from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import Fit
+from torsight.discovery.inference.search import Search
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import beyond
@@ -70,15 +73,68 @@ def find_missing(
     if processes is not None:
         given.one_of(processes, bool, "find_missing, processes", do="give True, False or None")
     with heard() as stream, one_thread():
-        notes = list(check_problem(problem))
         if not isinstance(problem, ModelProblem):
+            notes = list(check_problem(problem))
             found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
         asked = quickened(problem) if processes is None else problem
+        notes = list(check_problem(asked))
         with problem.evaluator.processes(wanted=processes if asked is problem else False):
             made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownFit:
+    """The fit of a set of effects, and whether one more from its optimum gains nothing that matters."""
+
+    explanation: Explanation
+    settled: bool
+
+
+def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress = silent) -> KnownFit:
+    """Fit a model with effects that are known to belong to it: a discovery without a choice.
+
+    The plain model comes first, then one effect after the other, each time with all that came before.
+
+    Parameters
+    ----------
+    problem : Problem
+        As for :func:`find_missing`.
+    members : sequence of str
+        Ids of candidates.
+    progress : Progress
+        Told how far the work is.
+
+    Raises
+    ------
+    InputError
+        When the problem cannot be used.
+    """
+    check_problem(problem)
+    search, steps = Search(problem, settings=Settings(), progress=progress), 1 + len(members)
+    progress("fit", 0, steps)
+    found = search.plain()
+    for number, name in enumerate(members, 1):
+        progress("fit", number, steps)
+        found = _proposed_at_means(search, search.with_effect(found, name), name)
+    progress("fit", steps, steps)
+    return KnownFit(found, search.has_settled(found))
+
+
+def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explanation:
+    """Return a fit, or a better one from where an effect is seen in what the priors' means leave.
+
+    The plain fit may have made up for an event in the record, so that its residual shows it at another time.
+    """
+    fitter, effects = found.fitter, found.fit.effects
+    candidate, means = fitter.candidates[name], fitter.nominal
+    if candidate.propose is None:
+        return found
+    points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
+    scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
+    return max(found, search.fit_from(scouted.values, effects), key=search.value_of)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.files.storage import read_table
+from torsight.core.files.storage import is_parquet, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,8 +23,9 @@ else:
 
 Array = NDArray[np.float64]
 
-TIMES: Final = ("time_s", "time", "t_s", "t")
-"""Names under which a column is taken for the time where none is named."""
+_TIMES: Final = ("time_s", "time", "t_s", "t")
+"""Names under which a column is taken for the time where none is named, the first one first; capitals and what stands
+in brackets do not matter: ``Time (s)``."""
 _LEAST_ROWS: Final = 8
 """Rows below which neither noise nor correlation of a residual can be measured."""
 
@@ -114,7 +117,7 @@ def _read(table: Table, number: int) -> Record:
     if isinstance(table, Record):
         return table
     if isinstance(table, (str, Path)):
-        found = read_table(Path(table))
+        found = _table_of(Path(table))
         return _checked({str(name): found[name].to_numpy() for name in found.columns}, Path(table).stem, str(table))
     label = f"record {number}"
     if isinstance(table, Mapping):
@@ -134,6 +137,20 @@ def _read(table: Table, number: int) -> Record:
     )
 
 
+def _table_of(path: Path) -> pd.DataFrame:
+    """Return a file's table; semicolons or tabs may part the columns, and numbers then have a decimal comma."""
+    with contextlib.suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8-sig") as file:
+        header = file.readline()
+        mark = next((one for one in ";\t" if one in header and "," not in header), None)
+        if mark is not None and not is_parquet(path):
+            import pandas as pd
+
+            read = [pd.read_csv(path, sep=mark, decimal=point, encoding="utf-8-sig") for point in ".,"]
+            found = max(read, key=lambda one: one.select_dtypes("number").shape[1])
+            return found.rename(columns=lambda name: str(name).strip())
+    return read_table(path)
+
+
 def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Record:
     """Return the numeric columns as a record; text (names, remarks) is left out."""
     lengths = {name: np.shape(values) for name, values in columns.items()}
@@ -144,6 +161,9 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
         raise InputError("columns are not of one length", where=where, value=listed, limit="(n,) each", do=do)
     numbers = {name: values for name, values in columns.items() if np.asarray(values).dtype.kind in "fiub"}
     rows = max((shape[0] for shape in lengths.values()), default=0)
+    if columns and not numbers:
+        do = "give a row of names, then numbers, parted by commas; what stands above the names is to be cut off"
+        raise InputError("has no column of numbers", where=where, value=", ".join(columns), do=do)
     if not numbers or rows < _LEAST_ROWS:
         raise InputError(
             "holds too little",
@@ -156,14 +176,14 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
 
 
 def time_of(record: Record, name: str | None) -> Array:
-    """Return a record's time: the column named, a usual one (:data:`TIMES`), or the number of the row.
+    """Return a record's time: the column named, one of a usual name, or the number of the row.
 
     Raises
     ------
     InputError
         When the column is missing, not known everywhere, or runs backwards.
     """
-    chosen = name or next((one for one in TIMES if one in record), None)
+    chosen = name or time_column(record)
     if chosen is None:
         return np.arange(float(record.rows_))
     time = column_of(record, chosen)
@@ -180,6 +200,12 @@ def time_of(record: Record, name: str | None) -> Array:
             do="sort the rows, or give each run as a record of its own",
         )
     return time
+
+
+def time_column(names: Iterable[str]) -> str | None:
+    """Return the name of a column that is a time by its name, None where none is."""
+    plain = {re.sub(r"[(\[].*", "", name).strip().lower(): name for name in names}
+    return next((plain[one] for one in _TIMES if one in plain), None)
 
 
 def column_of(record: Record, name: str) -> Array:

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import lending
 from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
@@ -137,13 +137,13 @@ def _second(constants: Constants, effects: Mapping[str, HiddenEffect]) -> Consta
     return constants._replace(a_s=constants.a_s + effect.a_shift_c, m_s=constants.m_s + effect.m_shift_c, **scaled)
 
 
-@njit(cache=True)
+@lending
 def has_law(c: Any, slot: int) -> bool:
     """Return whether a rig has a law in a slot."""
     return bool(c.law_step[slot] != 0.0)
 
 
-@njit(cache=True)
+@lending
 def law(c: Any, slot: int, x: float) -> float:
     """Return a law's value, 0 where the rig has none in that slot: lines between nodes, held beyond the ends."""
     if not has_law(c, slot):

@@ -16,13 +16,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import lending
 from torsight.synthetic.rig.constants import Constants
 
 Floats: TypeAlias = NDArray[np.float64]
 
 
-@njit(cache=True)
+@lending
 def heat_rates(c: Constants, temps_c: Floats, current: Floats, rates: Floats) -> None:
     """Fill ``rates`` with dT/dt of wire A, wire B and the body, K/s."""
     a, b, body = temps_c
@@ -33,7 +33,7 @@ def heat_rates(c: Constants, temps_c: Floats, current: Floats, rates: Floats) ->
     rates[2] = (to_a + to_b - c.body_to_room * (body - c.room_c)) / c.body_capacity
 
 
-@njit(cache=True)
+@lending
 def heat_step(c: Constants, temps_c: Floats, current: Floats, work: Floats, step_s: float) -> None:
     """Move the three temperatures one step on; ``work`` (3, 3) is scratch."""
     heat_rates(c, temps_c, current, work[0])
@@ -44,7 +44,7 @@ def heat_step(c: Constants, temps_c: Floats, current: Floats, work: Floats, step
         temps_c[i] += 0.5 * step_s * (work[0, i] + work[2, i])
 
 
-@njit(cache=True)
+@lending
 def lag_step(c: Constants, temps_c: Floats, lagged_c: Floats, step_s: float) -> None:
     """Let the sensors (spring, stage) follow their wires."""
     keep = math.exp(-step_s * c.lag_stages / c.lag_s) if c.lag_s > 0.0 else 0.0
@@ -53,7 +53,7 @@ def lag_step(c: Constants, temps_c: Floats, lagged_c: Floats, step_s: float) -> 
         lagged_c[i, 1] = lagged_c[i, 0] + (lagged_c[i, 1] - lagged_c[i, 0]) * keep
 
 
-@njit(cache=True)
+@lending
 def sense(c: Constants, lagged_c: float, noise_c: float) -> float:
     """Return what a sensor reads whose own temperature is ``lagged_c``, °C."""
     excess = lagged_c - c.room_c
@@ -69,7 +69,7 @@ def sense(c: Constants, lagged_c: float, noise_c: float) -> float:
     return reading
 
 
-@njit(cache=True)
+@lending
 def control(c: Constants, error_c: float, integral: float, sample_s: float) -> tuple[float, float]:
     """Return current, A, and the integral of the error, K·s, after one sample of the PI law."""
     grown = integral + error_c * sample_s

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import Constants, law
 from torsight.synthetic.rig.heat import control, heat_step, lag_step, sense
@@ -65,6 +65,10 @@ _RATE_FOLLOWS_S: Final = 2.0
 """A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
 
 
+_HEAT_FOLLOWS_S: Final = 0.2
+"""Heat that the phase takes up is missing at the sensor so much later; if at once, the control would swing about it."""
+
+
 class Course(NamedTuple):
     """What is done at every sample.
 
@@ -87,13 +91,13 @@ class Course(NamedTuple):
     noise_c: Floats
 
 
-@njit(cache=True)
+@lending
 def winding(c: Constants, spring: int, phi: float) -> float:
     """Return a spring's angle, rad."""
     return 0.5 * c.theta_p + phi if spring == 0 else 0.5 * c.theta_p - phi
 
 
-@njit(cache=True)
+@lending
 def switch(
     pair: Pair, springs: Springs, phi: float, temps_c: Floats, active: int, command: int, cycle: float, share: float
 ) -> int:
@@ -112,7 +116,7 @@ def switch(
     return active
 
 
-@njit(cache=True)
+@lending
 def lead(c: Constants, spring: Spring, theta: float, wire_c: float, reference_c: float, furthest: Floats) -> None:
     """Turn the driven spring's transformation where its reference turns and the wire has followed.
 
@@ -131,7 +135,7 @@ def lead(c: Constants, spring: Spring, theta: float, wire_c: float, reference_c:
     furthest[0], furthest[1] = reference_c, wire_c
 
 
-@njit(cache=True)
+@lending
 def passive_step(c: Constants, spring: Spring, temp_c: float, since_s: float) -> None:
     """Let the spring that is not driven creep and follow its own temperature, where the rig has that."""
     if c.creep > 0.0:
@@ -140,7 +144,7 @@ def passive_step(c: Constants, spring: Spring, temp_c: float, since_s: float) ->
         follow_passive(spring, temp_c, _SLACK_C)
 
 
-@njit(cache=True)
+@lending
 def move(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, active: int, sliding: int
 ) -> int:
@@ -162,7 +166,7 @@ def move(
     return 1 if slips or (sliding == 1 and abs(c.bristle * deflection) > _RELEASED * limit) else 0
 
 
-@njit(cache=True)
+@lending
 def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Floats) -> None:
     """Fill ``felt_c`` with what springs and friction feel: wires, body, driven spring."""
     for i in range(2):
@@ -171,7 +175,7 @@ def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Fl
     felt_c[DRIVEN] = temps_c[max(active, 0)]
 
 
-@njit(cache=True)
+@compiled
 def integrate(
     pair: Pair, start: Floats, s: Floats, zones: tuple[Floats, Floats], course: Course, sample_s: float, substeps: int
 ) -> Floats:
@@ -242,5 +246,6 @@ def integrate(
                 passive_step(c, springs[1 - active], felt_c[1 - active], since_s)
             before_xi[:] = s[:, XI]
             sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
-            pace[:] = (s[:, XI] - before_xi) / step_s
+            for i in range(2):
+                pace[i] += ((s[i, XI] - before_xi[i]) / step_s - pace[i]) * min(step_s / _HEAT_FOLLOWS_S, 1.0)
     return out

@@ -16,7 +16,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import lending
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
 from torsight.synthetic.rig.spring_state import Spring, past_onset, solve_spring
@@ -41,7 +41,7 @@ _OVER_RATE: Final = SLOTS["friction", "rate"]
 _OVER_DWELL: Final = SLOTS["friction", "dwell"]
 
 
-@njit(cache=True)
+@lending
 def friction_limit(c: Constants, phi: float, temps_c: Floats, side: float, speed: float, rest_s: float) -> float:
     """Return the torque at which friction lets go (``rest_s`` > 0) or slides, N·m."""
     limit = c.tau_c * (1.0 + c.asymmetry * side)
@@ -67,7 +67,7 @@ def friction_limit(c: Constants, phi: float, temps_c: Floats, side: float, speed
     return max(limit, 0.0)
 
 
-@njit(cache=True)
+@lending
 def stray_torque(c: Constants, phi: float) -> float:
     """Return torques that are neither spring nor friction, N·m, positive towards positive angles."""
     tau = c.bias + law(c, _TORQUE, phi)
@@ -84,7 +84,7 @@ def stray_torque(c: Constants, phi: float) -> float:
     return tau
 
 
-@njit(cache=True)
+@lending
 def residual(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, w: float, kind: int
 ) -> float:
@@ -109,7 +109,7 @@ def residual(
     return tau
 
 
-@njit(cache=True)
+@lending
 def find_angle(
     pair: Pair,
     springs: Springs,
@@ -139,7 +139,7 @@ def find_angle(
     return b
 
 
-@njit(cache=True)
+@lending
 def slide(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, start: float, side: int
 ) -> float:
@@ -160,7 +160,7 @@ def slide(
     return find_angle(pair, springs, motion, temps_c, step_s, (end, last), (start, first), side)
 
 
-@njit(cache=True)
+@lending
 def step_angle(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float
 ) -> tuple[float, float, bool]:

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import lending
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
@@ -47,7 +47,7 @@ _TORQUE_TOLERANCE_NM: Final = 1e-12
 _LN_100: Final = math.log(100.0)
 
 
-@njit(cache=True)
+@lending
 def loading(c: Constants, theta: float) -> float:
     """Return the martensite loading curve, N·m: two slopes, and where the rig has one a third, a bend or a law."""
     if theta <= c.theta_cr:
@@ -56,7 +56,7 @@ def loading(c: Constants, theta: float) -> float:
     return tau + bend(c, theta) + law(c, _LOADING, theta)
 
 
-@njit(cache=True)
+@lending
 def bend(c: Constants, theta: float) -> float:
     """Return what a loading curve that stiffens as a cubic has more than two slopes, N·m."""
     if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
@@ -67,13 +67,13 @@ def bend(c: Constants, theta: float) -> float:
     return c.stiff * (min(past, limit) / ONSET_SCALE_RAD) ** 3 + steepest * max(past - limit, 0.0)
 
 
-@njit(cache=True)
+@lending
 def third_slope(c: Constants) -> float:
     """Return by how much the loading curve's third slope is steeper than its second, N·m/rad."""
     return c.stiff / ONSET_SCALE_RAD if c.stiff_form == LOADING else 0.0
 
 
-@njit(cache=True)
+@lending
 def unwound_from(c: Constants, theta: float, tau: float) -> float:
     """Return the angle from which cold martensite was unwound that carries ``tau``; ``theta`` on its loading curve."""
     if tau >= loading(c, theta):
@@ -88,7 +88,7 @@ def unwound_from(c: Constants, theta: float, tau: float) -> float:
     return start + second + (over - second * (c.k_m - c.k_s)) / (c.k_m - c.k_s - third_slope(c))
 
 
-@njit(cache=True)
+@lending
 def unwound_along(c: Constants, theta: float, tau: float, start: float) -> float:
     """Return the same for a loading curve of any shape that is nowhere as steep as K_M, by bisection."""
     low, reach = start, 0.1
@@ -104,7 +104,7 @@ def unwound_along(c: Constants, theta: float, tau: float, start: float) -> float
     return low
 
 
-@njit(cache=True)
+@lending
 def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
     """Return a torque that starts at an onset and reaches ``rise`` 100° past it."""
     if rise == 0.0 or theta <= onset:
@@ -112,13 +112,13 @@ def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
     return rise * math.pow((theta - onset) / ONSET_SCALE_RAD, power)
 
 
-@njit(cache=True)
+@lending
 def recoverable(c: Constants, theta_max: float) -> float:
     """Return the angle that heating recovers after winding to ``theta_max``."""
     return max(theta_max - loading(c, theta_max) / c.k_m, 0.0)
 
 
-@njit(cache=True)
+@lending
 def side_torque(c: Constants, theta: float, temp_c: float) -> float:
     """Return what stands beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
     power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
@@ -131,7 +131,7 @@ def side_torque(c: Constants, theta: float, temp_c: float) -> float:
     return tau
 
 
-@njit(cache=True)
+@lending
 def progress(c: Constants, share: float) -> float:
     """Return how far the transformation is (0 to 1) at a share of its window."""
     x = min(max(share, 0.0), 1.0)
@@ -143,7 +143,7 @@ def progress(c: Constants, share: float) -> float:
     return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.exp(-_LN_100 * max(share, 0.0)))
 
 
-@njit(cache=True)
+@lending
 def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
     """Return the martensite fraction of one zone; it only advances."""
     stress = c.stress_per_nm * tau
@@ -154,7 +154,7 @@ def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: fl
     return max(xi, xi0 + (1.0 - xi0) * done)
 
 
-@njit(cache=True)
+@lending
 def zone_temperature(c: Constants, temp_c: float, cooler_c: float) -> float:
     """Return the temperature of a zone that is cooler than the middle."""
     if cooler_c == 0.0:
@@ -163,7 +163,7 @@ def zone_temperature(c: Constants, temp_c: float, cooler_c: float) -> float:
     return temp_c - cooler_c * (excess if c.zone_form == 1 else min(excess, 1.0))
 
 
-@njit(cache=True)
+@lending
 def fraction(c: Constants, spring: Spring, temp_c: float, tau: float) -> float:
     """Return the martensite fraction of the whole wire."""
     total = 0.0
@@ -174,7 +174,7 @@ def fraction(c: Constants, spring: Spring, temp_c: float, tau: float) -> float:
     return total
 
 
-@njit(cache=True)
+@lending
 def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c: float) -> float:
     """Return a spring's torque at an angle and a martensite fraction, N·m."""
     stiffness = c.k_a + xi * (c.k_m - c.k_a)
@@ -192,13 +192,13 @@ def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c
     return tau + side_torque(c, theta, temp_c)
 
 
-@njit(cache=True)
+@lending
 def transforms(c: Constants, s: NDArray[np.float64]) -> bool:
     """Return whether the spring's phase can change now."""
     return s[MODE] != COLD or c.crosstalk == 1
 
 
-@njit(cache=True)
+@lending
 def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> float:
     """Return the torque at which phase and stress agree, N·m; the state stays as it is."""
     s = spring.s
@@ -225,7 +225,7 @@ def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> f
     return b
 
 
-@njit(cache=True)
+@lending
 def commit_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Move the spring's state to an angle and a temperature."""
     s, xi0, xi, weight, cooler_c = spring
@@ -242,14 +242,15 @@ def commit_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> 
         s[THETA_MAX] = max(s[THETA_MAX], theta)
 
 
-@njit(cache=True)
+@lending
 def turn(spring: Spring, warming: int) -> None:
     """Begin a transformation in the other direction from the present fractions."""
     spring.s[WARMING] = warming
-    spring.xi0[:] = spring.xi
+    for i in range(spring.xi.size):
+        spring.xi0[i] = spring.xi[i]
 
 
-@njit(cache=True)
+@lending
 def follow_passive(spring: Spring, temp_c: float, slack_c: float) -> None:
     """Let a spring that nobody drives change its direction with its own temperature."""
     s = spring.s
@@ -266,7 +267,7 @@ def follow_passive(spring: Spring, temp_c: float, slack_c: float) -> None:
         s[TURN_C] = temp_c
 
 
-@njit(cache=True)
+@lending
 def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c: float) -> None:
     """Take the present state as the reference of the active spring's torque."""
     s[THETA_R] = theta
@@ -274,7 +275,7 @@ def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c:
     s[XI_R] = s[XI]
 
 
-@njit(cache=True)
+@lending
 def set_cold(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Make a spring that was active cold martensite on its loading curve; one that lay below it stays there."""
     s = spring.s
@@ -284,18 +285,19 @@ def set_cold(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     set_martensite(c, spring, theta, temp_c)
 
 
-@njit(cache=True)
+@lending
 def set_martensite(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Make all of a cold spring martensite, its winding kept; warming is the next thing that can happen to it."""
     s = spring.s
-    spring.xi[:] = 1.0
+    for i in range(spring.xi.size):
+        spring.xi[i] = 1.0
     s[XI] = 1.0
     turn(spring, 1)
     s[TURN_C] = temp_c
     s[TAU] = torque(c, s, theta, 1.0, temp_c)
 
 
-@njit(cache=True)
+@lending
 def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cycle: float, share: float) -> None:
     """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
     s = spring.s
@@ -312,7 +314,7 @@ def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cyc
     s[MODE] = HEATING
 
 
-@njit(cache=True)
+@lending
 def restart_heating(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Heat a spring again before it is cold: it recovers what it had recovered, and no more than its winding left."""
     s = spring.s
@@ -323,7 +325,7 @@ def restart_heating(c: Constants, spring: Spring, theta: float, temp_c: float) -
     s[MODE] = HEATING
 
 
-@njit(cache=True)
+@lending
 def start_cooling(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
     """Switch a heated spring off: one that lies below its loading curve then counts as unwound from further off."""
     s = spring.s

@@ -30,6 +30,7 @@ from torsight.discovery.settings import Settings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from torsight.discovery.own.answer.predicted import PredictedOutputs
     from torsight.discovery.own.answer.saved import SavedModel
 
 Array = NDArray[np.float64]
@@ -361,7 +362,7 @@ class Findings(Shown):
         noise = tuple(after.known for _, after in self.errors.values())
         return SavedModel.of(problem, chosen, covariance=joint_covariance(chosen), noise=noise)
 
-    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> dict[str, Array]:
+    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
         """Return the extended model's outputs for another record, with their standard deviations.
 
         Parameters
@@ -374,8 +375,8 @@ class Findings(Shown):
 
         Returns
         -------
-        dict
-            Time, then ``<output>`` and ``<output>_sigma`` for each output, (rows,) each.
+        PredictedOutputs
+            Time, then ``<output>`` and ``<output>_sigma`` for each output, (rows,) each, by name.
         """
         return self.model().predict(record, initial=initial)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
@@ -45,8 +46,8 @@ _COVERED: Final = 0.02
 """Share of the median information about a node below which the record did not reach it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeasuredCurve:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MeasuredCurve(Shown):
     """A law as it was measured: id, driver, units; nodes, values, sigma (k,); whether the record reached a node.
 
     ``effect`` is the candidate whose name it carries, if any; ``chosen`` says whether it belongs to the answer,
@@ -89,6 +90,18 @@ class MeasuredCurve:
             "file": self.csv_name,
             "gain": self.gain,
         }
+
+    def facts(self) -> dict[str, str]:
+        """Return its range, and the name that it carries."""
+        return {self.id: self.told()} | ({} if self.effect is None else {"effect": self.effect})
+
+    def _columns(self) -> dict[str, NDArray[np.generic]]:
+        return self.table()
+
+    def _draw(self, axes: Any) -> None:
+        from torsight.discovery.own.answer.pictures import draw_law
+
+        draw_law(axes, self)
 
     def told(self) -> str:
         """Return one sentence."""

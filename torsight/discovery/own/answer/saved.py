@@ -22,11 +22,12 @@ from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import beyond
+from torsight.discovery.own.answer.predicted import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import TIMES, Record, Table, column_of, read_records, time_of
+from torsight.discovery.own.records import Record, Table, column_of, read_records, time_column, time_of
 
 Array = NDArray[np.float64]
 
@@ -83,6 +84,23 @@ class LawOn:
     def curve(self, values: Mapping[str, float]) -> Array:
         """Return its values on its nodes (k,)."""
         return self.form.values([values[name] for name in self.form.names])
+
+    def steep(self, values: Mapping[str, float]) -> float:
+        """Return its root mean square slope."""
+        return float(np.sqrt(np.mean((np.diff(self.curve(values)) / np.diff(self.form.nodes)) ** 2)))
+
+    def further(self, values: Mapping[str, float], asked: tuple[float, float]) -> list[Curve]:
+        """Return the law as it may go on beyond an end at which it is asked for more: up, and down."""
+        nodes, curve = self.form.nodes, self.curve(values)
+        far = 10.0 * (nodes[-1] - nodes[0])  # the model may then ask for more
+        ends = [(0, nodes[0] - far, curve[0])] if asked[0] < nodes[0] else []
+        ends += [(len(nodes), nodes[-1] + far, curve[-1])] if asked[1] > nodes[-1] else []
+        rise = self.steep(values) * far
+        return [
+            Curve(np.insert(nodes, place, end), np.insert(curve, place, value + side * rise))
+            for place, end, value in ends
+            for side in (1.0, -1.0)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +176,7 @@ class SavedModel:
             time_name=problem.time_name,
         )
 
-    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> dict[str, Array]:
+    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
         """Return time, outputs and their standard deviations for a record; see ``Findings.predict``.
 
         Raises
@@ -173,22 +191,42 @@ class SavedModel:
         def at(x: Array) -> Array:
             return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
 
-        middle = self._called(model, values)
+        done = self._done(model, values, self._curves(values))
+        middle = self._with_added(model, values, done)
         parameters = [self._parameter(name, values[name]) for name in self.names]
         slopes = np.zeros((middle.size, 0))
         if parameters:
             x = np.array([values[name] for name in self.names])
             slopes = jacobian(at, x, at_x=middle.ravel(), space=space_of(parameters))
         spread = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes).reshape(middle.shape)
-        made = {(self.time_name or next((one for one in TIMES if one in own), "row")): time_of(own, self.time_name)}
-        for law in self.laws:
-            # What only time tells holds for the record that it was measured in: here its size is a doubt.
-            if law.time_like and law.output is not None:
-                spread[:, self.outputs.index(law.output)] += float(np.mean(law.curve(values) ** 2))
+        spread += self._beyond(model, values, done)
+        made = {(self.time_name or time_column(own) or "row"): time_of(own, self.time_name)}
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
-        return made
+        told = tuple(beyond([done], self._curves(values)))
+        return PredictedOutputs(made, self.outputs, own.label_, told)
+
+    def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Array:
+        """Return the variance (rows, outputs) of what laws do where they were never measured.
+
+        There a law may rise or fall as steeply as it does within its nodes. What only time tells holds for the record
+        that it was measured in: elsewhere its size is a doubt.
+        """
+        middle = self._with_added(model, values, done)
+        found, curves = np.zeros(middle.shape), self._curves(values)
+        for law in self.laws:
+            if law.output is None:
+                for further in law.further(values, done.asked[law.form.id]):
+                    other = self._done(model, values, {**curves, law.form.id: further})
+                    found += 0.5 * (self._with_added(model, values, other) - middle) ** 2
+            elif law.time_like:
+                found[:, self.outputs.index(law.output)] += float(np.mean(law.curve(values) ** 2))
+            else:
+                at, nodes = column_of(model.records[0], law.driver), law.form.nodes
+                beyond_by = at - np.clip(at, nodes[0], nodes[-1])
+                found[:, self.outputs.index(law.output)] += (law.steep(values) * beyond_by) ** 2
+        return found
 
     def _parameter(self, name: str, value: float) -> Parameter:
         declared = [*self.declared, *(p for one in self.candidates for p in one.parameters)]
@@ -196,25 +234,21 @@ class SavedModel:
         found = next((p for p in declared if p.name == name), None)
         return Parameter(name, value, "") if found is None else found.at(value)
 
-    def doubts(self, record: Table, *, initial: Mapping[str, float] | None = None) -> tuple[str, ...]:
-        """Return what a person should know of a prediction: laws that are asked for what was never measured."""
-        (own,) = read_records(record)
-        model = Model(self.predict_function, (own,), self.outputs, self.ports)
-        values = self._begun(model, own, initial or {})
-        return tuple(beyond([self._done(model, values)], self._curves(values)))
-
     def _curves(self, values: Mapping[str, float]) -> dict[str, Curve]:
         return {law.form.id: Curve(law.form.nodes, law.curve(values)) for law in self.laws if law.output is None}
 
-    def _done(self, model: Model, values: Mapping[str, float]) -> Called:
+    def _done(self, model: Model, values: Mapping[str, float], curves: Mapping[str, Curve]) -> Called:
         numbers = {name: value for name, value in values.items() if RESERVED not in name}
-        done = call(model, 0, numbers, self._curves(values))
+        done = call(model, 0, numbers, curves)
         if done.failure is not None:
             raise done.failure.error("predict")
         return done
 
     def _called(self, model: Model, values: Mapping[str, float]) -> Array:
-        done = self._done(model, values)
+        return self._with_added(model, values, self._done(model, values, self._curves(values)))
+
+    def _with_added(self, model: Model, values: Mapping[str, float], done: Called) -> Array:
+        """Return the outputs of a call (rows, outputs) with the laws that are added to them."""
         if done.outputs is None:
             raise InputError("the model gives nothing", where=model.records[0].label_)
         outputs = done.outputs.copy()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.words.wording import estimate, number
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -33,7 +34,10 @@ def verdict_words(found: Findings) -> str:
     missing = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing{_alike(found)}"
     beside = f"{missing}, and " if found.effects else ""
     if found.effects and not found.decision.unnamed:
-        return f"{beside}{number(found.decision.over_floor)} times the noise is left that nothing offered explains"
+        # So far from the noise a name only says what helps most.
+        most = f"of what was offered, {named} {'explains' if len(found.effects) == 1 else 'explain'} most"
+        left = number(found.decision.over_floor)
+        return f"{left} times the noise is left that nothing offered explains; {most}"
     declared = {port.name for port in found.ports}
     laws = [name for name in found.decision.unnamed if name in declared]
     if laws and len(laws) == len(found.decision.unnamed):
@@ -134,13 +138,19 @@ def what_next(found: Findings) -> list[str]:
             if found.drivers
             else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
+        model = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
+        if isinstance(model, Ode) and model.measured and math.isinf(model.solver.restart_s):
+            told += (
+                " If small errors grow over a record, let the measured states begin anew on the way: "
+                "ode(…, solver=Solver(restart_s=…))."
+            )
         return [told]
     return []
 
 
 def summary(found: Findings) -> str:
     """Return the findings for a terminal."""
-    return "\n".join(f"{title:{_WIDTH}s}{text}".rstrip() for title, text in lines(found))
+    return "\n".join(f"{title:{_WIDTH - 1}s} {text}".rstrip() for title, text in lines(found))
 
 
 def html(found: Findings) -> str:

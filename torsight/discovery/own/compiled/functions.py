@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
+import numpy as np
 from numba.core import types
 from numba.core.cgutils import create_struct_proxy
 from numba.core.typing.templates import signature
 from numba.extending import (
     NativeValue,
+    intrinsic,
     lower_builtin,
     make_attribute_wrapper,
     models,
@@ -123,24 +125,31 @@ def _unboxed(kind: Any, value: Any, c: Any) -> Any:
     return NativeValue(made._getvalue())  # noqa: SLF001 - numba's own way
 
 
+@intrinsic
+def curve_at(context: Any, nodes: Any, values: Any, asked: Any) -> Any:
+    """Make a law within compiled code, of its nodes, its values on them and where it was asked."""
+    del context
+
+    def made(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        curve = create_struct_proxy(_CURVE)(context, builder)
+        for name, kind, value in zip(_MEMBERS, sig.args, args, strict=True):
+            context.nrt.incref(builder, kind, value)
+            setattr(curve, name, value)
+        return curve._getvalue()  # noqa: SLF001 - numba's own way
+
+    return _CURVE(nodes, values, asked), made
+
+
 @lower_builtin(_CurveType, _CurveType, types.float64)
 def _called(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     def value(curve: Any, at: float) -> float:
         curve.asked[0], curve.asked[1] = min(curve.asked[0], at), max(curve.asked[1], at)
         nodes, values = curve.nodes, curve.values
-        low, high = 0, len(nodes) - 1
-        if at <= nodes[low]:
-            return float(values[low])
-        if at >= nodes[high]:
-            return float(values[high])
-        while high - low > 1:
-            middle = (low + high) // 2
-            if nodes[middle] <= at:
-                low = middle
-            else:
-                high = middle
-        share = (at - nodes[low]) / (nodes[high] - nodes[low])
-        return float(values[low] + share * (values[high] - values[low]))
+        low = np.searchsorted(nodes, at, side="right") - 1
+        if low < 0 or low == len(nodes) - 1:
+            return float(values[max(low, 0)])
+        share = (at - nodes[low]) / (nodes[low + 1] - nodes[low])
+        return float(values[low] + share * (values[low + 1] - values[low]))
 
     return context.compile_internal(builder, value, sig, args)
 

@@ -29,12 +29,12 @@ _QUICKER: Final = 0.5
 
 def quickened(problem: ModelProblem) -> ModelProblem:
     """Return a problem with its model compiled; as it is where that cannot be done, does not pay or changes it."""
-    evaluator = problem.evaluator
-    if evaluator.seconds < _WORTH_S * evaluator.calls:
+    evaluator, start = problem.evaluator, {p.name: p.value for p in problem.parameters}
+    at_start = evaluator(problem.given(start, ()), {})
+    if evaluator.seconds < _WORTH_S * evaluator.calls or any(one.failure is not None for one in at_start):
         return problem
     quick = _compiled(problem.model.predict)
     model = problem.model if quick is None else replace(problem.model, predict=quick)
-    start = {p.name: p.value for p in problem.parameters}
     everything = {p.name: p.value for one in problem.candidates for p in one.parameters}
     names = [one.id for one in problem.candidates]
     asked = [*problem.given(start, ()), *problem.given({**start, **everything}, names)]

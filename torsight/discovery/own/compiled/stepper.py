@@ -3,23 +3,29 @@
 An event is looked for at the end of every step; where one has happened within it, the step is halved down to the
 moment at which it does, and what it does to the states begins from there.
 
+The stepping is compiled once and kept on disk: what belongs to a model comes in through pointers to functions that take
+arrays, and put names to them before they call what the model's author wrote.
+
 Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 2nd edition, table II.5.2 and
 section II.4 (step size control).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from numba.core import types
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
-from torsight.discovery.own.compiled.functions import compiled, fill
+from torsight.core.compiled import compiled as kept
+from torsight.core.compiled import lending, njit
+from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
-from torsight.discovery.own.model.values import by_name
+from torsight.discovery.own.model.values import Curve, kind_of
 
 Array = NDArray[np.float64]
 
@@ -30,6 +36,21 @@ moves from row to row."""
 _HALVINGS: Final = 48
 """By which the moment of an event in a step is known to the digits of a float."""
 
+_NUMBERS: Final = types.Array(types.float64, 1, "C")
+_ROWS: Final = types.Array(types.float64, 2, "C")
+_GIVEN: Final = types.Tuple((_NUMBERS, types.Array(types.float64, 3, "C"), types.Array(types.int64, 1, "C")))
+"""Parameters; laws (law, nodes or values or where it was asked, node); nodes of each law."""
+_AT_POINT: Final = types.void(types.float64, _NUMBERS, _NUMBERS, _GIVEN, _NUMBERS)
+"""Of time, states, inputs, what is given, and what is filled."""
+_JUMP: Final = types.void(types.int64, types.float64, _NUMBERS, _NUMBERS, _GIVEN, _NUMBERS)
+_LIMITS: Final = types.Tuple((types.float64, types.float64, types.int64))
+
+
+# As compiled code calls them, which mypy does not know.
+_tuple_of: Any = to_fixed_tuple
+_curve_at: Any = curve_at
+_compiled_for: Any = njit
+
 
 @dataclass(frozen=True, eq=False)
 class Stepper:
@@ -39,9 +60,10 @@ class Stepper:
     when: Any
     then: Any
     directions: Array
+    _known: dict[Any, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     def integrate(
-        self, time: Array, start: Array, inputs: dict[str, Array], p: Any, *, limits: tuple[float, float, int]
+        self, time: Array, start: Array, inputs: Mapping[str, Array], p: Any, *, limits: tuple[float, float, int]
     ) -> Array:
         """Return the states (n, k) at the times; inputs (n,) are lines between them.
 
@@ -54,16 +76,86 @@ class Stepper:
         TooManyStepsError
             Where the steps become too small or too many.
         """
-        names = list(inputs) or ["none"]
         columns = np.column_stack(list(inputs.values()) or [np.zeros(len(time))])
-        at = np.zeros(1, [(name, np.float64) for name in names])
-        functions = (self.directions, self.rhs, self.when, self.then)
-        made, failed = _integrate(functions, time, start, columns, (at, at.view(np.float64)), by_name(p), limits)
+        names = [name for name in p if name.isidentifier() and not name.startswith("_")]
+        laws = [name for name in names if isinstance(p[name], Curve)]
+        numbers = [name for name in names if name not in laws]
+        curves = [p[name] for name in laws]
+        packed = np.zeros((len(laws), 3, max([2, *(len(one.nodes) for one in curves)])))
+        for law, one in zip(packed, curves, strict=True):
+            law[0, : len(one.nodes)], law[1, : len(one.nodes)], law[2, :2] = one.nodes, one.values, one.asked
+        counts = np.array([len(one.nodes) for one in curves], np.int64)
+        given = (np.array([float(p[name]) for name in numbers]), packed, counts)
+        functions = self._by_place(tuple(inputs) or ("none",), tuple(numbers), tuple(laws))
+        rows = (np.array(time), columns)  # a record's own cannot be written to, which is another type
+        try:
+            made, failed = _integrate(*functions, self.directions, rows, start, given, limits)
+        finally:
+            for law, one in zip(packed, curves, strict=True):
+                one.asked[:] = law[2, :2]
         if failed >= 0 and not np.isfinite(made[failed + 1]).all():
             raise ArithmeticError("the right-hand side gives no numbers")
         if failed >= 0:
             raise TooManyStepsError(TOO_MANY.format(time[failed]))
         return np.asarray(made)
+
+    def _by_place(
+        self, inputs: tuple[str, ...], numbers: tuple[str, ...], laws: tuple[str, ...]
+    ) -> tuple[Any, Any, Any]:
+        """Return right-hand side, events and jumps as functions of arrays, compiled for values of these names."""
+        key = (inputs, numbers, laws)
+        if key not in self._known:
+            u_of, p_of = _named(inputs, numbers, laws)
+            rhs, when, then = self.rhs, self.when, self.then
+
+            @_compiled_for(_AT_POINT, nogil=True)
+            def slopes(t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+                fill(out, rhs(t, x, u_of(u), p_of(given)))
+
+            @_compiled_for(_AT_POINT, nogil=True)
+            def events(t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+                when(t, x, u_of(u), p_of(given), out)
+
+            @_compiled_for(_JUMP, nogil=True)
+            def jumps(which: int, t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+                then(which, t, x, u_of(u), p_of(given), out)
+
+            self._known[key] = slopes, events, jumps
+        return self._known[key]
+
+
+def _named(inputs: tuple[str, ...], numbers: tuple[str, ...], laws: tuple[str, ...]) -> tuple[Any, Any]:
+    """Return what puts names to inputs, and to parameters and laws."""
+    u_kind, p_kind = kind_of(inputs), kind_of((*numbers, *laws))
+    inputs_count, count = len(inputs), len(numbers)
+    curves = _no_laws
+    for k in range(len(laws)):
+        curves = _with_law(curves, k)
+
+    @njit
+    def u_of(u: Array) -> Any:
+        return u_kind(*_tuple_of(u, inputs_count))
+
+    @njit
+    def p_of(given: Any) -> Any:
+        return p_kind(*(_tuple_of(given[0], count) + curves(given)))
+
+    return u_of, p_of
+
+
+@njit
+def _no_laws(given: Any) -> Any:  # noqa: ARG001 - called as those with laws are
+    return ()
+
+
+def _with_law(others: Any, k: int) -> Any:
+    @njit
+    def laws(given: Any) -> Any:
+        _, packed, counts = given
+        law: Any = _curve_at(packed[k, 0, : counts[k]], packed[k, 1, : counts[k]], packed[k, 2])
+        return (*others(given), law)
+
+    return laws
 
 
 def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) -> Stepper:
@@ -127,34 +219,31 @@ _ERROR: Final = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 3392
 """Weights of the difference between the solutions of order 5 and 4."""
 
 
-@njit(nogil=True, error_model="numpy")
-def _inputs_at(t: float, given: Any) -> Any:
-    """Return the inputs by name at a time.
-
-    ``given``: time and inputs of the row before and of the one after, the inputs' place by name and as an array, and
-    the parameters.
-    """
-    (begin, end, before, after), u, _ = given
+@lending
+def _set_inputs(t: float, driven: Any) -> None:
+    """Fill in the inputs at a time; ``driven``: times of the row before and after, their inputs, and room."""
+    begin, end, before, after, u = driven
     share = (t - begin) / (end - begin)
-    for i in range(len(before)):
-        u[1][i] = before[i] + share * (after[i] - before[i])
-    return u[0][0]
+    for i in range(len(u)):
+        u[i] = before[i] + share * (after[i] - before[i])
 
 
-@njit(nogil=True, error_model="numpy")
-def _step(rhs: Any, t: float, h: float, x: Array, given: Any, slopes: Array, new: Array) -> None:
-    """Fill the seven slopes of a step and the state after it."""
-    for stage in range(7):
+@lending
+def _step(rhs: Any, t: float, h: float, x: Array, along: Any, slopes: Array, new: Array) -> None:
+    """Fill the slopes of a step but the first, which is that at its beginning, and the state after it."""
+    driven, given = along
+    for stage in range(1, 7):
         for i in range(len(x)):
             change = 0.0
             for j in range(stage):
                 change += _A[stage, j] * slopes[j, i]
             new[i] = x[i] + h * change
         at = t + _C[stage] * h
-        fill(slopes[stage], rhs(at, new, _inputs_at(at, given), given[2]))
+        _set_inputs(at, driven)
+        rhs(at, new, driven[4], given, slopes[stage])
 
 
-@njit(nogil=True, error_model="numpy")
+@lending
 def _size(h: float, x: Array, new: Array, slopes: Array, rtol: float) -> float:
     """Return the error of a step as a multiple of what is allowed."""
     total = 0.0
@@ -167,7 +256,7 @@ def _size(h: float, x: Array, new: Array, slopes: Array, rtol: float) -> float:
     return float(np.sqrt(total / len(x)))
 
 
-@njit(nogil=True)
+@lending
 def _happened(before: Array, now: Array, directions: Array) -> int:
     """Return the first event whose function has passed zero the way that counts, −1 for none."""
     for k in range(len(before)):
@@ -178,60 +267,81 @@ def _happened(before: Array, now: Array, directions: Array) -> int:
     return -1
 
 
-@njit(nogil=True, error_model="numpy")
-def _through_event(functions: Any, t: float, step: float, x: Array, given: Any, slopes: Array, before: Array) -> float:
+@kept
+def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, slopes: Array, before: Array) -> float:
     """Go on to a moment after the first event in a step; return the time, with the states and events there filled."""
     directions, rhs, when, then = functions
-    _, u, p = given
+    driven, given = along
     new, now = x.copy(), before.copy()
     low, high = 0.0, step
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        _step(rhs, t, middle, x, given, slopes, new)
-        when(t + middle, new, _inputs_at(t + middle, given), p, now)
+        _step(rhs, t, middle, x, along, slopes, new)
+        _set_inputs(t + middle, driven)
+        when(t + middle, new, driven[4], given, now)
         if _happened(before, now, directions) >= 0:
             high = middle
         else:
             low = middle
-    _step(rhs, t, high, x, given, slopes, new)
+    _step(rhs, t, high, x, along, slopes, new)
     t += high
-    when(t, new, _inputs_at(t, given), p, now)
+    _set_inputs(t, driven)
+    when(t, new, driven[4], given, now)
     which = _happened(before, now, directions)
     x[:] = new
-    then(which, t, new, u[0][0], p, x)
+    then(which, t, new, driven[4], given, x)
     moment = MOMENT * max(1.0, abs(t))
-    fill(slopes[0], rhs(t, x, u[0][0], p))
+    rhs(t, x, driven[4], given, slopes[0])
     for i in range(len(x)):
         new[i] = x[i] + moment * slopes[0, i]
     x[:] = new
     t += moment
-    when(t, x, _inputs_at(t, given), p, before)
+    _set_inputs(t, driven)
+    when(t, x, driven[4], given, before)
+    rhs(t, x, driven[4], given, slopes[0])
     return t
 
 
-@njit(nogil=True, error_model="numpy")
+@_compiled_for(
+    types.Tuple((_ROWS, types.int64))(
+        types.FunctionType(_AT_POINT),
+        types.FunctionType(_AT_POINT),
+        types.FunctionType(_JUMP),
+        _NUMBERS,
+        types.Tuple((_NUMBERS, _ROWS)),
+        _NUMBERS,
+        _GIVEN,
+        _LIMITS,
+    ),
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+)
 def _integrate(
-    functions: Any, time: Array, start: Array, inputs: Array, u: Any, p: Any, limits: Any
+    rhs: Any, when: Any, then: Any, directions: Array, rows: Any, start: Array, given: Any, limits: Any
 ) -> tuple[Array, int]:
     """Return the states (n, k), and the row after which no step was small enough or one too many, else -1.
 
-    In the place of the states after that row are the derivatives where it ended.
+    In the place of the states after that row are the derivatives where it ended. ``rows``: times and inputs.
     """
-    directions, rhs, when, _ = functions
-    rtol, longest, most = limits
+    (time, inputs), (rtol, longest, most) = rows, limits
+    functions = (directions, rhs, when, then)
     states = np.empty((len(time), len(start)))
     x, new, slopes = start.copy(), np.empty(len(start)), np.empty((7, len(start)))
-    before, now = np.zeros(len(directions)), np.zeros(len(directions))
+    before, now, u = np.zeros(len(directions)), np.zeros(len(directions)), np.empty(inputs.shape[1])
     states[0] = x
     h = 0.1 * (time[-1] - time[0]) / max(1, len(time) - 1)
-    when(time[0], x, _inputs_at(time[0], ((time[0], time[1], inputs[0], inputs[1]), u, p)), p, before)
+    u[:] = inputs[0]
+    when(time[0], x, u, given, before)
+    rhs(time[0], x, u, given, slopes[0])
     for i in range(len(time) - 1):
-        t, end = time[i], time[i + 1]
-        given, steps = ((time[i], time[i + 1], inputs[i], inputs[i + 1]), u, p), 0
+        t, end, steps = time[i], time[i + 1], 0
+        driven = (t, end, inputs[i], inputs[i + 1], u)
+        along = (driven, given)
         least = _LEAST_SHARE * (end - t)
         while end - t > 1e-12 * max(1.0, abs(end)):
             step = min(h, end - t, longest)
-            _step(rhs, t, step, x, given, slopes, new)
+            _step(rhs, t, step, x, along, slopes, new)
             error = _size(step, x, new, slopes, rtol)
             steps += 1
             if steps > most or step < 1e-14 * max(1.0, abs(t)):
@@ -241,13 +351,13 @@ def _integrate(
                 h = 0.2 * step
                 continue
             if error <= 1.0 or step <= least:
-                when(t + step, new, _inputs_at(t + step, given), p, now)
+                _set_inputs(t + step, driven)
+                when(t + step, new, driven[4], given, now)
                 if _happened(before, now, directions) >= 0:
-                    t = _through_event(functions, t, step, x, given, slopes, before)
+                    t = _through_event(functions, t, step, x, along, slopes, before)
                     continue
                 t += step
-                x[:] = new
-                before[:] = now
+                x[:], before[:], slopes[0] = new, now, slopes[6]
             # The usual safety factor and limits of a step's change (II.4).
             h = max(least, step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2)))
         states[i + 1] = x

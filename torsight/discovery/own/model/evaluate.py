@@ -128,7 +128,9 @@ class Failure:
         """Return it as an error of ours, for a model that cannot be used at all."""
         changes = "read-only" in self.message or "cannot be changed" in self.message
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
-        error = ModelError(f"the model fails: {self.told()}{copy}", where=where, do="mend the model")
+        # An error of ours has its own words.
+        fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
+        error = ModelError(f"{fails}{self.told()}{copy}", where=where, do=f"mend {what}")
         error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
 
@@ -174,8 +176,9 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
         if missing:
+            do = "give outputs (states of an ode, too) the names of the columns that were measured"
             raise InputError(
-                f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do="add it"
+                f"predict gives no '{missing[0]}'", where=record.label_, value=", ".join(map(str, given)), do=do
             )
         columns = [np.asarray(given[name]) for name in names]
     elif isinstance(given, tuple) or (isinstance(given, list) and len(names) > 1):

@@ -78,11 +78,10 @@ def _failed(path: Path, error: BaseException) -> InputError:
     frames = frames or [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
     line = line or (frames[-1].lineno if frames else None)
-    told = InputError(
-        f"cannot be imported: {type(error).__name__}: {error}",
-        where=str(path) if line is None else f"{path}, line {line}",
-        do="mend it; --debug shows its own traceback",
-    )
+    # An error of ours has its own words, and says what to do.
+    what = str(error) if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {error}"
+    where = str(path) if line is None else f"{path}, line {line}"
+    told = InputError(what, where=where, do="mend it; --debug shows its own traceback")
     own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
     told.add_note(f"The model file's own traceback:\n{own}")
     return told

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -77,11 +78,26 @@ class Event:
 
 @dataclass(frozen=True)
 class Solver:
-    """Options of SciPy's ``solve_ivp``; a model for which another method is named is not compiled by the search."""
+    """Options of SciPy's ``solve_ivp``, and of how it goes through a record.
+
+    Attributes
+    ----------
+    method : str
+        A model for which another one is named is not compiled by the search.
+    rtol : float
+        Relative tolerance.
+    max_step : float
+        Longest step.
+    restart_s : float
+        Time after which states that are measured begin anew from what was measured, the others going on: what is
+        predicted, and compared, is the course from one such moment to the next. For models in which small errors grow
+        over a record.
+    """
 
     method: str = "LSODA"
     rtol: float = RTOL
     max_step: float = np.inf
+    restart_s: float = np.inf
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -91,6 +107,7 @@ class Solver:
             )
         given.number(self.rtol, "Solver, rtol", positive=True)
         given.number(self.max_step, "Solver, max_step", positive=True, finite=False)
+        given.number(self.restart_s, "Solver, restart_s", positive=True, finite=False)
 
 
 @dataclass(frozen=True)
@@ -165,9 +182,15 @@ class Ode:
         events = [(one.when, one.then, one.direction) for one in self.events]
         return replace(self, stepper=stepper_of(self.rhs, events))
 
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """States that are outputs themselves."""
+        return () if callable(self.output) else self.output
+
     def _states(self, p: Any, record: Record, time: Array, start: Array) -> Array:
-        """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
-        first = _Named({name: float(column_of(record, name)[0]) for name in self.inputs})
+        """Return the states (rows, states), each stretch from where the measured ones begin anew."""
+        inputs = {name: column_of(record, name) for name in self.inputs}
+        first = _Named({name: float(column[0]) for name, column in inputs.items()})
         rates = np.shape(self.rhs(float(time[0]), start, first, p))
         if rates != np.shape(start):
             raise InputError(
@@ -177,17 +200,31 @@ class Ode:
                 limit=f"({len(start)},)",
                 do="return one number for each state",
             )
+        seen = {self.states.index(name): record[name] for name in self.measured if name in record}
+        anew = np.flatnonzero(np.diff((time - time[0]) // self.solver.restart_s)) + 1
+        states = np.empty((len(time), len(start)))
+        states[0] = start
+        for begin, end in pairwise(sorted({0, *anew.tolist(), len(time) - 1})):
+            rows = slice(begin, end + 1)
+            own = {name: column[rows] for name, column in inputs.items()}
+            states[begin + 1 : end + 1] = self._stretch(p, own, time[rows], start)[1:]
+            start = states[end].copy()
+            for k, column in seen.items():
+                start[k] = column[end] if np.isfinite(column[end]) else start[k]
+        return states
+
+    def _stretch(self, p: Any, inputs: Mapping[str, Array], time: Array, start: Array) -> Array:
+        """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
         if self.stepper is None:
             try:
-                return self._integrated(p, record, time, start)
+                return self._integrated(p, inputs, time, start)
             except TooManyStepsError:
                 # Where a right-hand side jumps, SciPy's methods may never get through; the stepper does.
                 if self.quick is None:
                     raise
-                return self.quick._states(p, record, time, start)  # noqa: SLF001 - the same class
+                return self.quick._stretch(p, inputs, time, start)  # noqa: SLF001 - the same class
         from numba.core.errors import NumbaError
 
-        inputs = {name: column_of(record, name) for name in self.inputs}
         limits = (self.solver.rtol, float(self.solver.max_step), _MOST_STEPS)
         try:
             return self.stepper.integrate(time, start, inputs, p, limits=limits)
@@ -203,14 +240,13 @@ class Ode:
         except TooManyStepsError:
             raise
         except Exception:  # noqa: BLE001 - with its own traceback
-            return self._integrated(p, record, time, start)
+            return self._integrated(p, inputs, time, start)
 
-    def _integrated(self, p: Any, record: Record, time: Array, start: Array) -> Array:
+    def _integrated(self, p: Any, columns: Mapping[str, Array], time: Array, start: Array) -> Array:
         """Integrate with SciPy, from event to event."""
         from scipy import integrate
 
         solve_ivp: Any = integrate.solve_ivp
-        columns = {name: column_of(record, name) for name in self.inputs}
 
         def inputs(t: float) -> Any:
             return _Named({name: float(np.interp(t, time, values)) for name, values in columns.items()})
@@ -290,7 +326,7 @@ def ode(
     states: str | Sequence[str],
     output: Callable[..., Any] | str | Sequence[str],
     inputs: str | Sequence[str] = (),
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, float | str] | Sequence[float | str] | None = None,
     events: Event | Sequence[Event] = (),
     time: str | None = None,
     solver: Solver = Solver(),
@@ -310,7 +346,7 @@ def ode(
         that are measured themselves.
     inputs : sequence of str
         Columns of the record that drive the model; lines between samples.
-    initial : mapping, optional
+    initial : mapping by state, or sequence in their order, optional
         How a state begins: a number, the name of a parameter, or of a column whose first value it is; without it the
         parameter or column of the state's own name.
     events : sequence of Event
@@ -318,7 +354,7 @@ def ode(
     time : str, optional
         Column of the time; as in ``model_problem``.
     solver : Solver
-        Method, relative tolerance and longest step.
+        Method, tolerance, longest step, and whether measured states begin anew on the way.
     """
     given.function(rhs, "ode, rhs")
     named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
@@ -326,7 +362,10 @@ def ode(
     wanted = output if callable(output) else given.names(output, "ode, output")
     happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")
     given.one_of(solver, Solver, "ode, solver", do="give solver=Solver(method=…, rtol=…)")
-    begin: Any = given.one_of({} if initial is None else initial, Mapping, "ode, initial", do="give {state: beginning}")  # type: ignore[type-abstract]
+    if isinstance(initial, Sequence) and not isinstance(initial, str) and len(initial) == len(named):
+        initial = dict(zip(named, initial, strict=True))
+    do = "give one for each state: {" + ", ".join(f"'{name}': …" for name in named) + "}"
+    begin: Any = given.one_of({} if initial is None else initial, Mapping, "ode, initial", do=do)  # type: ignore[type-abstract]
     for state, begins in begin.items():
         if not isinstance(begins, str):
             given.number(begins, f"ode, initial, {state}")
@@ -335,6 +374,9 @@ def ode(
     if not named or unknown:
         told = f"'{', '.join(unknown)}' is no state" if named else "has no state"
         raise InputError(told, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
+    if callable(wanted) and np.isfinite(solver.restart_s):
+        do = "name the states that are measured as output=[…]"
+        raise InputError("has no state that is measured itself", where="ode, solver, restart_s", do=do)
     plain = getattr(rhs, "py_func", rhs)
     made = Ode(plain, named, wanted, driven, begin, happens, time, solver)
     return made if plain is rhs else made.compiled()

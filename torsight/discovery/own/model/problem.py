@@ -34,7 +34,7 @@ from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Mo
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import TIMES, Record, Table, read_records, time_of
+from torsight.discovery.own.records import Record, Table, read_records, time_column, time_of
 
 Array = NDArray[np.float64]
 
@@ -266,7 +266,7 @@ def model_problem(
     if not outputs:
         raise InputError("no output is named", where="output", do="name the column that predict gives")
     records = read_records(observed)
-    if (reading.time or TIMES[0]) in outputs:
+    if (reading.time or time_column(records[0])) in outputs:
         raise InputError("is the time", where="output", value=", ".join(outputs), do="name what predict gives")
     measured, times = lay.observed_of(records, outputs), [time_of(record, reading.time) for record in records]
     sigmas = lay.per_output(reading.sigma, records, outputs, what="sigma")

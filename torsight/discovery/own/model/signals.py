@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.series import scatter
 from torsight.discovery.own.model import layout as lay
-from torsight.discovery.own.records import TIMES, Record, column_of
+from torsight.discovery.own.records import Record, column_of, time_column
 
 Array = NDArray[np.float64]
 
@@ -50,9 +50,13 @@ def drivers_of(
     reading: lay.Reading,
 ) -> tuple[dict[str, list[Array]], list[str]]:
     """Return the drivers by name, one array per record, and what was left out of them."""
-    no_drivers = {*outputs, reading.time, *([reading.blocks] if isinstance(reading.blocks, str) else []), *TIMES}
+    no_drivers = {*outputs, reading.time, reading.blocks if isinstance(reading.blocks, str) else None}
     shared = [name for name in records[0] if all(name in record for record in records)]
-    names = [name for name in shared if name not in no_drivers] if given is None else list(given)
+    names = (
+        [name for name in shared if name not in no_drivers and time_column([name]) is None]
+        if given is None
+        else list(given)
+    )
     found: dict[str, list[Array]] = {}
     told: list[str] = []
     for name in names:

@@ -86,9 +86,14 @@ KINDS: dict[tuple[str, ...], Any] = {}
 """Classes of named tuples by their names: numba compiles anew for every class."""
 
 
+def kind_of(names: tuple[str, ...]) -> Any:
+    """Return the class of named tuples with these names."""
+    if names not in KINDS:
+        KINDS[names] = namedtuple("Values", names)  # noqa: PYI024 - the names are known at run time only
+    return KINDS[names]
+
+
 def by_name(items: Mapping[str, Any]) -> Any:
     """Return values as a named tuple, which numba understands; what has no name in Python is left out."""
     names = tuple(name for name in items if name.isidentifier() and not name.startswith("_"))
-    if names not in KINDS:
-        KINDS[names] = namedtuple("Values", names)  # noqa: PYI024 - the names are known at run time only
-    return KINDS[names](*(items[name] for name in names))
+    return kind_of(names)(*(items[name] for name in names))
