@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from tracker.appearance.disc import SHAPE, disc_point
 from tracker.appearance.dot_fit import fit_dot
@@ -48,6 +49,26 @@ def test_the_share_of_a_pixel_is_what_counting_gives() -> None:
     counted = brute_disc(11.31, 10.78, 7.3, size=23, fine=60)
     assert np.abs(ours - counted).max() < 0.06
     assert ours.sum() == pytest.approx(np.pi * 7.3**2, rel=2e-3)
+
+
+@pytest.mark.parametrize("edge", [0.3, 0.6, 0.99, 1.01, 1.5, 3.0])
+def test_a_blurred_rim_and_its_slopes_are_those_of_the_normal_step(edge: float) -> None:
+    shape = np.zeros(1, SHAPE)
+    shape["radius"], shape["edge"] = 8.0, edge
+    fine = (np.arange(40) + 0.5) / 40 - 0.5
+    v, u = np.meshgrid(1.3 + fine, fine, indexing="ij")
+    nudge = 1e-4
+    for x in np.linspace(5.0, 11.0, 25):
+        inside, along_x, _, along_edge = disc_point(x, 1.3, shape[0])
+        true = norm.sf((np.hypot(x + u, v) - 8.0) / edge).mean()
+        # The logistic curve is right to 2e-4; the mean over a pixel of a soft rim adds as much.
+        assert inside == pytest.approx(true, abs=5e-4)
+        shape["edge"] = edge + nudge
+        wider = disc_point(x, 1.3, shape[0])[0]
+        shape["edge"] = edge
+        assert along_edge == pytest.approx((wider - inside) / nudge, abs=1e-3)
+        further = disc_point(x + nudge, 1.3, shape[0])[0]
+        assert along_x == pytest.approx((further - inside) / nudge, abs=1e-3)
 
 
 @pytest.mark.parametrize("light_dot", [False, True])
