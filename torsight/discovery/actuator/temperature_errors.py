@@ -26,8 +26,6 @@ _TOP_SHARE: Final = 0.5
 """How well a top is known, in standard deviations of one sample: on clean records 0.25 to 0.5 are as probable
 (benchmarks/discovery/tops.py); behind a slow sensor a top is known less well."""
 _TOP_C: Final = 1.0
-CLOCKS_S: Final = 0.03
-"""How well the clocks of film and log are together at best, whatever told it: to a frame of 30 per second."""
 _HOLD_S: Final = 4.0
 """The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
 the level: 0.4 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
@@ -67,15 +65,12 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
 
 
-def shared_errors(drive: Drive) -> list[tuple[Array, Array]]:
-    """Return one standard deviation of every error that many rows share, for both springs (n,) each.
-
-    Those of the tops, where the log has noise; and that of the two clocks.
-    """
+def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
+    """Return one standard deviation of every error of a top, for both springs (n,) each; none where negligible."""
+    if drive.noise_c <= NEGLIGIBLE_C:
+        return []
     none = np.zeros(len(drive))
-    tops = _tops(drive) if drive.noise_c > NEGLIGIBLE_C else ()
-    found = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in tops]
-    return [*found, (CLOCKS_S * drive.rate_a_c_s, CLOCKS_S * drive.rate_b_c_s)]
+    return [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
