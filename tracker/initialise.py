@@ -97,7 +97,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
     kept: list[NDArray[np.uint8]] = []
     best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
-    last = 0
+    last, tags = 0, ("", list[int]())
     for last, luma in _looked_at(source, progress):
         # The first frame and the last two: markers may come into sight late.
         kept = [*kept[:1], *kept[1:][-1:], luma]
@@ -105,14 +105,16 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         score = -np.inf if found is None else min(found[0].score, found[1].score)
         if found is not None and are_markers(found) and (best is None or score > best[0]):
             best = (score, last, luma, found)
-        if score > CLEAR or (len(kept) == _BOTH and tags_seen(kept)[0]):
+        if score > CLEAR or (len(kept) == _BOTH and (tags := tags_seen(kept))[1]):
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if not kept:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
     where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
-    if (best is None or best[0] <= CLEAR) and (tags := _found_tags(kept, where=where)) is not None:
-        return tags
+    if best is None or best[0] <= CLEAR:
+        family, numbers = tags if tags[1] else tags_seen(kept)
+        if numbers:
+            return _start_at_tags(family, numbers, where=where)
     if best is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
@@ -136,9 +138,8 @@ def _looked_at(source: FrameSource, progress: Progress) -> Iterator[tuple[int, N
             yield frame.index, frame.luma.copy()
 
 
-def _found_tags(lumas: Sequence[NDArray[np.uint8]], *, where: str) -> Start | None:
-    """Return the two tags that are seen in some of the first frames, or None."""
-    family, numbers = tags_seen(lumas)
+def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
+    """Return the start at the two tags that are seen in some of the first frames."""
     if len(numbers) > 2:
         raise NoResultError(
             "more than two tags are seen",
@@ -147,8 +148,6 @@ def _found_tags(lumas: Sequence[NDArray[np.uint8]], *, where: str) -> Start | No
             limit="one tag on each stick",
             do=f'name the two in a file for --markers: kind = "tag", family = "{family}", base_id, moving_id',
         )
-    if not numbers:
-        return None
     nowhere = np.full((4, 2), np.nan)
     hints = MarkerHints(nowhere, ("tag", "tag"), where, family=family, ids=(numbers[0], numbers[1]))
     return Start([], 0, None, hints.kinds, hints=hints)
