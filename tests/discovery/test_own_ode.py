@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from tests.scripts import script
 from torsight.core.errors import InputError
 from torsight.discovery import Event, Reading, Solver, candidate, law, model_problem, ode, parameter
 from torsight.discovery.own.compiled import quicken
@@ -66,43 +67,13 @@ def test_measured_states_begin_anew_where_that_is_wanted(rhs: Any) -> None:
     np.testing.assert_allclose(ode(rhs, output="x", **given)(VALUES, missing)["x"], closed_form(), atol=WANTED)
 
 
-def tumbling(seed: int) -> Any:
-    """Return a driven pendulum that goes over the top: fourth-order Runge–Kutta, 20 steps a row."""
-    rng = np.random.default_rng(seed)
-    time = np.linspace(0.0, 60.0, 300)
-    force = sum(
-        size * np.sin(rate * time + phase)
-        for size, rate, phase in zip(
-            rng.normal(0.0, 2.0, 4), rng.uniform(0.2, 2.0, 4), rng.uniform(0.0, 6.0, 4), strict=True
-        )
-    )
-    h = (time[1] - time[0]) / 20
-
-    def slope(x: Any, t: float) -> Any:
-        return np.array([x[1], np.interp(t, time, force) - 6.0 * np.sin(x[0]) - 0.3 * x[1]])
-
-    states = [np.array([0.5, 0.0])]
-    for t in (time[:-1, None] + h * np.arange(20)).ravel():
-        x = states[-1]
-        one = slope(x, t)
-        two = slope(x + h / 2 * one, t + h / 2)
-        three = slope(x + h / 2 * two, t + h / 2)
-        four = slope(x + h * three, t + h)
-        states.append(x + h / 6 * (one + 2 * two + 2 * three + four))
-    angle = np.array(states[::20])[:, 0]
-    return {"time_s": time, "force": force, "angle": angle + rng.normal(0.0, 0.01, 300)}
-
-
-@njit
-def pendulum(t: float, x: Any, u: Any, p: Any) -> Any:  # noqa: ARG001
-    return x[1], u.force - p.pull * np.sin(x[0]) - p.drag * x[1]
-
-
 def test_a_model_with_many_valleys_is_fitted() -> None:
     """A pendulum that tumbles through 50 rad forgets in seconds where it began."""
-    model = ode(pendulum, states=("angle", "rate"), output="angle", inputs="force", initial=(0.5, 0.0))
+    valleys = script("benchmarks/discovery/valleys.py")
+    model = ode(valleys.pendulum, states=("angle", "rate"), output="angle", inputs="force", initial=(0.5, 0.0))
     free = [parameter("pull", 2.0), parameter("drag", 1.0)]
-    problem = model_problem(model, [tumbling(3), tumbling(4)], free, output="angle", reading=Reading(sigma=0.01))
+    pair = [valleys.record(seed, 2.0) for seed in (3, 4)]
+    problem = model_problem(model, pair, free, output="angle", reading=Reading(sigma=0.01))
     begun = prepare(problem).problem.parameters
     assert [p.value for p in begun] == pytest.approx([6.0, 0.3], rel=0.002)
 
