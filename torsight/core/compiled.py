@@ -27,16 +27,17 @@ __all__ = ["compiled", "inlined", "lending", "njit"]
 F = TypeVar("F", bound=Callable[..., object])
 
 
+_KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
+"""With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+
+
 def compiled(function: F) -> F:
     """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go.
 
     A division by zero gives infinity, as in numpy.
     """
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
-
-
-_NO_COUNTS: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
-"""numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+    return cast("F", njit(**_KEPT)(function))
 
 
 def lending(function: F) -> F:
@@ -45,12 +46,12 @@ def lending(function: F) -> F:
     References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
     arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
     """
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy", **_NO_COUNTS)(function))
+    return cast("F", njit(**_UNCOUNTED)(function))
 
 
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_NO_COUNTS)(function))
+    return cast("F", njit(forceinline=True, **_UNCOUNTED)(function))
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
