@@ -45,7 +45,7 @@ class Sensors:
     temps_c : two (m,) float64
         Both temperatures, gaps bridged.
     rows : (n,) int64
-        Rows of the log that the drive keeps.
+        Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
     """
 
     time_s: Array
@@ -112,6 +112,8 @@ class Drive:
         The temperatures as logged.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
+    whole : Drive or None
+        The drive of which this one has some rows, None for all: what stands in the log at other times is read there.
     """
 
     time_s: Array
@@ -129,6 +131,7 @@ class Drive:
     known: NDArray[np.bool_]
     sensors: Sensors
     turns: int = 0
+    whole: Drive | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -136,10 +139,10 @@ class Drive:
     def at(self, rows: NDArray[np.int64]) -> Drive:
         """Return the drive at some of its rows (m,)."""
         cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
-        sensors = Sensors(self.sensors.time_s, self.sensors.temps_c, self.sensors.rows[rows])
         names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
                  "angle_sigma_rad", "known")  # fmt: skip
-        return replace(self, cycles=cycles, sensors=sensors, **{name: getattr(self, name)[rows] for name in names})
+        rowwise = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, cycles=cycles, whole=self.whole or self, **rowwise)
 
 
 def whole_turns(angle_rad: Array) -> int:

@@ -210,7 +210,8 @@ class ActuatorModel:
             cycle=counts + before,
             half_cycle=np.arange(len(counts)) + sum(history.cycles),
             room_c=drive.room_c,
-            sensors=drive.sensors,
+            drive=drive.whole or drive,
+            log_time_s=drive.time_s,
             history=history,
             theta_l_scale=np.ones(len(counts)),
             theta_l_loss_rad=np.zeros(len(counts)),
@@ -225,21 +226,11 @@ class ActuatorModel:
         return ports
 
     @cached_property
-    def _stages(self) -> list[int]:
-        """Place of every effect and then of every law among the stages."""
-        acts_on = [*(effect.acts_on for effect in self.chosen), *(FAMILIES[form.id].stage for form in self.laws)]
-        return [STAGES.index(stage) for stage in acts_on]
-
-    @cached_property
     def _parts(self) -> tuple[Effect | LawForm, ...]:
         """Effects and laws in the order in which they act: by place, laws after effects."""
-        parts: list[Effect | LawForm] = [*self.chosen, *self.laws]
-        return tuple(parts[i] for i in sorted(range(len(parts)), key=lambda i: (self._stages[i], i)))
-
-    @property
-    def by_rows(self) -> bool:
-        """Whether all that acts does so row by row: nothing changes the temperatures, which have a course in time."""
-        return STAGES.index("temperature") not in self._stages
+        staged: list[tuple[str, Effect | LawForm]] = [(effect.acts_on, effect) for effect in self.chosen]
+        staged += [(FAMILIES[form.id].stage, form) for form in self.laws]
+        return tuple(part for _, part in sorted(staged, key=lambda item: STAGES.index(item[0])))
 
     def simulate(
         self,
@@ -247,7 +238,6 @@ class ActuatorModel:
         values: Mapping[str, float] | None = None,
         *,
         history: History | None = None,
-        rows: NDArray[np.int64] | None = None,
     ) -> Simulation:
         """Step through a drive.
 
@@ -259,11 +249,8 @@ class ActuatorModel:
             Parameters by public name, in the unit that the name ends in; nominal values where absent.
         history : History, optional
             What earlier records left behind.
-        rows : (m,) int64, optional
-            Step through these rows of the drive only; effects act on all of them before that.
         """
         ports = self.ports(drive, values or {}, history=history)
-        ports = ports if rows is None else ports.at(rows)
         law = self.phase_law == "tanaka"
         return run_ports(ports, start_angle_rad=drive.start_angle_rad, tanaka=law, theta_l_deg=self.theta_l_deg)
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.drive import Sensors
+from torsight.actuator.drive import Drive
 from torsight.actuator.springs import Rig
 
 Array = NDArray[np.float64]
@@ -85,8 +85,10 @@ class Ports:
         How often either spring had been heated before it.
     room_c : float
         Room temperature.
-    sensors : Sensors
-        The temperatures as logged.
+    drive : Drive
+        What the log tells, at all of its rows.
+    log_time_s : (n,) float64
+        Times of the log from which the temperatures are taken: ``time_s`` where the clocks agree.
     history : History
         What earlier records left.
     section_weight, section_drop_c, section_drop_share : (m,) float64
@@ -142,7 +144,8 @@ class Ports:
     cycle: NDArray[np.int64]
     half_cycle: NDArray[np.int64]
     room_c: float
-    sensors: Sensors
+    drive: Drive
+    log_time_s: Array
     history: History = field(default_factory=History)
     section_weight: Array = field(default_factory=lambda: np.ones(1))
     section_drop_c: Array = field(default_factory=lambda: np.zeros(1))
@@ -179,21 +182,6 @@ class Ports:
     def phi_grid_rad(self) -> Array:
         """Return the actuator angles φ of the tables, rad."""
         return self.grid_rad() - 0.5 * self.rig.theta_p_rad
-
-    def at(self, rows: NDArray[np.int64]) -> Ports:
-        """Return the ports at some of the rows."""
-        return replace(
-            self,
-            time_s=self.time_s[rows],
-            temp_a_c=self.temp_a_c[rows],
-            temp_b_c=self.temp_b_c[rows],
-            active=self.active[rows],
-            half=self.half[rows],
-            friction_scale=self.friction_scale[rows],
-            passive_scale=None if self.passive_scale is None else self.passive_scale[rows],
-            side_a_nm=None if self.side_a_nm is None else self.side_a_nm[rows],
-            side_b_nm=None if self.side_b_nm is None else self.side_b_nm[rows],
-        )
 
     @property
     def load_changes(self) -> bool:
@@ -253,12 +241,26 @@ class Ports:
         return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     def at_log_times(self, wanted_s: Array) -> Ports:
-        """Return ports whose temperatures and half-cycles are those that stand in the log at other times (n,)."""
-        rows = np.clip(np.searchsorted(self.time_s, wanted_s), 0, len(wanted_s) - 1)
-        moved = self.with_temperatures(
-            lambda temp, rate: (np.interp(wanted_s, self.time_s, temp), np.interp(wanted_s, self.time_s, rate))
+        """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
+        cycles = self.drive.cycles
+        rows = np.clip(np.searchsorted(self.drive.time_s, wanted_s), 0, len(self.drive) - 1)
+        return replace(self.read_at(wanted_s), active=cycles.active[rows], half=cycles.half[rows])
+
+    def read_at(self, wanted_s: Array) -> Ports:
+        """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
+        drive = self.drive
+        logged = (drive.temp_a_c, drive.temp_b_c, drive.rate_a_c_s, drive.rate_b_c_s)
+        temp_a_c, temp_b_c, rate_a, rate_b = self.logged(*logged, at_s=wanted_s)
+        return replace(
+            self, log_time_s=wanted_s, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b
         )
-        return replace(moved, active=self.active[rows], half=self.half[rows])
+
+    def logged(self, *courses: Array, at_s: Array) -> tuple[Array, ...]:
+        """Return courses over the log's rows at some of its times (n,), by lines between the rows."""
+        time_s = self.drive.time_s
+        before = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(time_s) - 2)
+        share = np.clip((at_s - time_s[before]) / (time_s[before + 1] - time_s[before]), 0.0, 1.0)
+        return tuple(course[before] * (1.0 - share) + course[before + 1] * share for course in courses)
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""

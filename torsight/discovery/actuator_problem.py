@@ -46,7 +46,7 @@ class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
     The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
-    little carry nothing. What changes the temperatures acts on all rows before that.
+    little carry nothing. What takes temperatures from other times takes them from all rows.
 
     Attributes
     ----------
@@ -240,12 +240,9 @@ class ActuatorProblem(OptionalMembers):
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
-        model = self.model(effects)
-        if not model.by_rows:
-            return model.simulate(drive, values, history=self.history, rows=self.rows).angle_rad / DEG
         if drive not in self._thinned:
             self._thinned[drive] = drive.at(self.rows)
-        return model.simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
+        return self.model(effects).simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:

@@ -22,10 +22,10 @@ from torsight.core.parameter import Parameter
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
-ActsOn = Literal["temperature", "phase", "torque", "friction", "reading"]
+ActsOn = Literal["clock", "temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
 Array = NDArray[np.float64]
-STAGES: Final = ("temperature", "phase", "torque", "friction", "reading")
+STAGES: Final = ("clock", "temperature", "phase", "torque", "friction", "reading")
 """Places at which effects and laws act, in the order in which they do."""
 
 
@@ -59,9 +59,9 @@ class Effect(Shown):
         Name in files, code and report; the module's name.
     family : str
         Kind of mechanism that rival effects share (``sensor``, ``clock``, ``heat``, ``friction``, ``material``,
-        ``camera``; ``start`` for the state before the record).
+        ``camera``; ``start``, ``form`` and ``remainder`` are always fitted).
     acts_on : str
-        Where it acts: temperature, phase, torque, friction or reading.
+        Where it acts: clock, temperature, phase, torque, friction or reading.
     title : str
         A few plain words.
     parameters : tuple of Parameter
@@ -143,9 +143,10 @@ def load_effects() -> Mapping[str, Effect]:
 def always_fitted() -> tuple[Effect, ...]:
     """Return the effects that every fit has beside the characterised values and that are never named.
 
-    They say what came before the record (family ``start``), and how far the laws' own form may be off (``form``).
+    They say what came before the record (family ``start``), how far the laws' own form may be off (``form``), and what
+    is left between the clocks (``remainder``).
     """
-    return tuple(effect for effect in load_effects().values() if effect.family in ("start", "form"))
+    return tuple(effect for effect in load_effects().values() if effect.family in ("start", "form", "remainder"))
 
 
 def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
@@ -164,5 +165,5 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
 
 
 def _order(effect: Effect) -> tuple[int, int, str]:
-    """Return where an effect acts: first what the sensors say, then what the rig does, the camera last."""
+    """Return where an effect acts: clocks first, then sensors, then the rig, the camera last."""
     return STAGES.index(effect.acts_on), effect.order, effect.id

@@ -38,7 +38,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 EFFECT: Final = Effect(
     id="clock_offset",
     family="clock",
-    acts_on="temperature",
+    acts_on="clock",
     title="the clocks of camera and temperature log differ",
     parameters=(
         Parameter(name="clock_offset_s", value=1.0, unit="s", lower=-120.0, upper=120.0, null=0.0),
@@ -48,5 +48,4 @@ EFFECT: Final = Effect(
     starts=({"clock_offset_s": -1.0}, {"clock_offset_s": 5.0}, {"clock_offset_s": -5.0}),
     is_clock=True,
     laws=("clock_time_s",),
-    order=1,
 )

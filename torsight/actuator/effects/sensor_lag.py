@@ -15,8 +15,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
@@ -25,14 +23,11 @@ from torsight.core.parameter import Parameter
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the lag of both sensors."""
     delay_s = values["lag_delay_share"] * values["lag_s"]
-    added_a, added_b = ports.sensors.lag_correction(values["lag_s"] - delay_s)
-    prompt = replace(ports, temp_a_c=ports.temp_a_c + added_a, temp_b_c=ports.temp_b_c + added_b)
-    if delay_s == 0.0:
-        return prompt
-    later_s = ports.time_s + delay_s
-    return prompt.with_temperatures(
-        lambda temp, rate: (np.interp(later_s, ports.time_s, temp), np.interp(later_s, ports.time_s, rate))
-    )
+    if delay_s != 0.0:
+        ports = ports.read_at(ports.log_time_s + delay_s)
+    corrections = ports.drive.sensors.lag_correction(values["lag_s"] - delay_s)
+    added_a, added_b = ports.logged(*corrections, at_s=ports.log_time_s)
+    return replace(ports, temp_a_c=ports.temp_a_c + added_a, temp_b_c=ports.temp_b_c + added_b)
 
 
 EFFECT: Final = Effect(

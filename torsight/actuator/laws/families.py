@@ -25,7 +25,7 @@ class Family:
     port, driver, spring, unit, title : str
         As :class:`torsight.core.law.Law` has them.
     stage : str
-        Where it acts among the effects: ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
+        Where it acts among the effects: ``clock``, ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
     apply : callable
         From ports and the law as a function of its driver to ports.
     nodes : callable
@@ -98,7 +98,7 @@ _ALL: Final = (
              nodes.rate_nodes, 0.3, banks.through_zero, spring=one) for one in "ab"),
     Family("temperature_time_s", "temperature", "time_s", "°C", "the wires' temperatures over time", "temperature",
            acts.temperature_time, nodes.time_nodes, 0.3, banks.drifting, time_like=True),
-    Family("clock_time_s", "temperature", "time_s", "s", "the temperature log's clock over time", "temperature",
+    Family("clock_time_s", "temperature", "time_s", "s", "the temperature log's clock over time", "clock",
            acts.clock, nodes.time_nodes, 1.0, banks.wandering),
     Family("phase_half_cycle", "phase", "cycle", "", "the recoverable angle over the half-cycles", "phase",
            acts.theta_l_half, nodes.half_nodes, 0.03, banks.counted),

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import load_effects
+from torsight.actuator.effects import always_fitted, load_effects
 from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
@@ -99,7 +99,8 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def own(self) -> frozenset[str]:
         """Names, as the first record has them, of values that every record has for itself."""
-        base = {ZERO, *self.parts[0].once}
+        clocks = (p.name for effect in always_fitted() if effect.is_clock for p in effect.parameters)
+        base = {ZERO, *self.parts[0].once, *clocks}
         apart = (c for c in self.parts[0].candidates if c.id in self._clocks or c.propose is not None)
         return frozenset(base | {p.name for candidate in apart for p in candidate.parameters})
 

@@ -1,0 +1,40 @@
+r"""The clocks of camera and temperature logger were put together, but not exactly.
+
+.. math:: T(t) → T(t) + δ \, dT/dt
+
+T temperature in the log (°C), t film time (s), δ by how much the log is still ahead (s). No effect of the rig: every
+record has a remainder of its own, and where none is allowed, small effects of the temperatures' rate have to make up
+for it. So the discovery always fits δ beside the characterised values and never names it; an error of the clocks that
+is larger is a clock offset. Later records have clocks of their own. Source: computers that a network keeps on one time
+agree within tens of milliseconds (Mills, RFC 5905).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Take the temperatures from a little later in the log, to first order."""
+    ahead_s = values["clock_remainder_s"]
+    if ahead_s == 0.0:
+        return ports
+    temp_a_c, temp_b_c = ports.temp_a_c + ahead_s * ports.rate_a_c_s, ports.temp_b_c + ahead_s * ports.rate_b_c_s
+    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+
+
+EFFECT: Final = Effect(
+    id="clock_remainder",
+    family="remainder",
+    acts_on="temperature",
+    title="what is left between the clocks of camera and temperature log",
+    parameters=(Parameter(name="clock_remainder_s", value=0.0, unit="s", lower=-0.3, upper=0.3, sigma=0.03, null=0.0),),
+    apply=apply,
+    order=1,
+    is_clock=True,
+)
