@@ -16,9 +16,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
-from torsight.core.law import Kernel, Law, LawForm
+from torsight.core.law import Law, LawForm
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
@@ -79,30 +80,26 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Member:
-    """One kernel of one size, with the prior's logarithm."""
+class _Bank:
+    """A law's kernels at size one, and the prior's logarithm of each in every size.
 
-    kernel: Kernel
-    size: float
-    form: LawForm
-    log_prior: float
+    Half of the prior is on smooth kernels, half on usual forms, shared by the sizes.
+    """
 
+    law: Law
+    units: tuple[LawForm, ...]
+    log_prior: Array
 
-def members(law: Law) -> list[_Member]:
-    """Return the bank: half of the prior on smooth kernels, half on usual forms, shared by their sizes."""
-    smooth = sum(kernel.smooth for kernel in law.kernels)
-    usual = len(law.kernels) - smooth
-    half = 0.5 if smooth and usual else 1.0
+    @classmethod
+    def of(cls, law: Law) -> _Bank:
+        smooth = np.array([kernel.smooth for kernel in law.kernels])
+        alike = np.where(smooth, smooth.sum(), (~smooth).sum())
+        kinds = 2 if 0 < smooth.sum() < len(smooth) else 1
+        return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * alike * len(SIZES)))
 
-    def log_prior(kernel: Kernel) -> float:
-        return float(np.log(half / ((smooth if kernel.smooth else usual) * len(SIZES))))
-
-    units = [law.form(kernel, 1.0) for kernel in law.kernels]
-    return [
-        _Member(kernel, size, replace(unit, basis=unit.basis * (size * law.scale)), log_prior(kernel))
-        for kernel, unit in zip(law.kernels, units, strict=True)
-        for size in SIZES
-    ]
+    def form(self, kernel: int, size: int) -> LawForm:
+        """Return one kernel in one size."""
+        return replace(self.units[kernel], basis=self.units[kernel].basis * (SIZES[size] * self.law.scale))
 
 
 def measure_law(
@@ -158,7 +155,7 @@ class _Measurement:
             prior_sigma=np.concatenate([space.prior_sigma, np.full(k, np.inf)]),
         )
         self._model = AtPoint(self._problem, (*self._names, *free.names), (*effects, law.id))
-        self._members = members(law)
+        self._bank = _Bank.of(law)
         self._observed = np.where(likelihood.count > 0.0, problem.observed, 0.0)
 
     def _residual(self, at_u: Array) -> Array:
@@ -178,9 +175,8 @@ class _Measurement:
         slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
         for _ in range(iterations):
             picture = self._picture(slopes)
-            form = picture.best.form
-            precision = _precision(form.basis)
-            now = self._value(slopes.at_x, _projected(slopes.x, m, form), precision)
+            precision = _precision(picture.form.basis)
+            now = self._value(slopes.at_x, _projected(slopes.x, m, picture.form), precision)
             target = self._space.clip(picture.mean)
             promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
             found = self._towards(slopes.x, target, now, precision) if promised > _SETTLED else None
@@ -223,37 +219,38 @@ class _Measurement:
         names = len(self._names)
         information = prior_information(self._space, u, self._base)[:names]
         return _Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
-                           bank=self._members)  # fmt: skip
+                           bank=self._bank)  # fmt: skip
 
     def _measured(self, slopes: Slopes) -> Measured:
         m = len(self._names)
-        u = _projected(slopes.x, m, self._picture(slopes).best.form)
+        u = _projected(slopes.x, m, self._picture(slopes).form)
         at_u = self._model(u)
         picture = self._picture(slopes, at_u, u)
-        best = picture.best
-        z = np.linalg.lstsq(best.form.basis, u[m:])[0]
+        form, (kernel, size) = picture.form, picture.place
+        z = np.linalg.lstsq(form.basis, u[m:])[0]
         values = dict(zip(self._names, u[:m].tolist(), strict=True))
-        values |= dict(zip(best.form.names, z.tolist(), strict=True))
-        derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ best.form.basis])
+        values |= dict(zip(form.names, z.tolist(), strict=True))
+        derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
-        here = self._value(at_u, u, _precision(best.form.basis)) + picture.occam[picture.place]
-        bank = best.log_prior + float(logsumexp(picture.evidence) - picture.evidence[picture.place])
-        return Measured(self._law, best.form, best.kernel.name, values, at_u, derivative, here + bank, best.size, bank)
+        here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[kernel, size])
+        bank = float(self._bank.log_prior[kernel] + logsumexp(picture.evidence) - picture.evidence[kernel, size])
+        name = self._law.kernels[kernel].name
+        return Measured(self._law, form, name, values, at_u, derivative, here + bank, SIZES[size], bank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Picture:
-    """The linear model at a point: its posterior under every member of the bank."""
+    """The linear model at a point: its posterior under every kernel and size of the bank.
 
-    bank: list[_Member]
+    ``evidence`` and ``occam`` are (kernels, sizes); ``place`` is the best, ``form`` its form, ``mean`` the posterior
+    mean of the parameters and of the law's values under it.
+    """
+
     evidence: Array
-    place: int
-    mean: Array
     occam: Array
-
-    @property
-    def best(self) -> _Member:
-        return self.bank[self.place]
+    place: tuple[int, int]
+    form: LawForm
+    mean: Array
 
     @classmethod
     def of(
@@ -265,41 +262,46 @@ class _Picture:
         u: Array,
         space: Space,
         information: Array,
-        bank: list[_Member],
+        bank: _Bank,
     ) -> _Picture:
-        """Work out evidence and posterior mean of every member."""
-        names = len(information)
+        r"""Work out evidence and posterior mean of every member.
+
+        With the parameters integrated out the law's values on the nodes have the information S and the side g. Under a
+        kernel whose values are B z, z independent with standard deviation c, :math:`B^\top S B = Q Λ Q^\top` serves all
+        sizes c: they gain :math:`\sum c^2 (Q^\top B^\top g)^2 / (1 + c^2 Λ)` for :math:`\sum \log (1 + c^2 Λ)`.
+        """
+        n = len(information)
         weighted = weight.times(derivative)
         normal = derivative.T @ weighted
         # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
         origin = u.copy()
         held = np.isfinite(space.prior_sigma)
         origin[held] = u[held] - space.prior_mean[held]
-        origin[:names][~held[:names]] = 0.0
+        origin[:n][~held[:n]] = 0.0
         there = residual + derivative @ origin
         side = weighted.T @ there
-        square = weight.square(there)
-        evidence, occam = np.empty(len(bank)), np.empty(len(bank))
-        means = []
-        for i, member in enumerate(bank):
-            basis = member.form.basis
-            r = basis.shape[1]
-            matrix = np.empty((names + r, names + r))
-            matrix[:names, :names] = normal[:names, :names] + np.diag(information)
-            matrix[:names, names:] = normal[:names, names:] @ basis
-            matrix[names:, :names] = matrix[:names, names:].T
-            matrix[names:, names:] = basis.T @ normal[names:, names:] @ basis + np.eye(r)
-            own = np.concatenate([side[:names], basis.T @ side[names:]])
-            root = np.linalg.cholesky(matrix)
-            half = np.linalg.solve(root, own)
-            mean = np.linalg.solve(root.T, half)
-            occam[i] = -float(np.sum(np.log(np.diag(root))))
-            evidence[i] = member.log_prior - 0.5 * (square - float(half @ half)) + occam[i]
-            means.append((mean, basis))
-        place = int(np.argmax(evidence))
-        mean, basis = means[place]
-        x = u[:names] + mean[:names] - origin[:names]
-        return cls(bank, evidence, place, np.concatenate([x, basis @ mean[names:]]), occam)
+        root = np.linalg.cholesky(normal[:n, :n] + np.diag(information))
+        half = solve_triangular(root, np.column_stack([normal[:n, n:], side[:n]]), lower=True)
+        across, own = half[:, :-1], half[:, -1]
+        left, pull = normal[n:, n:] - across.T @ across, side[n:] - across.T @ own
+        plain = -0.5 * (weight.square(there) - float(own @ own)) - float(np.sum(np.log(np.diag(root))))
+        square = (np.array(SIZES) * bank.law.scale)[:, None] ** 2
+        occam, gain, turned = [], [], []
+        for unit in bank.units:
+            share, axes = np.linalg.eigh(unit.basis.T @ left @ unit.basis)
+            along = axes.T @ (unit.basis.T @ pull)
+            spread = 1.0 + square * np.maximum(share, 0.0)
+            occam.append(-0.5 * np.sum(np.log(spread), axis=1))
+            gain.append(0.5 * np.sum(square * along**2 / spread, axis=1))
+            turned.append((axes, along, spread))
+        evidence = plain + bank.log_prior[:, None] + np.array(gain) + np.array(occam)
+        kernel, size = (int(i) for i in np.unravel_index(np.argmax(evidence), evidence.shape))
+        axes, along, spread = turned[kernel]
+        values = bank.units[kernel].basis @ (axes @ (square[size] * along / spread[size]))
+        x = solve_triangular(root.T, own - across @ values, lower=False)
+        mean = np.concatenate([u[:n] + x - origin[:n], values])
+        whole = np.array(occam) - float(np.sum(np.log(np.diag(root))))
+        return cls(evidence, whole, (kernel, size), bank.form(kernel, size), mean)
 
 
 def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
