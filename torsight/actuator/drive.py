@@ -14,13 +14,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, half_cycles
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 
 Array = NDArray[np.float64]
+Pair = tuple[Array, Array]
 
 ROW_RATE_HZ: Final = 5.0
 """A record that is faster than this is thinned to about so many rows per second for a fit."""
@@ -51,32 +52,35 @@ class Sensors:
     time_s: Array
     temps_c: tuple[Array, Array]
     rows: NDArray[np.int64]
-    _known: dict[float, tuple[Array, Array]] = field(default_factory=dict)
+    _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
     def _plain(self) -> tuple[Array, Array]:
         a, b = (condition(self.time_s, temp).temp_c[self.rows] for temp in self.temps_c)
         return a, b
 
-    def lag_correction(self, lag_s: float) -> tuple[Array, Array]:
-        """Return, for the kept rows, what the wires' temperatures differ from the sensors' by with this time constant.
+    @cached_property
+    def _readings(self) -> tuple[Readings, Readings]:
+        a, b = (Readings.of(self.time_s, temp, lagged=True) for temp in self.temps_c)
+        return a, b
 
-        Made for constants on a grid, once each, and interpolated between them.
+    def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
+        """Return what the wires' temperatures differ from the sensors' by at the kept rows, with this time constant.
+
+        Made for constants on a grid, once each: the two neighbours, and the share of the way from the first to the
+        second.
         """
         place = float(np.interp(lag_s, _LAG_GRID_S, np.arange(len(_LAG_GRID_S))))
         low = min(int(place), len(_LAG_GRID_S) - 2)
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
-        ends = [self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])]
-        a, b = ((1.0 - share) * ends[0][i] + share * ends[1][i] for i in (0, 1))
-        return a, b
+        return share, self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])
 
-    def _at(self, lag_s: float) -> tuple[Array, Array]:
+    def _at(self, lag_s: float) -> Pair:
         if lag_s not in self._known:
+            none = np.zeros(len(self.rows))
             a, b = (
-                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows] - plain
-                if lag_s > 0.0
-                else np.zeros(len(self.rows))
-                for temp, plain in zip(self.temps_c, self._plain, strict=True)
+                readings.smooth(self.time_s[self.rows], lag_s)[0] - plain if lag_s > 0.0 else none
+                for readings, plain in zip(self._readings, self._plain, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
@@ -114,6 +118,8 @@ class Drive:
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     whole : Drive or None
         The drive of which this one has some rows, None for all: what stands in the log at other times is read there.
+    whole_rows : (n,) float64 or None
+        Which of its rows these are; None for all.
     """
 
     time_s: Array
@@ -132,9 +138,15 @@ class Drive:
     sensors: Sensors
     turns: int = 0
     whole: Drive | None = None
+    whole_rows: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def rows(self) -> Array:
+        """Which rows (n,) of the whole drive these are."""
+        return np.arange(float(len(self))) if self.whole_rows is None else self.whole_rows
 
     def at(self, rows: NDArray[np.int64]) -> Drive:
         """Return the drive at some of its rows (m,)."""
@@ -142,7 +154,7 @@ class Drive:
         names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
                  "angle_sigma_rad", "known")  # fmt: skip
         rowwise = {name: getattr(self, name)[rows] for name in names}
-        return replace(self, cycles=cycles, whole=self.whole or self, **rowwise)
+        return replace(self, cycles=cycles, whole=self.whole or self, whole_rows=self.rows[rows], **rowwise)
 
 
 def whole_turns(angle_rad: Array) -> int:

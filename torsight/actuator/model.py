@@ -211,7 +211,7 @@ class ActuatorModel:
             half_cycle=np.arange(len(counts)) + sum(history.cycles),
             room_c=drive.room_c,
             drive=drive.whole or drive,
-            log_time_s=drive.time_s,
+            log_rows=drive.rows,
             history=history,
             theta_l_scale=np.ones(len(counts)),
             theta_l_loss_rad=np.zeros(len(counts)),

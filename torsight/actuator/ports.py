@@ -87,8 +87,8 @@ class Ports:
         Room temperature.
     drive : Drive
         What the log tells, at all of its rows.
-    log_time_s : (n,) float64
-        Times of the log from which the temperatures are taken: ``time_s`` where the clocks agree.
+    log_rows : (n,) float64
+        From which of its rows, and between which, the temperatures are taken.
     history : History
         What earlier records left.
     section_weight, section_drop_c, section_drop_share : (m,) float64
@@ -145,7 +145,7 @@ class Ports:
     half_cycle: NDArray[np.int64]
     room_c: float
     drive: Drive
-    log_time_s: Array
+    log_rows: Array
     history: History = field(default_factory=History)
     section_weight: Array = field(default_factory=lambda: np.ones(1))
     section_drop_c: Array = field(default_factory=lambda: np.zeros(1))
@@ -242,25 +242,28 @@ class Ports:
 
     def at_log_times(self, wanted_s: Array) -> Ports:
         """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
-        cycles = self.drive.cycles
-        rows = np.clip(np.searchsorted(self.drive.time_s, wanted_s), 0, len(self.drive) - 1)
-        return replace(self.read_at(wanted_s), active=cycles.active[rows], half=cycles.half[rows])
+        moved, cycles = self.read_at(wanted_s), self.drive.cycles
+        rows = np.ceil(moved.log_rows).astype(np.int64)
+        return replace(moved, active=cycles.active[rows], half=cycles.half[rows])
 
     def read_at(self, wanted_s: Array) -> Ports:
         """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
         drive = self.drive
+        moved = replace(self, log_rows=np.interp(wanted_s, drive.time_s, np.arange(float(len(drive)))))
         logged = (drive.temp_a_c, drive.temp_b_c, drive.rate_a_c_s, drive.rate_b_c_s)
-        temp_a_c, temp_b_c, rate_a, rate_b = self.logged(*logged, at_s=wanted_s)
-        return replace(
-            self, log_time_s=wanted_s, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b
-        )
+        temp_a_c, temp_b_c, rate_a, rate_b = moved.logged(*logged)
+        return replace(moved, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
-    def logged(self, *courses: Array, at_s: Array) -> tuple[Array, ...]:
-        """Return courses over the log's rows at some of its times (n,), by lines between the rows."""
-        time_s = self.drive.time_s
-        before = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(time_s) - 2)
-        share = np.clip((at_s - time_s[before]) / (time_s[before + 1] - time_s[before]), 0.0, 1.0)
-        return tuple(course[before] * (1.0 - share) + course[before + 1] * share for course in courses)
+    @property
+    def log_time_s(self) -> Array:
+        """Times of the log (n,) from which the temperatures are taken: ``time_s`` where the clocks agree."""
+        return self.logged(self.drive.time_s)[0]
+
+    def logged(self, *courses: Array) -> tuple[Array, ...]:
+        """Return courses over the log's rows where the temperatures are taken from, by lines between the rows."""
+        before = np.minimum(self.log_rows.astype(np.int64), len(self.drive) - 2)
+        share = self.log_rows - before
+        return tuple(course[before] + share * (course[before + 1] - course[before]) for course in courses)
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""

@@ -25,9 +25,11 @@ def apply(ports: Ports, values: Values) -> Ports:
     delay_s = values["lag_delay_share"] * values["lag_s"]
     if delay_s != 0.0:
         ports = ports.read_at(ports.log_time_s + delay_s)
-    corrections = ports.drive.sensors.lag_correction(values["lag_s"] - delay_s)
-    added_a, added_b = ports.logged(*corrections, at_s=ports.log_time_s)
-    return replace(ports, temp_a_c=ports.temp_a_c + added_a, temp_b_c=ports.temp_b_c + added_b)
+    share, shorter, longer = ports.drive.sensors.lag_correction(values["lag_s"] - delay_s)
+    a, b, longer_a, longer_b = ports.logged(*shorter, *longer)
+    temp_a_c = ports.temp_a_c + a + share * (longer_a - a)
+    temp_b_c = ports.temp_b_c + b + share * (longer_b - b)
+    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
 
 
 EFFECT: Final = Effect(

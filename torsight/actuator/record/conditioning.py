@@ -90,22 +90,83 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     lag_s : float
         Time constant of the sensor: the wire's temperature is returned.
     """
-    n = len(temp_c)
-    if n < _SHORTEST:
-        slope = np.asarray(np.gradient(temp_c, time_s)) if n > 1 else np.zeros(n)
-        return Conditioned(temp_c + lag_s * slope, slope, np.zeros(n), 0.0)
-    noise, alike = measure_noise(time_s, temp_c)
-    # Rounding to a last digit is noise to a slope even where it is none to the value.
-    least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
-    blocks = _blocks(time_s, temp_c, _BLOCK_S if lag_s == 0.0 else _BLOCK_LAGGED_S)
-    value, rate, sigma = _smooth(*blocks, least, time_s, lag_s)
+    readings = Readings.of(time_s, temp_c, lagged=lag_s > 0.0)
+    noise = readings.noise_c
+    value, rate, sigma = readings.smooth(time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
-        return Conditioned(temp_c, rate, np.full(n, noise), noise)
-    if lag_s != 0.0:
-        return Conditioned(value, rate, sigma, noise)
-    # Noise that is alike over several rows counts as more of it.
-    level_holds(time_s, temp_c, noise * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
+        return Conditioned(temp_c, rate, np.full(len(temp_c), noise), noise)
+    if lag_s == 0.0:
+        # Noise that is alike over several rows counts as more of it.
+        level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
     return Conditioned(value, rate, sigma, noise)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """A log's readings with what is known of their noise, for any time constant of the sensor.
+
+    Attributes
+    ----------
+    time_s, temp_c : (m,) float64
+        Means over short blocks of the log.
+    noise_c : float
+        Noise of one reading of the log.
+    alike : float
+        Over how many rows of the log it is correlated.
+    sigma_c : float
+        What a block's noise counts as, correlation included.
+    correlation : float
+        Over how many blocks their noise is correlated.
+    """
+
+    time_s: Array
+    temp_c: Array
+    noise_c: float
+    alike: float
+    sigma_c: float
+    correlation: float
+
+    @classmethod
+    def of(cls, time_s: Array, temp_c: Array, *, lagged: bool) -> Readings:
+        """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
+        if len(temp_c) < _SHORTEST:
+            return cls(time_s, temp_c, 0.0, 1.0, 0.0, 1.0)
+        noise, alike = measure_noise(time_s, temp_c)
+        # Rounding to a last digit is noise to a slope even where it is none to the value.
+        least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
+        # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
+        times, means = (
+            np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_LAGGED_S if lagged else _BLOCK_S)
+        )
+        of_block, correlation = measure_noise(times, means)
+        sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
+        return cls(times, means, noise, alike, sigma, correlation)
+
+    def smooth(self, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
+        """Return value, slope and sigma of the wire's temperature at the wanted times."""
+        n = len(self.time_s)
+        if n < _SHORTEST:
+            slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
+            return self.temp_c + lag_s * slope, slope, np.zeros(n)
+        interval = float(np.median(np.diff(self.time_s)))
+        longest = int(max(_MAX_WINDOW_S / interval, _SHORTEST))
+        smallest = max(4 if lag_s == 0.0 else 6, int(3 * self.correlation))
+        sizes = [smallest]
+        while sizes[-1] < longest:
+            sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
+        threshold = _THRESHOLD_LAGGED if lag_s > 0.0 else _THRESHOLD
+        value, rate, left_over, sides = _local_fits(
+            self.time_s / interval, self.temp_c, self.sigma_c, np.array(sizes), lag_s / interval, threshold
+        )
+        rate /= interval
+        sides[:, 0] /= interval
+        sides[:, 1] /= interval**2
+        left_over *= _SELECTION
+        mend_corners(Log(self.time_s, self.temp_c, lag_s, self.sigma_c, smallest), sides, (value, rate, left_over))
+        if n == len(wanted_s):
+            return value, rate, left_over
+        value, rate, left_over = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, left_over))
+        return value, rate, left_over
 
 
 def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:
@@ -116,36 +177,6 @@ def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]
     starts = np.arange(0, len(time_s), every)
     count = np.diff(np.append(starts, len(time_s)))
     return np.add.reduceat(time_s, starts) / count, np.add.reduceat(temp_c, starts) / count
-
-
-def _smooth(time_s: Array, temp_c: Array, least: float, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
-    """Return value, slope and sigma of the wire's temperature at the wanted times."""
-    # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
-    time_s, temp_c = np.array(time_s, np.float64), np.array(temp_c, np.float64)
-    noise, correlation = measure_noise(time_s, temp_c)
-    sigma = max(noise, 0.2 * least) * math.sqrt(correlation)
-    interval = float(np.median(np.diff(time_s)))
-    longest = int(max(_MAX_WINDOW_S / interval, _SHORTEST))
-    smallest = max(4 if lag_s == 0.0 else 6, int(3 * correlation))
-    sizes = [smallest]
-    while sizes[-1] < longest:
-        sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
-    threshold = _THRESHOLD_LAGGED if lag_s > 0.0 else _THRESHOLD
-    value, rate, left_over, sides = _local_fits(
-        time_s / interval, temp_c, sigma, np.array(sizes), lag_s / interval, threshold
-    )
-    rate /= interval
-    sides[:, 0] /= interval
-    sides[:, 1] /= interval**2
-    left_over *= _SELECTION
-    mend_corners(Log(time_s, temp_c, lag_s, sigma, smallest), sides, (value, rate, left_over))
-    if len(time_s) == len(wanted_s):
-        return value, rate, left_over
-    return (
-        np.interp(wanted_s, time_s, value),
-        np.interp(wanted_s, time_s, rate),
-        np.interp(wanted_s, time_s, left_over),
-    )
 
 
 @compiled

@@ -199,10 +199,10 @@ class Played:
 class _ExactSensors(Sensors):
     """Readings without noise: what a lag hides is τ dT/dt."""
 
-    def lag_correction(self, lag_s: float) -> tuple[Array, Array]:
+    def lag_correction(self, lag_s: float) -> tuple[float, tuple[Array, Array], tuple[Array, Array]]:
         """Return what the wires' temperatures differ from the sensors' by."""
         a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.temps_c)
-        return a, b
+        return 0.0, (a, b), (a, b)
 
 
 class _Player:

@@ -21,8 +21,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
+from torsight.core.compiled import compiled, inlined
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.weight import Weight
 
@@ -121,7 +121,7 @@ class Likelihood:
             rows = (self.kind == kind) & (self.count > 0.0)
             if rows.any():
                 square = self.floor[rows] ** 2 + 1e-30
-                sizes[kind] = _discrepancy(left[rows] ** 2, square, self.count[rows], least=self.least**2)
+                sizes[kind] = discrepancy(left[rows] ** 2, square, self.count[rows], self.least**2)
         return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Array) -> float:
@@ -164,16 +164,38 @@ class Likelihood:
         return weight
 
 
-def _discrepancy(square: Array, floor: Array, count: Array, *, least: float) -> float:
-    """Return s² at the maximum of the likelihood, or the least where that is less."""
+@inlined
+def _scored(size: float, square: Array, floor: Array, count: Array) -> float:
+    """Return the next size s² of Fisher's scoring; it is larger than this one where the likelihood rises."""
+    above = whole = 0.0
+    for i in range(square.size):
+        weight = count[i] / (floor[i] + size) ** 2
+        above += weight * (square[i] - floor[i])
+        whole += weight
+    return above / whole
 
-    def slope(log_size: float) -> float:
-        variance = floor + np.exp(log_size)
-        return float(np.exp(log_size) * (count @ ((square - variance) / variance**2)))
 
-    low = np.log(max(least, 1e-9 * float(np.mean(floor))))
-    if not slope(low) > 0.0:
+@compiled
+def discrepancy(square: Array, floor: Array, count: Array, least: float) -> float:
+    """Return the discrepancy s² at the maximum of the likelihood, or the least where that is less.
+
+    ``square`` (n,) are the residuals' squares, ``floor`` the variances that the inputs account for, ``count`` how much
+    every sample counts. Fisher's scoring, s² ← Σ w (r² − n²) / Σ w with w = c / (n² + s²)², between ends at which the
+    likelihood rises and falls; where it leads out of them, to their middle.
+    """
+    low = max(least, 1e-9 * float(np.mean(floor)))
+    if not _scored(low, square, floor, count) > low:
         return least
     # Where the size is that of the largest residual, every sample asks for less.
-    high = np.log(float(np.max(square)) + 1e-30)
-    return float(np.exp(float(brentq(slope, low, high, xtol=_SIZE))))
+    high = float(np.max(square)) + 1e-30
+    size = np.sqrt(low * high)
+    while high > low * (1.0 + _SIZE):
+        found = _scored(size, square, floor, count)
+        if found > size:
+            low = size
+        else:
+            high = size
+        if abs(found - size) <= _SIZE * size:
+            return float(found)
+        size = found if low < found < high else np.sqrt(low * high)
+    return float(size)
