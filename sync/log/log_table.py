@@ -26,7 +26,7 @@ from sync.log.header import require_columns
 from sync.log.repairs import Repair
 from sync.log.wall_clock import read_stamps
 from torsight.core.errors import InputError
-from torsight.core.files.storage import is_parquet, read_table
+from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
 from torsight.core.frozen import Frozen
 
 if TYPE_CHECKING:
@@ -74,12 +74,11 @@ def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTab
         When the file cannot be read, lacks a column that is needed or named, has a unit in its header that the column
         cannot have, or stamps that cannot be read.
     """
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    refuse_folder(path)
     table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)
     frame, first_line, columns = table.frame, table.first_line, table.columns
     if len(frame) == 0:
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
+        raise table_without_rows(path)
     time_s, zero, note = _time(frame, columns, path=path, first_line=first_line)
     named = {role: frame.iloc[:, column.index] for role, column in columns.items() if role not in ("time", DATE)}
     used = {column.index for column in columns.values()}

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.storage import write_bytes
 from torsight.core.tracks import MARKERS
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
@@ -175,9 +175,7 @@ class Canvas:
         OutputError
             When the file cannot be written.
         """
-        content = cv2.imencode(".png", self.pixels)[1].tobytes()
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(content)
+        write_bytes(path, cv2.imencode(".png", self.pixels)[1].tobytes())
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.storage import write_bytes
 from torsight.viewer.program import LOOPBACK, Viewer, free_port
 from torsight.viewer.view_layout import TIME
 
@@ -99,8 +99,7 @@ def save_pictures(
     made = []
     for name, content in take_pictures(path, time_s=time_s, size_px=size_px).items():
         picture = Path(out) / f"{file_name(name)}.png"
-        with atomic_path(picture) as temporary:
-            temporary.write_bytes(content)
+        write_bytes(picture, content)
         made.append(picture)
     return sorted(made)
 

@@ -101,10 +101,15 @@ def not_written(path: Path, error: OSError) -> OutputError:
     )
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, UTF-8."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_bytes(path, text.encode())
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -163,15 +168,21 @@ def read_text(path: Path) -> str:
     InputError
         When the file is missing, is a folder, cannot be read or is not UTF-8.
     """
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file, refusing one that is missing, is none, or cannot be read."""
     require_ordinary(path)
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return path.read_bytes()
     except FileNotFoundError as error:
         raise missing_file(path) from error
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -286,13 +297,12 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
 
     if not path.exists():
         raise missing_file(path)
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    refuse_folder(path)
     require_ordinary(path)
     try:
         table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
-        raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
+        raise empty_table(path) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise InputError(
@@ -312,8 +322,24 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
             )
         table[name] = number_column(table, name, where=str(path))
     if len(table) == 0:
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
+        raise table_without_rows(path)
     return table
+
+
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder in the place of a table."""
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+
+
+def empty_table(path: Path) -> InputError:
+    """Return the error for a table's file that holds nothing."""
+    return InputError("is empty", where=str(path), do="record it again, with a header row")
+
+
+def table_without_rows(path: Path) -> InputError:
+    """Return the error for a table that holds its header alone."""
+    return InputError("has a header but no rows", where=str(path), do="record it again")
 
 
 def _damages_of(path: Path) -> tuple[type[Exception], ...]:
