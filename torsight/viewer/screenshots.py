@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import write_bytes
-from torsight.viewer.program import LOOPBACK, Viewer, free_port
+from torsight.viewer.program import Viewer, address_of, free_port
 from torsight.viewer.view_layout import TIME
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _connected(viewer: Viewer) -> ViewerClient:
     end = time.monotonic() + PATIENCE_S
     while viewer.running and time.monotonic() < end:
         try:
-            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
+            client = ViewerClient.connect(address_of(viewer.port))
             client.get_state()
         except (RuntimeError, ConnectionError, OSError):
             time.sleep(0.1)
