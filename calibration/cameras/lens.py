@@ -258,13 +258,7 @@ def spread_deg(normals: Floats) -> float:
 
 
 def require_views(count: int) -> None:
-    """Refuse too few views.
-
-    Raises
-    ------
-    NoResultError
-        Below :data:`FEWEST_VIEWS`.
-    """
+    """Refuse too few views."""
     if count < FEWEST_VIEWS:
         raise NoResultError(
             "too few views of the board",

@@ -62,13 +62,7 @@ class Task:
 
 
 def find_experiments(sources: Iterable[str]) -> list[Path]:
-    """Return every experiment file in folders (searched to all depths) and globs, sorted, each once.
-
-    Raises
-    ------
-    InputError
-        When a source names nothing.
-    """
+    """Return every experiment file in folders (searched to all depths) and globs, sorted, each once."""
     found: list[Path] = []
     for source in sources:
         path = Path(source)
@@ -242,13 +236,7 @@ def _on_this_machine(
 
 
 def processes(jobs: int, *, tasks: int) -> int:
-    """Return how many processes are started for ``--jobs``: never more than there are tasks.
-
-    Raises
-    ------
-    ConfigError
-        For none, and for more than the machine can be asked to bear.
-    """
+    """Return how many processes are started for ``--jobs``: never more than there are tasks."""
     from joblib import cpu_count
 
     cores = cpu_count()

@@ -41,13 +41,7 @@ class Said(TypedDict):
 
 
 def said(columns: str | None, units: str | None) -> Said:
-    """Return what the options say.
-
-    Raises
-    ------
-    ConfigError
-        When one of them is no list of ``KEY=NAME``, or has a key or a unit that is not known.
-    """
+    """Return what the options say."""
     from sync.log.column_names import chosen_columns, parse_entries
 
     found = Said(

@@ -77,13 +77,7 @@ def view(
 
 
 def recording_of(folder: Path) -> Path:
-    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first.
-
-    Raises
-    ------
-    InputError
-        When there is neither a recording nor anything to make one of.
-    """
+    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first."""
     if folder.is_file():
         return folder
     if (folder / "recording.rrd").is_file():

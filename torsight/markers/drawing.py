@@ -168,13 +168,7 @@ class Canvas:
         cv2.rectangle(self.pixels, (0, 0), (width - 1, height - 1), PLAIN[::-1], 1)
 
     def save(self, path: Path) -> None:
-        """Write a PNG, the same bytes for the same content.
-
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
-        """
+        """Write a PNG, the same bytes for the same content."""
         write_bytes(path, cv2.imencode(".png", self.pixels)[1].tobytes())
 
 

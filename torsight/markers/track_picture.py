@@ -79,11 +79,6 @@ def write_track_picture(path: Path, source: Pictures, result: TrackResult, angle
         The markers that were read.
     angles : StickAngles
         The angle made of them.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
     """
     shown = chosen_frames(result, angles)
     view = _view(result)

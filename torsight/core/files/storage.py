@@ -161,13 +161,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file (with or without a byte order mark).
-
-    Raises
-    ------
-    InputError
-        When the file is missing, is a folder, cannot be read or is not UTF-8.
-    """
+    """Read a UTF-8 text file (with or without a byte order mark)."""
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -203,13 +197,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
-    """Refuse a key that is not known, naming the nearest one that is.
-
-    Raises
-    ------
-    ConfigError
-        For the first key outside ``allowed``.
-    """
+    """Refuse a key that is not known, naming the nearest one that is."""
     for key in table:
         if key not in allowed:
             spelled = {name.lower(): name for name in allowed}
@@ -369,11 +357,6 @@ def number_column(
     """Return a column of a table as float64, an empty field as NaN.
 
     ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
-
-    Raises
-    ------
-    InputError
-        At the first field that is no number, naming its row.
     """
     import pandas as pd
 

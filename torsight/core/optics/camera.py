@@ -138,13 +138,7 @@ def read_camera(path: AnyPath) -> Camera:
 
 
 def require_second(camera: Camera | None, *, where: str) -> RightCamera:
-    """Return the second camera of a stereo pair.
-
-    Raises
-    ------
-    ConfigError
-        When there is no camera file, or none of a pair.
-    """
+    """Return the second camera of a stereo pair; a camera file without one is refused."""
     if camera is None or camera.right is None:
         raise ConfigError(
             "two films need a camera file with a second camera",

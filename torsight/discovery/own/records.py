@@ -183,13 +183,7 @@ def time_column(names: Iterable[str]) -> str | None:
 
 
 def column_of(record: Record, name: str) -> Array:
-    """Return a column, or say which there are.
-
-    Raises
-    ------
-    InputError
-        When the record has no such column.
-    """
+    """Return a column, or say which there are."""
     if name not in record:
         do = "give its name as in the table; columns that hold words and no numbers are left out"
         raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record), do=do)

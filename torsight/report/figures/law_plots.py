@@ -84,13 +84,7 @@ def law_panel(law: MeasuredLaw) -> Panel:
 
 
 def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
-    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go.
-
-    Raises
-    ------
-    OutputError
-        When a file cannot be written.
-    """
+    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go."""
     from torsight.report.plots.still import png
 
     kept = set()

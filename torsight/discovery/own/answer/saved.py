@@ -352,13 +352,7 @@ def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
 
 
 def is_own_model(path: Path) -> bool:
-    """Return whether a ``model.json`` is that of a model of one's own.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or damaged.
-    """
+    """Return whether a ``model.json`` is that of a model of one's own."""
     return read_json(path).get("kind") == KIND
 
 

@@ -160,13 +160,7 @@ def _with_law(others: Any, k: int) -> Any:
 
 
 def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) -> Stepper:
-    """Return a right-hand side and events (when, then or None, direction) compiled.
-
-    Raises
-    ------
-    CannotCompileError
-        Where one of the functions cannot be compiled.
-    """
+    """Return a right-hand side and events (when, then or None, direction) compiled, where numba can."""
     when, then = _nothing, _stays
     for k, (happens, does, _) in enumerate(events):
         when = _with_event(when, k, compiled(happens))

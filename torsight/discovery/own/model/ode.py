@@ -171,13 +171,7 @@ class Ode:
             return None
 
     def compiled(self) -> Ode:
-        """Return the same with right-hand side and events compiled.
-
-        Raises
-        ------
-        CannotCompileError
-            Where one of the functions cannot be.
-        """
+        """Return the same with right-hand side and events compiled."""
         from torsight.discovery.own.compiled.stepper import stepper_of
 
         events = [(one.when, one.then, one.direction) for one in self.events]
