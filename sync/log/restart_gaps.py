@@ -45,16 +45,10 @@ class JoinedStamps:
 def join_blocks(
     time_s: NDArray[np.float64], block: NDArray[np.int64], temperatures_c: Sequence[NDArray[np.float64]]
 ) -> JoinedStamps:
-    """Move every block behind the one before it.
+    """Move every block of rows behind the one before it; return stamps (n,) on one clock, and one restart per joint.
 
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Stamps, strictly increasing within a block.
-    block : (n,) int64
-        Number of the block of each row, not decreasing.
-    temperatures_c : sequence of (n,) float64
-        The readings whose continuity tells the gap.
+    Stamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
+    (n,) tells the gaps.
     """
     joined = time_s.copy()
     restarts: list[Restart] = []

@@ -200,18 +200,9 @@ def explain_campaign(
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks.
+    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
 
-    Parameters
-    ----------
-    todo : sequence of Task
-        The experiments.
-    jobs : int
-        Processes on this machine; -1 for one per core.
-    scheduler : str, optional
-        Address of a running Dask scheduler that does the tasks instead.
-    progress : Progress
-        Told after each task.
+    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
     rows: dict[str, dict[str, Any]] = {}
 

@@ -32,27 +32,7 @@ SETTLE_S: Final = 0.7
 def take_pictures(
     recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
 ) -> dict[str, bytes]:
-    """Draw a recording without a screen.
-
-    Parameters
-    ----------
-    recording : Path
-        The recording.
-    time_s : float, optional
-        Where the cursor stands, on the film's clock.
-    size_px : (int, int)
-        Size of the window.
-
-    Returns
-    -------
-    dict of str to bytes
-        PNG pictures by the name of the pane, and the one of all panes under :data:`WHOLE`.
-
-    Raises
-    ------
-    OutputError
-        When the viewer cannot draw here: it needs a Vulkan driver, one in software will do.
-    """
+    """Return a recording's panes as PNG pictures by their names, and all together as :data:`WHOLE`; needs no screen."""
     with viewer_without_screen(size_px) as client:
         patiently(client.open, str(recording.resolve()))
         if time_s is not None:

@@ -261,25 +261,10 @@ def _column(values: Any) -> Any:
 
 
 def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a CSV or Parquet table that Torsight or another lab's script wrote.
+    """Read a CSV or Parquet table (by suffix) that Torsight or another lab's script wrote.
 
-    Parameters
-    ----------
-    path : Path
-        The file; the suffix decides the format.
-    required : sequence of str
-        Columns that must be there and hold numbers (an empty field is NaN).
-
-    Returns
-    -------
-    pandas.DataFrame
-        All columns, the required ones as float64.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, empty, malformed, without a required column, or has a field that is no number; the
-        message names the row and the column.
+    The required columns must be there and hold numbers, NaN for an empty field; they come back as float64. What cannot
+    be used is refused by row and column.
     """
     import pandas as pd
 

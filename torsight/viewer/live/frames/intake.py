@@ -110,11 +110,6 @@ class Intake:
     """Reads pictures in a thread of its own and hands them on.
 
     Where a source cannot wait, the oldest picture is dropped rather than fall behind; its frame keeps number and time.
-
-    Parameters
-    ----------
-    pictures : Pictures
-        The source.
     """
 
     def __init__(self, pictures: Pictures) -> None:

@@ -59,13 +59,7 @@ def check_stream(url: str) -> str:
 
 
 class Stream(Pictures):
-    """A stream on this computer as it comes; times are its own stamps.
-
-    Parameters
-    ----------
-    name : str
-        Its address.
-    """
+    """A stream on this computer as it comes; times are its own stamps."""
 
     kind = "stream"
 
@@ -97,12 +91,9 @@ class Stream(Pictures):
 
 
 class GrowingFilm(Pictures):
-    """A film that is still being written; it ends when it has not grown for a while.
+    """A film that is still being written, which ends when it has not grown for a while.
 
-    Parameters
-    ----------
-    path : Path
-        The film: .mkv, .ts or .avi, which can be read before they are finished.
+    That is .mkv, .ts or .avi, which can be read before they are finished.
     """
 
     kind = "growing film"

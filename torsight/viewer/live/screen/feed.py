@@ -37,13 +37,7 @@ END_S: Final = 2.0
 
 
 class Feed:
-    """Hands pictures, curves and events to the viewer's side.
-
-    Parameters
-    ----------
-    port : int
-        Port of this computer at which viewers find the record.
-    """
+    """Hands pictures, curves and events to the viewer's side, which viewers find at a port of this computer."""
 
     def __init__(self, port: int) -> None:
         self.port = port
