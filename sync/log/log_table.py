@@ -23,11 +23,9 @@ from sync.log.column_names import (
 )
 from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_columns
-from sync.log.repairs import Repair
 from sync.log.wall_clock import read_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
-from torsight.core.frozen import Frozen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +35,7 @@ _ASIDE: Final = " (not used)"
 
 
 @dataclass(frozen=True, slots=True)
-class LogTable(Frozen):
+class LogTable(TextTable):
     """The rows of a log as they stand in its file.
 
     Attributes
@@ -45,22 +43,12 @@ class LogTable(Frozen):
     frame : DataFrame
         Columns under the contract's names, ``time_s`` in seconds and temperatures in °C; fields that are no numbers are
         left as they are, except in ``time_s`` (NaN). Further columns keep their names.
-    first_line : int
-        Line of the file on which row 0 stands.
-    repairs : tuple of Repair
-        What was passed over or mended in the text.
-    columns : mapping of str to LogColumn
-        Which column of the file each is, by the keys ``time, a, b, heat_a, ...``.
     zero : str or None
         Instant (ISO 8601) of time 0 where the stamps are dates.
     notes : tuple of str
         What a person should know: columns that were guessed or converted, dates that can be read in two ways.
     """
 
-    frame: pd.DataFrame
-    first_line: int
-    repairs: tuple[Repair, ...]
-    columns: Mapping[str, LogColumn]
     zero: str | None
     notes: tuple[str, ...]
 
