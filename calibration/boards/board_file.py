@@ -133,13 +133,7 @@ def read_board(path: AnyPath) -> Board:
 
 
 def board_from(table: Mapping[str, Any], *, where: str) -> Board:
-    """Return the board of a table of keys.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown or missing key, or a value of the wrong kind or out of range.
-    """
+    """Return the board of a table of keys."""
     check_keys(table, _KEYS, where=where)
     kind = get_text(table, "kind", where=where, choices=KINDS)
     x_mm, y_mm = get_numbers(table, "axis_mm", 2, where=where, default=(0.0, 0.0))

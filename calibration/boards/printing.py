@@ -17,7 +17,7 @@ from scipy.constants import inch, milli
 from calibration.boards.board_file import Board
 from torsight.core.errors import ConfigError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.storage import write_bytes
 from torsight.core.words.shown import Shown
 
 if TYPE_CHECKING:
@@ -257,8 +257,7 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
         # Drawings have no pixels: the page is as large as it is to a thousandth of a point.
         figure = _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0)
         figure.savefig(drawn, format=suffix[1:], metadata=undated[suffix])
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(drawn.getvalue())
+    write_bytes(path, drawn.getvalue())
 
 
 def usual_board(kind: str, *, page: str = "a4") -> Board:

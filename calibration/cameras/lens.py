@@ -121,21 +121,10 @@ class LensCalibration:
 
 
 def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
-    """Calibrate one camera.
+    """Calibrate one camera from views of the board in pictures of one size.
 
-    Parameters
-    ----------
-    views : sequence of View
-        The board in every picture in which it was found.
-    size_px : (int, int)
-        Width and height of the pictures.
-    progress : Progress
-        Told after every fit that leaves some of the views out.
-
-    Raises
-    ------
-    NoResultError
-        When there are too few views, or all are from the same side.
+    Too few views, or views that are all from the same side, are no result. ``progress`` is told after every fit that
+    leaves some of the views out.
     """
     require_views(len(views))
     _require_spread(spread_deg(board_normals(views)), len(views))
@@ -258,13 +247,7 @@ def spread_deg(normals: Floats) -> float:
 
 
 def require_views(count: int) -> None:
-    """Refuse too few views.
-
-    Raises
-    ------
-    NoResultError
-        Below :data:`FEWEST_VIEWS`.
-    """
+    """Refuse too few views."""
     if count < FEWEST_VIEWS:
         raise NoResultError(
             "too few views of the board",

@@ -77,18 +77,10 @@ class View:
 
 
 def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quick: bool = False) -> View | None:
-    """Return the board's view in a picture, or None where the whole board (ChArUco: enough of it) is not found.
+    """Return the board's view in a picture (h, w), or None where the whole board (ChArUco: enough of it) is not found.
 
-    Parameters
-    ----------
-    grey : (h, w) uint8
-        The picture.
-    board : Board
-        The board to look for.
-    name, index : str, int
-        Kept in the view.
-    quick : bool
-        Look in a smaller picture and with the faster method only: for the many frames of a film.
+    ``name`` and ``index`` are kept in the view; ``quick`` looks in a smaller picture and with the faster method only:
+    for the many frames of a film.
     """
     scale = max(1.0, max(grey.shape) / (_QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX))
     small = grey if scale == 1.0 else _shrunk(grey, scale)

@@ -191,13 +191,7 @@ def _as_displayed(frame: Any) -> NDArray[np.uint8]:
 
 
 def require_same_camera(first: Picture, other: Picture) -> None:
-    """Refuse a picture of another size, or one whose file names another camera or focal length.
-
-    Raises
-    ------
-    InputError
-        Naming both pictures and what differs.
-    """
+    """Refuse a picture of another size, or one whose file names another camera or focal length."""
     if other.size_px != first.size_px:
         raise InputError(
             "has another size than the first picture",

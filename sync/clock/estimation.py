@@ -7,14 +7,13 @@ temperature say together. Where nothing moves the offset stays unknown and is no
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import Z95, ClockEstimate, Gaussian, value_and_interval
+from sync.clock.gaussian_mixture import Gaussian, clock_of
 from sync.clock.lag_likelihood import SHORT_LAG_S
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
@@ -22,6 +21,7 @@ from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_g
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from torsight.core.errors import NoResultError
+from torsight.core.parameter import REACH
 from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
@@ -115,7 +115,7 @@ def find_clock(
     if likelihood is None:
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
-        interval = (-Z95 * PRIORS.drift_sigma_ppm, Z95 * PRIORS.drift_sigma_ppm)
+        interval = (-REACH * PRIORS.drift_sigma_ppm, REACH * PRIORS.drift_sigma_ppm)
         notes = ("drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), weighed.reading)
@@ -123,15 +123,11 @@ def find_clock(
         raise _other_way_round(likelihood)
     mixture = likelihood.mixture
     if given_drift_ppm is not None:
-        row = np.zeros(len(mixture[0].mean))
-        row[1] = 1.0
-        mixture = tuple(b.updated(row, given_drift_ppm * PPM, 0.0) for b in mixture)
-    estimate = value_and_interval(mixture, middle_s=likelihood.middle_s)
-    notes = (*_notes(likelihood, estimate), *_restart_notes(weighed))
+        mixture = tuple(gaussian.with_drift(given_drift_ppm) for gaussian in mixture)
     method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
-    if given_offset_s is not None:
-        return Found(_as_map(estimate, method, notes), weighed.reading)
-    return Found(_coarse(_as_map(estimate, method, notes), reading.coarse_s), weighed.reading)
+    clock = clock_of(mixture, middle_s=likelihood.middle_s, method=method)
+    clock = replace(clock, notes=(*_notes(likelihood, clock), *_restart_notes(weighed)))
+    return Found(clock if given_offset_s is not None else _coarse(clock, reading.coarse_s), weighed.reading)
 
 
 def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
@@ -142,9 +138,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, give
     weighed, match = _paired(angles, weighed, reading, light)
     gaussian = match.gaussian
     if given_drift_ppm is not None:
-        row = np.zeros(len(gaussian.mean))
-        row[1] = 1.0
-        gaussian = gaussian.updated(row, given_drift_ppm * PPM, 0.0)
+        gaussian = gaussian.with_drift(given_drift_ppm)
     if len(gaussian.mean) > len(("offset", "drift")):
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
@@ -160,7 +154,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, give
         f"{SHARED_EVENT}: {match.matched} of {match.events} changes of the light against the heating switch's "
         f"{match.switchings}"
     )
-    clock = _as_map(value_and_interval([gaussian], middle_s=match.middle_s), method, notes)
+    clock = replace(clock_of([gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -189,7 +183,7 @@ def _led_with_motion(angles: StickAngles, weighed: WeighedRestarts, light: Light
     motion = weighed.likelihood or weigh_restarts(angles, weighed.reading, prior=None).likelihood
     if motion is None:
         return match
-    low, high = value_and_interval(motion.mixture, middle_s=motion.middle_s).offset_ci95_s
+    low, high = clock_of(motion.mixture, middle_s=motion.middle_s).offset_ci95_s
     margin = 0.5 * (high - low) + 5.0
     return match_led(light, angles.time_s, log, near=(low - margin, high + margin), gaps=gaps)
 
@@ -208,7 +202,7 @@ def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
     return tuple(
         f"the log's clock restarted at {float(weighed.reading.log.time_s[restart.index]):.6g} s and its rows from "
         f"there on were moved by {restart.shift_s:.6g} s; how long the logger was away is "
-        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {Z95 * restart.gap_sigma_s:.2g} s")
+        + ("not known" if not math.isfinite(restart.gap_sigma_s) else f"known to {REACH * restart.gap_sigma_s:.2g} s")
         for restart in weighed.reading.restarts
     )
 
@@ -216,17 +210,6 @@ def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
 def _given(offset_s: float, drift_ppm: float | None) -> Gaussian:
     drift_sigma = PRIORS.drift_sigma_ppm if drift_ppm is None else _EXACT
     return Gaussian(np.array([offset_s, (drift_ppm or 0.0) * PPM]), np.diag([_EXACT**2, (drift_sigma * PPM) ** 2]), 0.0)
-
-
-def _as_map(estimate: ClockEstimate, method: str, notes: Sequence[str]) -> ClockMap:
-    return ClockMap(
-        offset_s=estimate.offset_s,
-        drift_ppm=estimate.drift_ppm,
-        offset_ci95_s=estimate.offset_ci95_s,
-        drift_ci95_ppm=estimate.drift_ci95_ppm,
-        method=method,
-        notes=tuple(notes),
-    )
 
 
 def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
@@ -250,9 +233,9 @@ def _method(likelihood: MotionLikelihood) -> str:
     return text
 
 
-def _notes(likelihood: MotionLikelihood, estimate: ClockEstimate) -> list[str]:
+def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
     notes: list[str] = []
-    low, high = estimate.offset_ci95_s
+    low, high = clock.offset_ci95_s
     if likelihood.lag.value_s is None:
         notes.append(
             "the log has no corner from which a lag of the sensor could be read; lags up to 15 s are in the interval"

@@ -9,16 +9,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
+from torsight.core.records import ClockMap
 from torsight.core.units import PPM
 
 MOST_HYPOTHESES: Final = 12
 """Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log."""
 NEGLIGIBLE_LOG: Final = 20.0
 """Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
-Z95: Final = float(ndtri(0.975))
-"""Half a central 95 % interval of a normal variable, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +49,12 @@ class Gaussian:
             log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
         )
 
+    def with_drift(self, drift_ppm: float) -> Gaussian:
+        """Return the Gaussian with a drift that is known."""
+        row = np.zeros(len(self.mean))
+        row[1] = 1.0
+        return self.updated(row, drift_ppm * PPM, 0.0)
+
     def moved(self, by_s: float) -> Gaussian:
         """Return the same Gaussian with its offset at an instant ``by_s`` later on the film."""
         change = np.eye(len(self.mean))
@@ -57,18 +62,8 @@ class Gaussian:
         return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
 
 
-@dataclass(frozen=True, slots=True)
-class ClockEstimate:
-    """Offset at film time 0 and drift, each with a 95 % interval."""
-
-    offset_s: float
-    offset_ci95_s: tuple[float, float]
-    drift_ppm: float
-    drift_ci95_ppm: tuple[float, float]
-
-
-def value_and_interval(mixture: Sequence[Gaussian], *, middle_s: float) -> ClockEstimate:
-    """Return values (of the likeliest part) and central 95 % intervals (of the whole mixture)."""
+def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
+    """Return the clock: values of the likeliest part, and central 95 % intervals of the whole mixture."""
     log_weight = np.array([gaussian.log_weight for gaussian in mixture])
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -87,11 +82,12 @@ def value_and_interval(mixture: Sequence[Gaussian], *, middle_s: float) -> Clock
     best = int(np.argmax(density))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
     near /= near.sum()
-    return ClockEstimate(
+    return ClockMap(
         offset_s=float(near @ offset),
         offset_ci95_s=(_quantile(offset, offset_sigma, weight, 0.025), _quantile(offset, offset_sigma, weight, 0.975)),
         drift_ppm=float(near @ drift),
         drift_ci95_ppm=(_quantile(drift, drift_sigma, weight, 0.025), _quantile(drift, drift_sigma, weight, 0.975)),
+        method=method,
     )
 
 

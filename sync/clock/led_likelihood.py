@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import Z95, Gaussian
+from sync.clock.gaussian_mixture import Gaussian
 from sync.clock.unknown_gaps import UnknownGap
 from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog
 from torsight.core.units import PPM
 
@@ -145,7 +146,7 @@ def match_led(
     if second_s is not None:
         second_s -= chosen
         covariance = gaussian.covariance.copy()
-        covariance[0, 0] += (second_s / Z95) ** 2
+        covariance[0, 0] += (second_s / REACH) ** 2
         gaussian = Gaussian(gaussian.mean, covariance, gaussian.log_weight)
     return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 

@@ -85,19 +85,9 @@ def film_light_events(
 
 
 def led_changes(time_s: NDArray[np.float64], value: NDArray[np.float64], *, where: str) -> LightEvents:
-    """Return the changes of an LED from its brightness in every frame.
+    """Return the changes of an LED from its brightness (n,) at times (n,) of frames that could be read.
 
-    Parameters
-    ----------
-    time_s, value : (n,) float64
-        Times of the frames that could be read, and the brightness of the LED in each.
-    where : str
-        The place, for messages.
-
-    Raises
-    ------
-    NoResultError
-        When the brightness does not fall into two levels.
+    A brightness that does not fall into two levels is no result; ``where`` is the LED's place, for messages.
     """
     low, high, noise = _two_levels(value)
     least = max(_LEAST_STEP, _NOISES * noise)

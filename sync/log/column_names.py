@@ -161,15 +161,7 @@ def parse_entries(text: str | None, *, option: str) -> dict[str, str]:
 
 
 def resolve(header: Sequence[str], chosen: ChosenColumns = NOTHING_CHOSEN) -> dict[str, LogColumn | InputError]:
-    """Return, by key, the column of a header that holds it, or why none does; keys without any column are left out.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Names, as a line of the log gives them.
-    chosen : ChosenColumns
-        What the user says.
-    """
+    """Return, by key, the column of a header that holds it, or why none does; keys without any column are left out."""
     found: dict[str, LogColumn | InputError] = {}
     taken: set[int] = set()
     for guess in (False, True):

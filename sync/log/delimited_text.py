@@ -19,7 +19,7 @@ from sync.log.header import BLANKS, fields_of, find_header, require_columns, spl
 from sync.log.labview import labview_header
 from sync.log.repairs import Repair
 from torsight.core.errors import InputError
-from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.core.files.storage import empty_table, read_bytes, table_without_rows
 from torsight.core.frozen import Frozen
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _parsed(body: Sequence[str], names: list[str], delimiter: str, decimal: str,
     if delimiter == "," and decimal == ",":
         joined, decimal = _QUOTED_NUMBER.sub(r"\1.\2", joined), "."
     if not joined.strip():
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
+        raise table_without_rows(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -135,15 +135,9 @@ def _parsed(body: Sequence[str], names: list[str], delimiter: str, decimal: str,
 
 
 def _decode(path: Path) -> tuple[str, list[Repair]]:
-    if not path.exists():
-        raise missing_file(path)
-    require_ordinary(path)
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+    raw = read_bytes(path)
     if not raw.strip(b"\0 \r\n\t"):
-        raise InputError("is empty", where=str(path), do="record it again, with a header row")
+        raise empty_table(path)
     for beginning, kind in _NO_TEXT.items():
         if raw.startswith(beginning):
             raise InputError("is not text", where=str(path), value=kind, do="export it as CSV")

@@ -151,13 +151,7 @@ def units_row(fields: Sequence[str], columns: Mapping[str, LogColumn]) -> dict[s
 
 
 def require_columns(columns: Mapping[str, LogColumn | InputError], *, where: str) -> dict[str, LogColumn]:
-    """Return the columns, or raise the refusal of the first one that is one.
-
-    Raises
-    ------
-    InputError
-        As it was found, with the place.
-    """
+    """Return the columns, or raise the refusal of the first one that is one."""
     for column in columns.values():
         if isinstance(column, InputError):
             raise InputError(column.what, where=where, value=column.value, limit=column.limit, do=column.do)

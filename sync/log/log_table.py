@@ -23,11 +23,9 @@ from sync.log.column_names import (
 )
 from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_columns
-from sync.log.repairs import Repair
 from sync.log.wall_clock import read_stamps
 from torsight.core.errors import InputError
-from torsight.core.files.storage import is_parquet, read_table
-from torsight.core.frozen import Frozen
+from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +35,7 @@ _ASIDE: Final = " (not used)"
 
 
 @dataclass(frozen=True, slots=True)
-class LogTable(Frozen):
+class LogTable(TextTable):
     """The rows of a log as they stand in its file.
 
     Attributes
@@ -45,22 +43,12 @@ class LogTable(Frozen):
     frame : DataFrame
         Columns under the contract's names, ``time_s`` in seconds and temperatures in °C; fields that are no numbers are
         left as they are, except in ``time_s`` (NaN). Further columns keep their names.
-    first_line : int
-        Line of the file on which row 0 stands.
-    repairs : tuple of Repair
-        What was passed over or mended in the text.
-    columns : mapping of str to LogColumn
-        Which column of the file each is, by the keys ``time, a, b, heat_a, ...``.
     zero : str or None
         Instant (ISO 8601) of time 0 where the stamps are dates.
     notes : tuple of str
         What a person should know: columns that were guessed or converted, dates that can be read in two ways.
     """
 
-    frame: pd.DataFrame
-    first_line: int
-    repairs: tuple[Repair, ...]
-    columns: Mapping[str, LogColumn]
     zero: str | None
     notes: tuple[str, ...]
 
@@ -74,12 +62,11 @@ def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTab
         When the file cannot be read, lacks a column that is needed or named, has a unit in its header that the column
         cannot have, or stamps that cannot be read.
     """
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    refuse_folder(path)
     table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)
     frame, first_line, columns = table.frame, table.first_line, table.columns
     if len(frame) == 0:
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
+        raise table_without_rows(path)
     time_s, zero, note = _time(frame, columns, path=path, first_line=first_line)
     named = {role: frame.iloc[:, column.index] for role, column in columns.items() if role not in ("time", DATE)}
     used = {column.index for column in columns.values()}

@@ -87,32 +87,33 @@ def read_temperature_log(
     _require_order(ordered, len(frame), path=path)
     series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
     stamps, merged = _distinct(ordered, series, first_line=first_line, repairs=repairs)
-    joined = join_blocks(stamps.time_s, stamps.block, [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]])
+    readings = [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]]
+    time_s, restarts = join_blocks(stamps.time_s, stamps.block, readings)
     temperatures: dict[str, NDArray[np.float64]] = {}
     for name in NEEDED_NAMES[1:]:
-        temperatures[name], found = clean_channel(joined.time_s, merged.numbers[name], name=name)
+        temperatures[name], found = clean_channel(time_s, merged.numbers[name], name=name)
         repairs += found
         if not np.isfinite(temperatures[name]).any():
             raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
-    require_units(joined.time_s, temperatures, where=str(path))
+    require_units(time_s, temperatures, where=str(path))
     switches = _read_switches(merged.numbers, repairs)
     extra: dict[str, NDArray[np.generic]] = {
         name: values for name, values in merged.numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
     }
     log = TemperatureLog(
-        time_s=joined.time_s,
+        time_s=time_s,
         temp_a_c=temperatures["temp_a_c"],
         temp_b_c=temperatures["temp_b_c"],
         heat_a=switches.get("heat_a"),
         heat_b=switches.get("heat_b"),
         extra=extra | merged.texts,
     )
-    repairs += _gaps(joined.time_s)
+    repairs += _gaps(time_s)
     coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
     return LogReading(
         log=log,
         repairs=tuple(repairs),
-        restarts=joined.restarts,
+        restarts=restarts,
         zero=table.zero,
         coarse_s=coarse_s,
         columns=table.columns,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -26,35 +25,13 @@ LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record."""
 
 
-@dataclass(frozen=True, slots=True)
-class JoinedStamps:
-    """Stamps on one clock, that of the first block.
-
-    Attributes
-    ----------
-    time_s : (n,) float64
-        Strictly increasing.
-    restarts : tuple of Restart
-        One per joint.
-    """
-
-    time_s: NDArray[np.float64]
-    restarts: tuple[Restart, ...]
-
-
 def join_blocks(
     time_s: NDArray[np.float64], block: NDArray[np.int64], temperatures_c: Sequence[NDArray[np.float64]]
-) -> JoinedStamps:
-    """Move every block behind the one before it.
+) -> tuple[NDArray[np.float64], tuple[Restart, ...]]:
+    """Move every block of rows behind the one before it; return stamps (n,) on one clock, and one restart per joint.
 
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Stamps, strictly increasing within a block.
-    block : (n,) int64
-        Number of the block of each row, not decreasing.
-    temperatures_c : sequence of (n,) float64
-        The readings whose continuity tells the gap.
+    Stamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
+    (n,) tells the gaps.
     """
     joined = time_s.copy()
     restarts: list[Restart] = []
@@ -67,7 +44,7 @@ def join_blocks(
         shift_s = joined[index - 1] + gap_s - time_s[index]
         joined[behind] = time_s[behind] + shift_s
         restarts.append(Restart(index=index, shift_s=shift_s, gap_s=gap_s, gap_sigma_s=sigma_s))
-    return JoinedStamps(joined, tuple(restarts))
+    return joined, tuple(restarts)
 
 
 def _gap(

@@ -53,12 +53,7 @@ class OrderedStamps:
 def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> OrderedStamps:
     """Bring rows into the order of time, block by block.
 
-    Parameters
-    ----------
-    stamp_s : (n,) float64
-        Stamps as they stand in the file; NaN where there is none.
-    first_line : int
-        Line of the file on which row 0 stands, for the list of repairs.
+    ``stamp_s`` (n,) are the stamps of the file, NaN where there is none; row 0 stands on its line ``first_line``.
     """
     repairs: list[Repair] = []
     row = np.flatnonzero(np.isfinite(stamp_s))

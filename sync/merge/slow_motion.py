@@ -15,11 +15,6 @@ def slow_motion_factor(film_s: float, log_s: float) -> int | None:
 
     A log that is longer than its film is usual and says nothing. One that is shorter by a factor of 2, 4, 8, … is
     not: a log is let run for as long as the camera.
-
-    Parameters
-    ----------
-    film_s, log_s : float
-        Their lengths, s.
     """
     if not (film_s > 0.0 and log_s > 0.0):
         return None

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from torsight.core.errors import InputError
 from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
-from torsight.discovery.own.answer.saved import Declared, SavedModel
+from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.prepare import prepare
 
@@ -175,8 +175,7 @@ def test_a_prediction_shows_itself(sledge: Findings) -> None:
 
 def test_a_model_with_a_law_is_the_same_after_a_file(sledge: Findings) -> None:
     model, later = sledge.model(), sledge_record(9)
-    declared = Declared(move_sledge, model.declared, (), ("speed",), None)
-    again = SavedModel.from_json(json.loads(json.dumps(model.to_json())), declared, where="model.json")
+    again = SavedModel.from_json(json.loads(json.dumps(model.to_json())), model.declared, where="model.json")
     made, same = model.predict(later), again.predict(later)
     for name, values in made.items():
         # Sums over arrays that lie in memory in another order.

@@ -13,13 +13,6 @@ def require_one_rig(records: Sequence[Path]) -> None:
 
     Which file a run used stands in the ``provenance.json`` beside its table, with the file's hash. Records without one
     are taken as they are. One file that all runs have used may have been edited since.
-
-    Raises
-    ------
-    ConfigError
-        When two files hold the same bytes.
-    InputError
-        When the runs' actuator files differ.
     """
     from torsight.core.files.provenance import file_hash
 

@@ -62,13 +62,7 @@ class Task:
 
 
 def find_experiments(sources: Iterable[str]) -> list[Path]:
-    """Return every experiment file in folders (searched to all depths) and globs, sorted, each once.
-
-    Raises
-    ------
-    InputError
-        When a source names nothing.
-    """
+    """Return every experiment file in folders (searched to all depths) and globs, sorted, each once."""
     found: list[Path] = []
     for source in sources:
         path = Path(source)
@@ -206,18 +200,9 @@ def explain_campaign(
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks.
+    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
 
-    Parameters
-    ----------
-    todo : sequence of Task
-        The experiments.
-    jobs : int
-        Processes on this machine; -1 for one per core.
-    scheduler : str, optional
-        Address of a running Dask scheduler that does the tasks instead.
-    progress : Progress
-        Told after each task.
+    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
     rows: dict[str, dict[str, Any]] = {}
 
@@ -242,13 +227,7 @@ def _on_this_machine(
 
 
 def processes(jobs: int, *, tasks: int) -> int:
-    """Return how many processes are started for ``--jobs``: never more than there are tasks.
-
-    Raises
-    ------
-    ConfigError
-        For none, and for more than the machine can be asked to bear.
-    """
+    """Return how many processes are started for ``--jobs``: never more than there are tasks."""
     from joblib import cpu_count
 
     cores = cpu_count()

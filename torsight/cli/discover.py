@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.options import ActuatorFile, Seed
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ def discover(
         ),
     ],
     *,
-    actuator: Annotated[Path, typer.Option(help="Characterised values, ACTUATOR.toml.")],
+    actuator: ActuatorFile,
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
+    seed: Seed = 0,
     export_effect: Annotated[
         Path | None,
         typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect."),
@@ -51,7 +52,7 @@ def discover(
     from torsight.report import write_report
 
     with progress_bar() as progress:
-        report = discover_all_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+        report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
         write_report(out, progress=progress)
     if export_effect is not None:
         from torsight.discovery.actuator.export_effect import export_effect as export
@@ -127,11 +128,13 @@ def curves_name(record: int) -> str:
     return "curves.csv" if record == 0 else f"curves_{record + 1}.csv"
 
 
-def discover_all_to_folder(
+def discover_to_folder(
     merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> DiscoveryReport:
-    """Discover on one record or on several of one rig, and write the results; see :func:`discover_to_folder`.
+    """Discover on one record or on several of one rig, and write what was found.
 
+    ``discovery.json``, ``model.json`` and ``curves.csv``; every law as ``law_<port>_<driver>.csv``, and as a picture of
+    that name; for an ambiguous answer ``next_experiment.csv``, the programme that would tell the alternatives apart.
     For several records ``curves.csv`` holds the first one's curves, ``curves_2.csv`` … those of the others, and
     ``model.json`` goes on from the last.
     """
@@ -140,26 +143,25 @@ def discover_all_to_folder(
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import write_table
     from torsight.core.files.tables import read_merged
+    from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
-    if len(merged) == 1:
-        return discover_to_folder(merged[0], actuator, out=out, seed=seed, progress=progress)
     made = (*_MADE, *(curves_name(k) for k in range(1, len(merged))))
     require_apart([out / name for name in made], [*merged, actuator])
     require_one_rig(merged)
     spec = read_actuator(actuator)
-    report = discover_together(
-        [read_merged(path) for path in merged],
-        spec,
-        names=[str(path) for path in merged],
-        clock_sigmas_s=[_clock_sigma_s(path) for path in merged],
-        seed=seed,
-        progress=progress,
-    )
-    _write(report, out)
-    for k, record in enumerate(report.records[1:], start=1):
+    records, names = [read_merged(path) for path in merged], [str(path) for path in merged]
+    sigmas_s = [_clock_sigma_s(path) for path in merged]
+    if len(records) == 1:
+        where, known_s = names[0], sigmas_s[0]
+        report = find(records[0], spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=where)
+        _write(report, out)
+        return report
+    joint = discover_together(records, spec, names=names, clock_sigmas_s=sigmas_s, seed=seed, progress=progress)
+    _write(joint, out)
+    for k, record in enumerate(joint.records[1:], start=1):
         write_table(out / curves_name(k), record.curves)
-    return report
+    return joint
 
 
 def explain_together(
@@ -172,33 +174,12 @@ def explain_together(
     inputs = [*merged, actuator]
     if last.exists() and all(path.stat().st_mtime <= last.stat().st_mtime for path in inputs):
         return
-    discover_all_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+    discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
     write_report(out, progress=progress)
 
 
-def discover_to_folder(
-    merged: Path, actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
-) -> DiscoveryReport:
-    """Discover and write ``discovery.json``, ``model.json`` and ``curves.csv``; return what was found.
-
-    Every law is written as ``law_<port>_<driver>.csv``, and as a picture of that name. For an ambiguous answer there is
-    ``next_experiment.csv`` too: the programme that would tell the alternatives apart.
-    """
-    from torsight.actuator import read_actuator
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.tables import read_merged
-    from torsight.discovery.discover import discover as find
-
-    require_apart([out / name for name in _MADE], [merged, actuator])
-    spec = read_actuator(actuator)
-    known_s = _clock_sigma_s(merged)
-    report = find(read_merged(merged), spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=str(merged))
-    _write(report, out)
-    return report
-
-
 def _write(report: DiscoveryReport, out: Path) -> None:
-    """Write what was found; curves of further records that an earlier discovery has left go."""
+    """Write what was found; of further records an earlier discovery may have left curves: they go."""
     from torsight.actuator.fitted import write_model
     from torsight.core.files.storage import write_json, write_table
     from torsight.report.figures.law_plots import write_laws

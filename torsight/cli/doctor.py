@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.columns import Columns, Units, said
+from torsight.cli.options import Columns, Fps, Units, said
 
 if TYPE_CHECKING:
     from torsight.cli.checkup.finding import Finding
@@ -22,9 +22,7 @@ def doctor(
         ),
     ],
     *,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
-    ] = None,
+    fps: Fps = None,
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:

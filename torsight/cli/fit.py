@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.options import ActuatorFile
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def _effect_ids(begun: str) -> list[str]:
 def fit(
     merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
     *,
-    actuator: Annotated[Path, typer.Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
+    actuator: ActuatorFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for fit.json and model.json.")],
     effect: Annotated[
         list[str] | None,

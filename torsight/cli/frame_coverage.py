@@ -28,19 +28,9 @@ WHY: Final = {
 
 
 def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell of a film in which few frames have an angle.
+    """Return what to tell of a film in which less than nine tenths of the frames have an angle, by its ``track.json``.
 
-    Parameters
-    ----------
-    account : mapping
-        Content of ``track.json``.
-    where : str
-        Name of the film.
-
-    Returns
-    -------
-    NoResultError or None
-        Where less than nine tenths of the frames have an angle; :func:`is_no_result` says whether that ends a command.
+    :func:`is_no_result` says whether that ends a command.
     """
     share = _share(account)
     if share >= USUAL_SHARE:

@@ -18,23 +18,9 @@ _running: set[int] = set()
 
 
 def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
-    """Do ``torsight run`` on an experiment; end it where it takes longer than the limit.
+    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended and has no result.
 
     What it had finished stays, and the next call goes on from there.
-
-    Parameters
-    ----------
-    experiment : Path
-        ``EXPERIMENT.toml``.
-    out : Path
-        Folder for the results.
-    limit_s : float
-        Longest time, s.
-
-    Raises
-    ------
-    NoResultError
-        When it took too long, or failed: with the message of the run.
     """
     words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
     # A session of its own: whatever the run has started ends with it.

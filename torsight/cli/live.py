@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.columns import Columns, Units, said
+from torsight.cli.options import CameraFile, Columns, Fps, Serve, Units, WebPort, said
 from torsight.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def live(
     actuator: Annotated[
         Path | None, typer.Option(metavar="ACTUATOR.toml", help="Shows the model's angle, residual and friction.")
     ] = None,
-    camera: Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")] = None,
+    camera: CameraFile = None,
     markers: Annotated[
         Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
     ] = None,
@@ -48,22 +48,18 @@ def live(
     ] = None,
     speed: Annotated[float, typer.Option(help="How much faster than its own pace a film plays.")] = 1.0,
     grows: Annotated[bool, typer.Option("--grows", help="The film is still being written: wait for more.")] = False,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
-    ] = None,
+    fps: Fps = None,
     offset_s: Annotated[
         float | None, typer.Option(help="Log's time less film's time; taken from when rows arrive otherwise.")
     ] = None,
     columns: Columns = None,
     units: Units = None,
-    serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
+    serve: Serve = False,
     viewer: Annotated[bool, typer.Option(help="Open the viewer's window.")] = True,
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Port for viewers; 9876 where it is free, 0 takes any.")
     ] = None,
-    web_port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
-    ] = None,
+    web_port: WebPort = None,
 ) -> Answer:
     """Track while it happens: record to disk, show in Rerun; Ctrl-C ends it with everything kept.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.options import Seed
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def missing(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD…", help="Tables, CSV or Parquet, of one rig.")],
     *,
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    seed: Annotated[int, typer.Option(help="Seed of every random draw.", min=0)] = 0,
+    seed: Seed = 0,
 ) -> Answer:
     """Find what a model of your own lacks: the missing effect, the error before and after, a better model.
 

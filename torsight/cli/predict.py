@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.columns import Columns, Units, said
+from torsight.cli.options import Columns, Units, said
 
 
 def predict(

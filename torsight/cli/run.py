@@ -163,13 +163,13 @@ def _check(experiment: Experiment) -> None:
     """Refuse whatever cannot be used, a log, settings, an actuator, before the film is tracked, not after."""
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
-    from torsight.cli.sync import check_settings
+    from torsight.cli.sync import read_settings
     from torsight.core.files.tables import read_angles
     from torsight.core.optics.camera import read_camera
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
-    check_settings(experiment.sync)
+    read_settings(experiment.sync)
     read_actuator(experiment.actuator)
     if experiment.angle is not None:
         read_angles(experiment.angle)
@@ -208,7 +208,7 @@ def _stages(
         (
             "discover",
             lambda: discover_to_folder(
-                merged, experiment.actuator, out=folder, seed=experiment.seed, progress=progress
+                [merged], experiment.actuator, out=folder, seed=experiment.seed, progress=progress
             ),
         ),
         ("together", lambda: _together(experiment, folder, progress=progress)),

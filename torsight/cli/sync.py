@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.columns import Columns, Units, said
+from torsight.cli.options import Columns, Fps, Units, said
 from torsight.core.errors import ConfigError
 from torsight.core.progress import Progress, silent
 
@@ -18,9 +18,28 @@ if TYPE_CHECKING:
     from sync import LightEvents
     from torsight.core.records import SyncedTable
 
-KEYS: Final = ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led")
-"""Keys of ``[sync]``: known offset and drift, the longest gap in the log that is bridged, film times of a light, or its
-place in the picture."""
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Table ``[sync]``, checked; None where it says nothing.
+
+    Attributes
+    ----------
+    offset_s, drift_ppm : float or None
+        Known offset and drift of the log's clock.
+    max_gap_s : float or None
+        Longest gap in the log that is bridged.
+    events : LightEvents or None
+        Film times of a light.
+    led : (float, float) or None
+        Where in the picture a light is looked for, px.
+    """
+
+    offset_s: float | None
+    drift_ppm: float | None
+    max_gap_s: float | None
+    events: LightEvents | None
+    led: tuple[float, float] | None
 
 
 def sync(
@@ -41,10 +60,7 @@ def sync(
     ] = None,
     film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
-    fps: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured."),
-    ] = None,
+    fps: Fps = None,
     table: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the merged table here, too (.csv or .parquet).")
     ] = None,
@@ -101,7 +117,7 @@ def sync_to_folder(
     angle, temperature : Path
         ``ANGLE.csv`` and ``TEMPS.csv`` (or Parquet).
     settings : mapping
-        Table ``[sync]`` of the experiment: any of :data:`KEYS`.
+        Table ``[sync]`` of the experiment; see :class:`Settings`.
     out : Path
         Folder for the results.
     film, timestamps, fps
@@ -136,27 +152,27 @@ def sync_to_folder(
     from tracker.frames.timing import timing
 
     steps = 4.0
-    values = _numbers(settings)
+    known = read_settings(settings)
     events = Path(settings["led_events"]) if "led_events" in settings else None
-    written = [out / "merged.csv", out / "sync.json", *([out / "led_events.csv"] if "led" in settings else [])]
+    written = [out / "merged.csv", out / "sync.json", *([] if known.led is None else [out / "led_events.csv"])]
     written += [] if table is None else [table]
     require_apart(written, [angle, temperature, events, timestamps])
     progress("one clock", 0.0, steps)
     angles = read_angles(angle)
     reading = read_temperature_log(temperature, columns=columns, units=units)
     progress("one clock", 1.0, steps)
-    light = _light(settings, film, timestamps, fps, out=out, progress=progress)
+    light = known.events
+    if known.led is not None:
+        light = _light(known.led, film, timestamps, fps, out=out, progress=progress)
     slow = slow_motion_text(
         float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
     )
     if slow is not None:
         say(f"warning: {angle}: {slow[0]}; {slow[1]}")
-    found = find_clock(
-        angles, reading, given_offset_s=values["offset_s"], given_drift_ppm=values["drift_ppm"], light=light
-    )
+    found = find_clock(angles, reading, given_offset_s=known.offset_s, given_drift_ppm=known.drift_ppm, light=light)
     clock, reading = found.clock, found.reading
     progress("one clock", 2.0, steps)
-    max_gap_s = longest_gap_s(reading.log.time_s) if values["max_gap_s"] is None else values["max_gap_s"]
+    max_gap_s = longest_gap_s(reading.log.time_s) if known.max_gap_s is None else known.max_gap_s
     merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
     require_overlap(merged, angles, reading.log, clock, where=str(temperature))
     progress("one clock", 3.0, steps)
@@ -168,21 +184,18 @@ def sync_to_folder(
 
 
 def _light(
-    settings: Mapping[str, Any],
+    place: tuple[float, float],
     film: str | Path | None,
     timestamps: Path | None,
     fps: float | None,
     *,
     out: Path,
     progress: Progress,
-) -> LightEvents | None:
-    """Return when the light changed: from a table, or from the film, which leaves such a table."""
-    from sync import film_light_events, read_light_events
+) -> LightEvents:
+    """Return when the light at a place of the film changed, and leave a table of it."""
+    from sync import film_light_events
     from torsight.core.files.storage import write_table
 
-    place = _lamp_place(settings)
-    if place is None:
-        return read_light_events(Path(settings["led_events"])) if "led_events" in settings else None
     if film is None:
         raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
     light = film_light_events(film, place, fps=fps, timestamps=timestamps, progress=progress)
@@ -190,36 +203,41 @@ def _light(
     return light
 
 
-def check_settings(settings: Mapping[str, Any]) -> None:
-    """Refuse settings that :func:`sync_to_folder` would refuse, before a film is tracked for them.
+def read_settings(table: Mapping[str, Any]) -> Settings:
+    """Return the table ``[sync]``, checked.
 
     Raises
     ------
-    ConfigError, InputError
-        As :func:`sync_to_folder`.
+    ConfigError
+        For an unknown key, a value out of range, or a light that is given in two ways.
+    InputError
+        When the file that ``led_events`` names cannot be used.
     """
     from sync import read_light_events
+    from torsight.cli.experiment_file import KEYS
+    from torsight.core.files.config import get_number
+    from torsight.core.files.storage import check_keys
 
-    _numbers(settings)
-    if _lamp_place(settings) is None and "led_events" in settings:
-        read_light_events(Path(settings["led_events"]))
+    where = "[sync]"
+    check_keys(table, KEYS["sync"], where=where)
+    limits = {"offset_s": (-1e10, 1e10), "drift_ppm": (-1e4, 1e4), "max_gap_s": (0.0, 1e6)}
+    numbers = {
+        key: get_number(table, key, where=where, lower=low, upper=high) if key in table else None
+        for key, (low, high) in limits.items()
+    }
+    led = _place(table["led"]) if "led" in table else None
+    if led is not None and "led_events" in table:
+        raise ConfigError("both name a light", where=where, value="led, led_events", limit="one of them")
+    events = read_light_events(Path(table["led_events"])) if "led_events" in table else None
+    return Settings(**numbers, events=events, led=led)
 
 
-def _lamp_place(settings: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return where in the picture a lamp is looked for, px; None where none is."""
-    if "led" not in settings:
-        return None
-    if "led_events" in settings:
-        raise ConfigError("both name a light", where="[sync]", value="led, led_events", limit="one of them")
-    place = settings["led"]
-    if not (
-        isinstance(place, Sequence)
-        and len(place) == 2
-        and all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in place)
-        and all(math.isfinite(item) for item in place)
-    ):
-        raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(place), limit="[x, y], px")
-    return float(place[0]), float(place[1])
+def _place(value: Any) -> tuple[float, float]:
+    from torsight.core.files.config import is_number
+
+    if not (isinstance(value, Sequence) and len(value) == 2 and all(is_number(item) for item in value)):
+        raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(value), limit="[x, y], px")
+    return float(value[0]), float(value[1])
 
 
 def told(content: Mapping[str, Any]) -> list[str]:
@@ -235,16 +253,3 @@ def told(content: Mapping[str, Any]) -> list[str]:
         limit = f"outside the log or in a gap of more than {content['max_gap_s']:g} s"
         lines.append(f"{empty} of {content['rows']} rows have no temperature ({limit})")
     return lines
-
-
-def _numbers(settings: Mapping[str, Any]) -> dict[str, float | None]:
-    from torsight.core.files.config import get_number
-    from torsight.core.files.storage import check_keys
-
-    where = "[sync]"
-    check_keys(settings, KEYS, where=where)
-    limits = {"offset_s": (-1e10, 1e10), "drift_ppm": (-1e4, 1e4), "max_gap_s": (0.0, 1e6)}
-    return {
-        key: get_number(settings, key, where=where, lower=low, upper=high) if key in settings else None
-        for key, (low, high) in limits.items()
-    }

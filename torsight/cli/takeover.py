@@ -9,17 +9,7 @@ from pathlib import Path
 def take_over(angle: Path, *, out: Path) -> None:
     """Bring ``angle.csv``, and ``markers.csv`` and ``track.json`` where they lie beside it, into a run's folder.
 
-    Parameters
-    ----------
-    angle : Path
-        Table of angles, CSV or Parquet.
-    out : Path
-        Folder of the run; it may be the one in which the angles lie.
-
-    Raises
-    ------
-    InputError
-        When the table cannot be read.
+    That may be the folder in which the angles lie.
     """
     from torsight.core.files.storage import atomic_path
     from torsight.core.files.tables import read_angles, write_angles

@@ -10,6 +10,7 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.frame_coverage import few_angles, is_no_result
+from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
 
@@ -32,7 +33,7 @@ def track(
     ] = None,
     *,
     out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
-    camera: Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")] = None,
+    camera: CameraFile = None,
     markers: Annotated[
         Path | None,
         typer.Option(metavar="MARKERS.toml", help="What the markers are: positions in the first frame, or tags."),
@@ -40,9 +41,7 @@ def track(
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
     ] = None,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames a second of pictures, or at which a slow-motion film was captured.")
-    ] = None,
+    fps: Fps = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.options import Serve, WebPort
 from torsight.core.errors import ConfigError, InputError, NoResultError
 
 
@@ -19,10 +20,8 @@ def view(
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Port of the viewer; a free one otherwise.")
     ] = None,
-    serve: Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")] = False,
-    web_port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
-    ] = None,
+    serve: Serve = False,
+    web_port: WebPort = None,
     pictures: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Save every pane as a picture into this folder; needs no screen.")
     ] = None,
@@ -78,13 +77,7 @@ def view(
 
 
 def recording_of(folder: Path) -> Path:
-    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first.
-
-    Raises
-    ------
-    InputError
-        When there is neither a recording nor anything to make one of.
-    """
+    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first."""
     if folder.is_file():
         return folder
     if (folder / "recording.rrd").is_file():

@@ -10,12 +10,7 @@ from typing import Any
 def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return ``__getattr__`` and ``__dir__`` of a package.
 
-    Parameters
-    ----------
-    package : str
-        Its ``__name__``.
-    homes : mapping of str to str
-        Public name to the module that holds it, relative to the package (with a dot: beside the package).
+    ``homes`` holds public names with the modules that hold them, relative to the package.
     """
 
     def attribute(name: str) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Final
 
 
@@ -43,7 +44,7 @@ class Parameter:
         return replace(self, value=value)
 
 
-REACH: Final = 1.96
+REACH: Final = NormalDist().inv_cdf(0.975)
 """Standard deviations from the value to either end of a 95 % interval of a normal distribution."""
 
 

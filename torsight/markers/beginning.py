@@ -27,15 +27,7 @@ _SHOWN: Final = 61
 
 
 class Beginning:
-    """A source of the frames of the first seconds of another source.
-
-    Parameters
-    ----------
-    source : FrameSource
-        The whole film.
-    seconds : float
-        How much of it.
-    """
+    """A source of the frames of the first seconds of another source."""
 
     def __init__(self, source: FrameSource, *, seconds: float) -> None:
         self.name = source.name
@@ -205,14 +197,7 @@ def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
 def name_sticks(source: FrameSource, sticks_px: NDArray[np.float64], *, seconds: float) -> NDArray[np.float64] | None:
     """Return the markers (4, 2) of two sticks (2, 2, 2) in their order, base first; None where neither moves yet.
 
-    Parameters
-    ----------
-    source : FrameSource
-        The film.
-    sticks_px : (2, 2, 2) float64
-        The markers found in the first frame, by sticks, inner marker first.
-    seconds : float
-        How much of the film is looked at.
+    The sticks' markers are those of the first frame, inner ones first; so many seconds of the film are looked at.
     """
     one, two = sticks_px.tolist()
     try:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.storage import write_bytes
 from torsight.core.tracks import MARKERS
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
@@ -168,16 +168,8 @@ class Canvas:
         cv2.rectangle(self.pixels, (0, 0), (width - 1, height - 1), PLAIN[::-1], 1)
 
     def save(self, path: Path) -> None:
-        """Write a PNG, the same bytes for the same content.
-
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
-        """
-        content = cv2.imencode(".png", self.pixels)[1].tobytes()
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(content)
+        """Write a PNG, the same bytes for the same content."""
+        write_bytes(path, cv2.imencode(".png", self.pixels)[1].tobytes())
 
 
 @dataclass(frozen=True, slots=True)

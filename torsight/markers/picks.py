@@ -174,13 +174,7 @@ def hints_of(content: Mapping[str, Any], source: FrameSource) -> MarkerHints:
 
 
 def write_markers(path: Path, content: Mapping[str, Any], *, film: str, size_px: tuple[int, int]) -> None:
-    """Write ``markers.toml``.
-
-    Raises
-    ------
-    OutputError
-        When it cannot be written.
-    """
+    """Write ``markers.toml``."""
     import tomli_w
 
     head = (

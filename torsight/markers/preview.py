@@ -72,11 +72,6 @@ def write_preview(
         Positions that a person gave, order of :data:`torsight.core.tracks.MARKERS`.
     named_px : (4, 2) float64, optional
         The markers that were found, in the same order, where it is known which stick moves.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
     """
     height, width = luma.shape
     scale = SHOWN_PX / max(width, height)

@@ -32,18 +32,7 @@ _LARGEST: Final = 100_000
 
 
 class Server(ThreadingHTTPServer):
-    """Answers the page of one session, which :func:`pick` gives it: a port that is in use is reported before any work.
-
-    Parameters
-    ----------
-    port : int
-        Port to listen on; 0 takes any that is free.
-
-    Raises
-    ------
-    ConfigError
-        When another program has the port.
-    """
+    """Answers the page of one session, which :func:`pick` gives it: a port in use is reported before any work."""
 
     daemon_threads = True
     # Elsewhere the option lets two programs listen on one port.
@@ -100,21 +89,7 @@ class Server(ThreadingHTTPServer):
 def pick(server: Server, session: Session, *, patience_s: float, tell: Callable[[str], None]) -> dict[str, Any]:
     """Serve the page until the markers are saved or the page is closed, and return what was saved.
 
-    Parameters
-    ----------
-    server : Server
-        Where the page is served.
-    session : Session
-        The film and the file to write.
-    patience_s : float
-        How long to wait for a browser to open the page.
-    tell : callable
-        Given the address of the page as soon as it can be opened.
-
-    Raises
-    ------
-    NoResultError
-        When no browser comes, or the page is closed before anything is saved.
+    ``tell`` is given the page's address as soon as it can be opened; a browser has ``patience_s`` to open it.
     """
     server.session = session
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)

@@ -150,13 +150,7 @@ class Session:
 
 
 def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
-    """Return the first frame that was decoded whole, and its number.
-
-    Raises
-    ------
-    InputError
-        When there is none.
-    """
+    """Return the first frame that was decoded whole, and its number."""
     from tracker.detect.given import first_frame
 
     frame = first_frame(source)
@@ -180,13 +174,7 @@ def find_markers(
 
 
 def require_saved(session: Session) -> dict[str, Any]:
-    """Return what was saved.
-
-    Raises
-    ------
-    NoResultError
-        When the page was closed before.
-    """
+    """Return what was saved; a page that was closed before is no result."""
     if session.saved is None:
         raise NoResultError(
             "the page was closed before the markers were saved",

@@ -69,21 +69,7 @@ def keep_pictures(source: Pictures) -> None:
 def write_track_picture(path: Path, source: Pictures, result: TrackResult, angles: StickAngles) -> None:
     """Draw the first frame, four over the film and the worst one with the markers as read, and the angle with its gaps.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG file.
-    source : Pictures
-        The film, after a pass.
-    result : TrackResult
-        The markers that were read.
-    angles : StickAngles
-        The angle made of them.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written.
+    The film is asked for these frames after a pass.
     """
     shown = chosen_frames(result, angles)
     view = _view(result)

@@ -14,19 +14,9 @@ from torsight.core.words.wording import estimate, verdict_sentence
 
 
 def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
-    """Write ``index.html``: angle and residual of every experiment, small, in the order of the rows.
+    """Write ``index.html``: angle and residual of every experiment, small, in the order of the rows of the results.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Each with ``name``, ``status`` (``done`` or ``failed``), ``message`` and ``folder``.
-    out : Path
-        Folder of the campaign.
-
-    Returns
-    -------
-    Path
-        The page; it needs the experiments' folders only for its links.
+    The page needs the experiments' folders only for its links.
     """
     from torsight.report.write import from_template
 

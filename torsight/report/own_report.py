@@ -16,13 +16,7 @@ _DPI: Final = 110
 
 
 def write_own_report(found: Findings, folder: Path, *, model: Path, records: Sequence[Path]) -> Path:
-    """Write ``report.html``: one page that needs no other file and no network.
-
-    Raises
-    ------
-    OutputError
-        When it cannot be written.
-    """
+    """Write ``report.html``: one page that needs no other file and no network."""
     from torsight.report.write import from_template
 
     shown = {"name": model.stem, "records": [path.name for path in records], **contents(found)}

@@ -76,16 +76,10 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
 def page(
     shown: Mapping[str, Any], *, pictures: Mapping[str, str] = MappingProxyType({}), drawn: Drawing | None = None
 ) -> str:
-    """Return the text of the page.
+    """Return the text of the page that shows some :func:`contents`.
 
-    Parameters
-    ----------
-    shown : mapping
-        What it shows, see :func:`contents`.
-    pictures : mapping of str to str
-        SVG of every figure by its name; without it the page has its words alone.
-    drawn : Drawing, optional
-        The same figures for a browser with scripts.
+    ``pictures`` are the figures' SVG by name, without which the page has its words alone; ``drawn`` the same figures
+    for a browser with scripts.
     """
     from torsight.report.figures.export import FOLDER, data_link
     from torsight.report.plots.interactive import library

@@ -28,13 +28,7 @@ _TROUBLE: Final = (
 
 
 def viewer_program() -> Path:
-    """Return the viewer's own binary; the script of that name is a wrapper that does not pass on its end.
-
-    Raises
-    ------
-    NoResultError
-        When it is not installed.
-    """
+    """Return the viewer's own binary; the script of that name is a wrapper that does not pass on its end."""
     found = importlib.util.find_spec("rerun_cli")
     places = [] if found is None else [Path(place) for place in found.submodule_search_locations or []]
     for place in places:
@@ -52,13 +46,7 @@ def free_port() -> int:
 
 
 def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
-    """Return the port that was asked for (0: any free one), else the usual one where it is free, else any.
-
-    Raises
-    ------
-    ConfigError
-        When another program has the port that was asked for.
-    """
+    """Return the port that was asked for (0: any free one), else the usual one where it is free, else any."""
     if wanted == 0:
         return free_port()
     port = usual if wanted is None else wanted

@@ -35,32 +35,21 @@ if TYPE_CHECKING:
     from torsight.discovery.measured_law import MeasuredLaw
 
 CURVES: Final = {
-    "angle/measured": ("curves", "merged", "angle"),
-    "angle/plain": ("curves",),
-    "angle/extended": ("curves",),
-    "residual/before": ("curves",),
-    "residual/after": ("curves",),
-    "temperature/a": ("merged", "curves"),
-    "temperature/b": ("merged", "curves"),
+    "angle/measured": ("angle_deg", ("curves", "merged", "angle")),
+    "angle/plain": ("plain_deg", ("curves",)),
+    "angle/extended": ("extended_deg", ("curves",)),
+    "residual/before": ("residual_before_deg", ("curves",)),
+    "residual/after": ("residual_after_deg", ("curves",)),
+    "temperature/a": ("temp_a_c", ("merged", "curves")),
+    "temperature/b": ("temp_b_c", ("merged", "curves")),
 }
-"""The tables that hold a curve, the best first."""
+"""The column of each curve, and the tables that may hold it, the best first."""
 
 _WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
 _END: Final = b"RRF2FOOT"
 _END_BYTES: Final = 64
 """A recording ends with its table of contents, which these letters mark."""
-
-COLUMNS: Final = {
-    "angle/measured": "angle_deg",
-    "angle/plain": "plain_deg",
-    "angle/extended": "extended_deg",
-    "residual/before": "residual_before_deg",
-    "residual/after": "residual_after_deg",
-    "temperature/a": "temp_a_c",
-    "temperature/b": "temp_b_c",
-}
-"""The column of each curve."""
 
 
 def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
@@ -167,10 +156,7 @@ def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress:
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
     """Log every curve that the results hold."""
-    import rerun as rr
-
-    for entity, tables in CURVES.items():
-        column = COLUMNS[entity]
+    for entity, (column, tables) in CURVES.items():
         table = next(
             (found for name in tables if (found := getattr(results, name)) is not None and column in found.columns),
             None,
@@ -178,30 +164,19 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
         if table is None:
             continue
         time_s, values = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", column))
-        if not np.isfinite(values).any():
-            continue
-        stream.send_columns(
-            entity,
-            indexes=[rr.TimeColumn(view_layout.TIME, duration=time_s)],
-            columns=rr.Scalars.columns(scalars=values),
-        )
+        if np.isfinite(values).any():
+            view_layout.log_series(stream, entity, time_s, values)
 
 
 def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
     """Log what the angle's own error makes of the residual."""
-    import rerun as rr
-
     table = next((one for one in (results.curves, results.merged, results.angle) if one is not None), None)
     if table is None or "angle_sigma_deg" not in table.columns:
         return
     time_s, sigma_deg = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", "angle_sigma_deg"))
     known = np.isfinite(sigma_deg)
     for side, entity in view_layout.BAND.items():
-        stream.send_columns(
-            entity,
-            indexes=[rr.TimeColumn(view_layout.TIME, duration=time_s[known])],
-            columns=rr.Scalars.columns(scalars=side * sigma_deg[known]),
-        )
+        view_layout.log_series(stream, entity, time_s[known], side * sigma_deg[known])
 
 
 def laws_of(results: RunResults) -> dict[str, MeasuredLaw]:
@@ -239,15 +214,10 @@ def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> Non
 
 def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
     """Log the points where half-cycles begin."""
-    import rerun as rr
-
     begins = half_cycle_begins(results)
     if begins:
-        stream.send_columns(
-            view_layout.HALF_CYCLE,
-            indexes=[rr.TimeColumn(view_layout.TIME, duration=[one.time_s for one in begins])],
-            columns=rr.Scalars.columns(scalars=[one.angle_deg for one in begins]),
-        )
+        times_s, angles_deg = [one.time_s for one in begins], [one.angle_deg for one in begins]
+        view_layout.log_series(stream, view_layout.HALF_CYCLE, times_s, angles_deg)
 
 
 def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview | None) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import atomic_path
-from torsight.viewer.program import LOOPBACK, Viewer, free_port
+from torsight.core.files.storage import write_bytes
+from torsight.viewer.program import Viewer, address_of, free_port
 from torsight.viewer.view_layout import TIME
 
 if TYPE_CHECKING:
@@ -32,27 +32,7 @@ SETTLE_S: Final = 0.7
 def take_pictures(
     recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
 ) -> dict[str, bytes]:
-    """Draw a recording without a screen.
-
-    Parameters
-    ----------
-    recording : Path
-        The recording.
-    time_s : float, optional
-        Where the cursor stands, on the film's clock.
-    size_px : (int, int)
-        Size of the window.
-
-    Returns
-    -------
-    dict of str to bytes
-        PNG pictures by the name of the pane, and the one of all panes under :data:`WHOLE`.
-
-    Raises
-    ------
-    OutputError
-        When the viewer cannot draw here: it needs a Vulkan driver, one in software will do.
-    """
+    """Return a recording's panes as PNG pictures by their names, and all together as :data:`WHOLE`; needs no screen."""
     with viewer_without_screen(size_px) as client:
         patiently(client.open, str(recording.resolve()))
         if time_s is not None:
@@ -99,8 +79,7 @@ def save_pictures(
     made = []
     for name, content in take_pictures(path, time_s=time_s, size_px=size_px).items():
         picture = Path(out) / f"{file_name(name)}.png"
-        with atomic_path(picture) as temporary:
-            temporary.write_bytes(content)
+        write_bytes(picture, content)
         made.append(picture)
     return sorted(made)
 
@@ -130,13 +109,7 @@ def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> An
 
 @contextmanager
 def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int | None = None) -> Iterator[ViewerClient]:
-    """Give a connection to a viewer that draws without a screen; it ends with the block.
-
-    Raises
-    ------
-    OutputError
-        When it cannot start.
-    """
+    """Give a connection to a viewer that draws without a screen; it ends with the block."""
     port = port or free_port()
     viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=port)
     try:
@@ -156,7 +129,7 @@ def _connected(viewer: Viewer) -> ViewerClient:
     end = time.monotonic() + PATIENCE_S
     while viewer.running and time.monotonic() < end:
         try:
-            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{viewer.port}/proxy")
+            client = ViewerClient.connect(address_of(viewer.port))
             client.get_state()
         except (RuntimeError, ConnectionError, OSError):
             time.sleep(0.1)

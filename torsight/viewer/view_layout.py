@@ -6,6 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
@@ -140,6 +143,14 @@ def _event_columns() -> rrb.TextLogColumns:
     return rrb.TextLogColumns(
         text_log_columns=[TextLogColumn(TextLogColumnKind.LogLevel), TextLogColumn(TextLogColumnKind.Body)]
     )
+
+
+def log_series(stream: rr.RecordingStream, entity: str, time_s: ArrayLike, values: ArrayLike) -> None:
+    """Log a curve (n,), or more of one, over times on the film's clock."""
+    import rerun as rr
+
+    indexes = [rr.TimeColumn(TIME, duration=np.asarray(time_s, np.float64))]
+    stream.send_columns(entity, indexes=indexes, columns=rr.Scalars.columns(scalars=values))
 
 
 def log_styles(stream: rr.RecordingStream) -> None:

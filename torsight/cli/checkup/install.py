@@ -18,12 +18,8 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
     """Look for other distributions with a top-level package of one of :data:`NAMES`.
 
     Two of them in one environment write into one folder: which files are whose depends on what was installed last, and
-    removing one takes files of the other.
-
-    Parameters
-    ----------
-    packages : mapping of str to sequence of str, optional
-        Distributions by top-level name; what is installed otherwise.
+    removing one takes files of the other. ``packages`` are the distributions by top-level name; those installed
+    otherwise.
     """
     if packages is None:
         from importlib.metadata import packages_distributions

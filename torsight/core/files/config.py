@@ -1,4 +1,8 @@
-"""Typed values out of a TOML table, each refusal naming file, key, value and limit."""
+"""Typed values out of a TOML table.
+
+Every function raises a :class:`~torsight.core.errors.ConfigError` that names file, key, value and limit: for a key that
+is absent and has no default, and for a value of another kind or out of range.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +14,7 @@ from torsight.core.errors import ConfigError
 
 
 def get_table(content: Mapping[str, Any], key: str, *, where: str, required: bool = False) -> Mapping[str, Any]:
-    """Return the sub-table ``key`` (empty where it is absent and not required).
-
-    Raises
-    ------
-    ConfigError
-        When it is required and absent, or no table.
-    """
+    """Return the sub-table ``key`` (empty where it is absent and not required)."""
     if key not in content:
         if required:
             raise ConfigError(f"has no table [{key}]", where=where, do="add it")
@@ -37,13 +35,7 @@ def get_number(
     upper: float = math.inf,
     hint: str | None = None,
 ) -> float:
-    """Return a finite number within [lower, upper].
-
-    Raises
-    ------
-    ConfigError
-        When it is absent without a default, is no number, or out of range; ``hint`` says what to do then.
-    """
+    """Return a finite number within [lower, upper]; ``hint`` says what to do where it is none."""
     value = table.get(key, default)
     if value is None:
         raise ConfigError(f"has no key '{key}'", where=where, do="add it")
@@ -77,13 +69,7 @@ def get_whole(
     lower: float = -math.inf,
     upper: float = math.inf,
 ) -> int:
-    """Return a whole number within [lower, upper].
-
-    Raises
-    ------
-    ConfigError
-        As :func:`get_number`, and for a number with a fraction.
-    """
+    """Return a whole number within [lower, upper]."""
     value = get_number(table, key, where=where, default=default, lower=lower, upper=upper)
     if value != int(value):
         raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
@@ -100,13 +86,7 @@ def get_numbers(
     lower: float = -math.inf,
     upper: float = math.inf,
 ) -> tuple[float, ...]:
-    """Return so many finite numbers, each within [lower, upper].
-
-    Raises
-    ------
-    ConfigError
-        When they are absent without a default, no list of that length, or as :func:`get_number`.
-    """
+    """Return so many finite numbers, each within [lower, upper]."""
     value = table.get(key, default)
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
         raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))
@@ -114,13 +94,7 @@ def get_numbers(
 
 
 def get_switch(table: Mapping[str, Any], key: str, *, where: str, default: bool = False) -> bool:
-    """Return true or false.
-
-    Raises
-    ------
-    ConfigError
-        When it is neither.
-    """
+    """Return true or false."""
     value = table.get(key, default)
     if not isinstance(value, bool):
         raise ConfigError(f"'{key}' is not a switch", where=where, value=repr(value), limit="true or false")
@@ -130,13 +104,7 @@ def get_switch(table: Mapping[str, Any], key: str, *, where: str, default: bool 
 def get_tables(
     content: Mapping[str, Any], key: str, *, where: str, required: bool = False
 ) -> list[tuple[Mapping[str, Any], str]]:
-    """Return the tables ``[[key]]``, each with its place for messages.
-
-    Raises
-    ------
-    ConfigError
-        When they are no list of tables, or required and absent.
-    """
+    """Return the tables ``[[key]]``, each with its place for messages."""
     items = content.get(key, ())
     if not isinstance(items, Sequence) or isinstance(items, str) or (required and not items):
         kind = "is not a list of tables" if key in content else "is absent"
@@ -146,13 +114,7 @@ def get_tables(
 
 
 def get_names(table: Mapping[str, Any], key: str, *, where: str) -> tuple[str, ...]:
-    """Return a list of names.
-
-    Raises
-    ------
-    ConfigError
-        When it is absent, no list, or holds anything but texts.
-    """
+    """Return a list of names."""
     names = table.get(key)
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ConfigError(f"'{key}' is not a list of names", where=where, value=repr(names))
@@ -167,13 +129,7 @@ def get_text(
     default: str | None = None,
     choices: tuple[str, ...] = (),
 ) -> str:
-    """Return a string, one of ``choices`` where given.
-
-    Raises
-    ------
-    ConfigError
-        When it is absent without a default, no string, or none of the choices.
-    """
+    """Return a string, one of ``choices`` where given."""
     value = table.get(key, default)
     if value is None:
         raise ConfigError(f"has no key '{key}'", where=where, do="add it")

@@ -19,19 +19,8 @@ _NAME: Final = ".lock"
 def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
     """Be the only process that fills ``folder`` while the block lasts; inside another such block of it, do nothing.
 
-    The lock goes with the process: one that was killed holds nothing.
-
-    Parameters
-    ----------
-    folder : Path
-        Made where it is missing.
-    patience_s : float
-        How long to wait for another process to end; long enough for what a killed campaign leaves behind.
-
-    Raises
-    ------
-    OutputError
-        When the folder cannot be written, or another process still fills it.
+    The lock goes with the process: one that was killed holds nothing. Another process is waited for as long as what a
+    killed campaign leaves behind may take, and refused then.
     """
     path = folder.resolve() / _NAME
     lock = FileLock(path, is_singleton=True)

@@ -45,13 +45,7 @@ def missing_file(path: Path) -> InputError:
 
 
 def require_ordinary(path: Path) -> None:
-    """Refuse a pipe, a socket or a device: reading it might never end. A missing file is reported by whoever reads it.
-
-    Raises
-    ------
-    InputError
-        Saying that it is none of the files that can be read twice.
-    """
+    """Refuse a pipe, a socket or a device: reading it might never end. A missing file is told by who reads it."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -65,13 +59,7 @@ _POINTER: Final = b"version https://git-lfs.github.com/spec/"
 
 
 def require_content(path: Path) -> None:
-    """Refuse a pointer of Git LFS, which has the name of a file but not its content.
-
-    Raises
-    ------
-    InputError
-        Saying how to get the content.
-    """
+    """Refuse a pointer of Git LFS, which has the name of a file but not its content."""
     try:
         with path.open("rb") as file:
             head = file.read(len(_POINTER))
@@ -87,13 +75,7 @@ def require_content(path: Path) -> None:
 
 
 def require_apart(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:
-    """Refuse to write over a file that is read: an input is never replaced, by whatever name it is reached.
-
-    Raises
-    ------
-    ConfigError
-        Naming the first output that is an input.
-    """
+    """Refuse to write over a file that is read: an input is never replaced, by whatever name it is reached."""
     read = [path for path in inputs if path is not None and path.exists()]
     for output in outputs:
         if output.exists() and any(output.samefile(path) for path in read):

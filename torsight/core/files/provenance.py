@@ -25,13 +25,7 @@ _PACKAGES: Final = (
 
 
 def file_hash(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, read in blocks.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or cannot be read.
-    """
+    """Return the SHA-256 of a file's bytes, read in blocks."""
     require_ordinary(path)
     try:
         with path.open("rb") as file:

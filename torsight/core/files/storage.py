@@ -101,10 +101,15 @@ def not_written(path: Path, error: OSError) -> OutputError:
     )
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, UTF-8."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_bytes(path, text.encode())
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -156,22 +161,22 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file (with or without a byte order mark).
+    """Read a UTF-8 text file (with or without a byte order mark)."""
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
 
-    Raises
-    ------
-    InputError
-        When the file is missing, is a folder, cannot be read or is not UTF-8.
-    """
+
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file, refusing one that is missing, is none, or cannot be read."""
     require_ordinary(path)
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return path.read_bytes()
     except FileNotFoundError as error:
         raise missing_file(path) from error
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -192,13 +197,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
-    """Refuse a key that is not known, naming the nearest one that is.
-
-    Raises
-    ------
-    ConfigError
-        For the first key outside ``allowed``.
-    """
+    """Refuse a key that is not known, naming the nearest one that is."""
     for key in table:
         if key not in allowed:
             spelled = {name.lower(): name for name in allowed}
@@ -262,37 +261,21 @@ def _column(values: Any) -> Any:
 
 
 def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a CSV or Parquet table that Torsight or another lab's script wrote.
+    """Read a CSV or Parquet table (by suffix) that Torsight or another lab's script wrote.
 
-    Parameters
-    ----------
-    path : Path
-        The file; the suffix decides the format.
-    required : sequence of str
-        Columns that must be there and hold numbers (an empty field is NaN).
-
-    Returns
-    -------
-    pandas.DataFrame
-        All columns, the required ones as float64.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, empty, malformed, without a required column, or has a field that is no number; the
-        message names the row and the column.
+    The required columns must be there and hold numbers, NaN for an empty field; they come back as float64. What cannot
+    be used is refused by row and column.
     """
     import pandas as pd
 
     if not path.exists():
         raise missing_file(path)
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+    refuse_folder(path)
     require_ordinary(path)
     try:
         table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
-        raise InputError("is empty", where=str(path), do="record it again, with a header row") from error
+        raise empty_table(path) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise InputError(
@@ -312,8 +295,24 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
             )
         table[name] = number_column(table, name, where=str(path))
     if len(table) == 0:
-        raise InputError("has a header but no rows", where=str(path), do="record it again")
+        raise table_without_rows(path)
     return table
+
+
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder in the place of a table."""
+    if path.is_dir():
+        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+
+
+def empty_table(path: Path) -> InputError:
+    """Return the error for a table's file that holds nothing."""
+    return InputError("is empty", where=str(path), do="record it again, with a header row")
+
+
+def table_without_rows(path: Path) -> InputError:
+    """Return the error for a table that holds its header alone."""
+    return InputError("has a header but no rows", where=str(path), do="record it again")
 
 
 def _damages_of(path: Path) -> tuple[type[Exception], ...]:
@@ -343,11 +342,6 @@ def number_column(
     """Return a column of a table as float64, an empty field as NaN.
 
     ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
-
-    Raises
-    ------
-    InputError
-        At the first field that is no number, naming its row.
     """
     import pandas as pd
 

@@ -98,11 +98,6 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequen
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
 
     ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
-
-    Raises
-    ------
-    InputError
-        At the first such row.
     """
     bad = ~np.isfinite(time_s)
     bad[1:] |= ~(time_s[1:] > time_s[:-1])

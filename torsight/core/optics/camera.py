@@ -138,13 +138,7 @@ def read_camera(path: AnyPath) -> Camera:
 
 
 def require_second(camera: Camera | None, *, where: str) -> RightCamera:
-    """Return the second camera of a stereo pair.
-
-    Raises
-    ------
-    ConfigError
-        When there is no camera file, or none of a pair.
-    """
+    """Return the second camera of a stereo pair; a camera file without one is refused."""
     if camera is None or camera.right is None:
         raise ConfigError(
             "two films need a camera file with a second camera",
@@ -156,23 +150,9 @@ def require_second(camera: Camera | None, *, where: str) -> RightCamera:
 
 
 def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
-    """Refuse a camera file for another picture size.
+    """Refuse a camera file for another picture size; a swap of width and height, or a plain scaling, is named as such.
 
-    Parameters
-    ----------
-    intrinsics : Intrinsics
-        The camera.
-    size_px : (int, int)
-        Width and height of the pictures.
-    where : str
-        Film or picture that the camera is to serve, for the message.
-    table : str
-        Table of the camera file that holds the lens.
-
-    Raises
-    ------
-    ConfigError
-        When width or height differ; a swap of both, and a plain scaling, are named as such.
+    ``where`` is the film or picture that the camera is to serve, ``table`` the table of the file that holds the lens.
     """
     if size_px == intrinsics.size_px:
         return

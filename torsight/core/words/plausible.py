@@ -1,4 +1,8 @@
-"""Numbers in another unit than their column says: found by what no rig can do."""
+"""Numbers in another unit than their column says: found by what no rig can do.
+
+Every function raises an :class:`~torsight.core.errors.InputError` that names the column, what it looks like and what to
+give.
+"""
 
 from __future__ import annotations
 
@@ -34,20 +38,7 @@ _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
 
 
 def require_stamps(time_s: Array, *, where: str) -> None:
-    """Refuse stamps that are no seconds by their size or their steps.
-
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Finite, in the order of the file.
-    where : str
-        File and column.
-
-    Raises
-    ------
-    InputError
-        When they are too large, too close together or too far apart.
-    """
+    """Refuse stamps (n,) that are no seconds by their size or their steps; ``where`` names file and column."""
     if len(time_s) < 2:
         return
     largest = float(np.abs(time_s).max())
@@ -66,20 +57,7 @@ def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) ->
 
     A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
     is heated. Logs in which nothing is heated pass: others tell them.
-
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Increasing.
-    temps_c : mapping of str to (n,) float64
-        Temperatures by column; NaN where not known.
-    where : str
-        File.
-
-    Raises
-    ------
-    InputError
-        Naming the column, what it looks like and what to give.
+    ``time_s`` (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known.
     """
     require_stamps(time_s, where=f"{where}, column time_s")
     for name, temp_c in temps_c.items():
@@ -128,13 +106,7 @@ def _require_pace(time_s: Array, temp_c: Array, *, where: str) -> None:
 
 
 def require_degrees(angle_deg: Array, *, where: str) -> None:
-    """Refuse angles that no film can have counted.
-
-    Raises
-    ------
-    InputError
-        Naming the row.
-    """
+    """Refuse angles that no film can have counted."""
     wrong = np.flatnonzero(np.abs(angle_deg) > MOST_TURNED_DEG)
     if len(wrong):
         raise InputError(

@@ -103,18 +103,9 @@ def next_experiment(
     needed_gain: float,
     progress: Progress = silent,
 ) -> NextExperiment:
-    """Find the temperature programme that best separates rivals.
+    """Find the temperature programme that best separates the chosen set and its rivals.
 
-    Parameters
-    ----------
-    problem, field
-        The record at hand with everything that was fitted to it.
-    explanations : sequence of Explanation
-        The chosen set and its rivals.
-    needed_gain : float
-        Gain at which rivals cease to be rivals.
-    progress : Progress
-        Told how far the search is.
+    ``needed_gain`` is the gain at which rivals cease to be rivals.
     """
     planner = _Planner(problem, field, explanations, needed_gain=needed_gain, progress=progress)
     repeat = planner.weigh(problem.drive, refitted=True)

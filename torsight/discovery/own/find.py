@@ -94,23 +94,9 @@ class KnownFit:
 
 
 def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress = silent) -> KnownFit:
-    """Fit a model with effects that are known to belong to it: a discovery without a choice.
+    """Fit a model with effects, by their ids, that are known to belong to it: a discovery without a choice.
 
     The plain model comes first, then one effect after the other, each time with all that came before.
-
-    Parameters
-    ----------
-    problem : Problem
-        As for :func:`find_missing`.
-    members : sequence of str
-        Ids of candidates.
-    progress : Progress
-        Told how far the work is.
-
-    Raises
-    ------
-    InputError
-        When the problem cannot be used.
     """
     check_problem(problem)
     search, steps = Search(problem, settings=Settings(), progress=progress), 1 + len(members)

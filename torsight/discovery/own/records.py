@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table
+from torsight.discovery.own.model.values import ByName
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +31,7 @@ _LEAST_ROWS: Final = 8
 """Rows below which neither noise nor correlation of a residual can be measured."""
 
 
-class Record(Mapping[str, Array]):
+class Record(ByName[Array]):
     """One record: its columns by name (``record["force_n"]`` or ``record.force_n``), each (n,) float64, read-only.
 
     Parameters
@@ -41,49 +42,22 @@ class Record(Mapping[str, Array]):
         By what the record is called in messages and reports.
     """
 
+    UNCHANGED = "a record cannot be changed; make a new array in place of '{}'"
+
+    columns_: dict[str, Array]
+    """Columns by name."""
+    label_: str
+    """By what the record is called."""
+
     def __init__(self, columns: Mapping[str, Array], label: str) -> None:
-        made: dict[str, Array] = {}
-        for name, values in columns.items():
-            own = np.array(values, np.float64)
-            own.setflags(write=False)
-            made[name] = own
-        self.__dict__.update({name: values for name, values in made.items() if not name.startswith("_")})
-        self.__dict__["_columns"] = made
-        self.__dict__["_label"] = label
-
-    def __getitem__(self, name: str) -> Array:
-        try:
-            return self.columns_[name]
-        except KeyError:
-            raise KeyError(self._missing(name)) from None
-
-    def __getattr__(self, name: str) -> Array:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        raise AttributeError(self._missing(name))
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a record cannot be changed; make a new array in place of '{name}'")
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns_)
-
-    def __len__(self) -> int:
-        return len(self.columns_)
+        made = {name: np.array(values, np.float64) for name, values in columns.items()}
+        for values in made.values():
+            values.setflags(write=False)
+        super().__init__({name: values for name, values in made.items() if not name.startswith("_")})
+        self.__dict__.update(_items=made, columns_=made, label_=label)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (Record, (self.columns_, self.label_))
-
-    @property
-    def columns_(self) -> dict[str, Array]:
-        """Columns by name."""
-        found: dict[str, Array] = self.__dict__["_columns"]
-        return found
-
-    @property
-    def label_(self) -> str:
-        """By what the record is called."""
-        return str(self.__dict__["_label"])
 
     @property
     def rows_(self) -> int:
@@ -91,7 +65,7 @@ class Record(Mapping[str, Array]):
         return len(next(iter(self.columns_.values())))
 
     def _missing(self, name: str) -> str:
-        return f"the record '{self.label_}' has no column '{name}'; it has {', '.join(self.columns_)}"
+        return f"the record '{self.label_}' has no column '{name}'; it has {', '.join(self)}"
 
 
 def read_records(observed: Table | Sequence[Table]) -> tuple[Record, ...]:
@@ -209,13 +183,7 @@ def time_column(names: Iterable[str]) -> str | None:
 
 
 def column_of(record: Record, name: str) -> Array:
-    """Return a column, or say which there are.
-
-    Raises
-    ------
-    InputError
-        When the record has no such column.
-    """
+    """Return a column, or say which there are."""
     if name not in record:
         do = "give its name as in the table; columns that hold words and no numbers are left out"
         raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record), do=do)

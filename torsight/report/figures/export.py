@@ -22,16 +22,8 @@ NAMES: Final = frozenset(
 def write_figures(folder: Path, figures: Iterable[Figure], pictures: Mapping[str, str]) -> None:
     """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
 
-    Files of figures that an earlier page showed and this one does not are removed; what others put there stays.
-
-    Parameters
-    ----------
-    folder : Path
-        The run's folder.
-    figures : iterable of Figure
-        The page's figures.
-    pictures : mapping of str to str
-        SVG of each of them by its name.
+    ``pictures`` holds each figure's SVG by its name. Files of figures that an earlier page showed and this one does not
+    are removed; what others put there stays.
     """
     target = folder / FOLDER
     written = set()

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from torsight.core.files.storage import atomic_path, write_table
+from torsight.core.files.storage import write_bytes, write_table
 from torsight.core.parameter import REACH
 from torsight.core.series import runs
 from torsight.core.words.wording import effect_name, variable_name
@@ -84,21 +84,14 @@ def law_panel(law: MeasuredLaw) -> Panel:
 
 
 def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
-    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go.
-
-    Raises
-    ------
-    OutputError
-        When a file cannot be written.
-    """
+    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go."""
     from torsight.report.plots.still import png
 
     kept = set()
     for law in laws:
         picture = folder / law.csv_name.replace(".csv", ".png")
         write_table(folder / law.csv_name, law.table())
-        with atomic_path(picture) as temporary:
-            temporary.write_bytes(png([law_panel(law)]))
+        write_bytes(picture, png([law_panel(law)]))
         kept |= {law.csv_name, picture.name}
     for path in folder.glob("law_*"):
         if path.name not in kept and _OWN_FILES.fullmatch(path.name):

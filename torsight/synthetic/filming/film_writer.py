@@ -41,13 +41,7 @@ class Writer(Protocol):
 
 @contextlib.contextmanager
 def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[Writer]:
-    """Give a writer for a film that appears at ``path`` when it is whole.
-
-    Raises
-    ------
-    OutputError
-        When the film cannot be written.
-    """
+    """Give a writer for a film that appears at ``path`` when it is whole."""
     if settings.codec == "png":
         with _open_folder(path) as folder_writer:
             yield folder_writer

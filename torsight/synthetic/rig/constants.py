@@ -157,19 +157,7 @@ def law(c: Any, slot: int, x: float) -> float:
 def pack(
     values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, HiddenEffect]
 ) -> Constants:
-    """Return the constants of a rig.
-
-    Parameters
-    ----------
-    values : RigValues
-        Its springs and its friction.
-    mechanics, thermal
-        Sections of the scene (:mod:`torsight.synthetic.scene`).
-    quantum_c : float
-        Step of the temperature reading.
-    effects : mapping
-        Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
-    """
+    """Return a rig's constants from its springs and friction, sections of the scene, and its hidden effects."""
     plain: dict[str, Any] = {
         "k_a": values.stiffness_a,
         "k_m": values.stiffness_m,

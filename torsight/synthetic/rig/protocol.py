@@ -155,18 +155,9 @@ def homing(time_factor: float) -> tuple[HalfCycle, HalfCycle]:
 
 
 def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: float, after_s: float) -> Commands:
-    """Return the commands sample by sample.
+    """Return the commands, one per sample of the controller, with a rest before and after the protocol.
 
-    Parameters
-    ----------
-    protocol : Protocol
-        What is done.
-    sample_s : float
-        Sampling time of the controller.
-    room_c : float
-        Room temperature: where a ramp without a first point starts.
-    before_s, after_s : float
-        Rest that is recorded before and after the protocol.
+    A ramp without a first point starts at the room's temperature.
     """
     parts: list[tuple[int, float, HalfCycle | None, int, int]] = []
     recorded = 0

@@ -48,24 +48,9 @@ _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 
 class Session:
-    """A live record from its first frame to its summary.
+    """A live record from its first frame to its summary: what is watched, its temperature log, and the record's folder.
 
-    Parameters
-    ----------
-    pictures : Pictures
-        What is watched.
-    log : WatchedLog
-        The temperature log.
-    folder : Path
-        Where the record goes.
-    hints, camera : optional
-        Marker positions in the first frame; calibrated camera.
-    feed : Feed or None
-        The screen.
-    model : ModelWatch or None
-        The model beside.
-    say : callable
-        Takes a line for the person at the terminal.
+    ``feed`` is the screen, ``model`` what is computed beside; ``say`` takes a line for the person at the terminal.
     """
 
     def __init__(

@@ -26,12 +26,7 @@ SWITCH_S: Final = 0.0005
 def served_first(level: int, *, wanted: bool = True) -> Iterator[bool]:
     """Schedule the calling thread before ordinary ones while the block lasts, and give whether the system allows it.
 
-    Parameters
-    ----------
-    level : int
-        Real-time priority; processes that are started in the block do not inherit it.
-    wanted : bool
-        False changes nothing.
+    Processes that are started in the block do not inherit the real-time priority. ``wanted=False`` changes nothing.
     """
     if not wanted or not hasattr(os, "sched_setscheduler"):
         yield False

@@ -54,14 +54,6 @@ class Errors:
         """Error on unseen blocks, else on the ones that were fitted."""
         return self.rmse_train if math.isnan(self.rmse_held_out) else self.rmse_held_out
 
-    def to_json(self) -> dict[str, float]:
-        """Return the numbers by name."""
-        return {
-            "rmse_train": self.rmse_train,
-            "rmse_held_out": self.rmse_held_out,
-            "r2_held_out": self.r2_held_out,
-        }
-
 
 @dataclass(frozen=True, slots=True)
 class FittedSet:

@@ -251,16 +251,7 @@ def measured_curves(
 ) -> tuple[MeasuredCurve, ...]:
     """Return the laws of the answer, then declared ones that were tried alone, the strongest first.
 
-    Parameters
-    ----------
-    chosen, alone : Explanation, list of Explanation
-        The answer, and explanations by one law that is no part of it.
-    gains : mapping of str to float
-        Of every law.
-    names : mapping of str to str
-        Law to the candidate whose name it carries.
-    ports : sequence of LawPort
-        Declared laws, for their drivers' units.
+    ``gains`` are those of every law; ``names`` says whose candidate's name a law carries.
     """
     units = {port.name: port.driver_unit for port in ports}
     pairs = [(one, item) for one in (chosen, *alone) for item in one.laws]

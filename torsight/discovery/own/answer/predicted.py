@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.parameter import REACH
 from torsight.core.words.shown import Shown, span
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class PredictedOutputs(Shown, Mapping[str, Array]):
         time = next(iter(self))
         for name in self.outputs:
             (line,) = axes.plot(self[time], self[name], label=name, linewidth=1.0)
-            low, high = (self[name] + side * 1.96 * self[f"{name}_sigma"] for side in (-1.0, 1.0))
+            low, high = (self[name] + side * REACH * self[f"{name}_sigma"] for side in (-1.0, 1.0))
             axes.fill_between(self[time], low, high, color=line.get_color(), alpha=0.2, linewidth=0.0)
         axes.set_xlabel(time)
         axes.legend()

@@ -41,13 +41,18 @@ _FIRST_ROWS: Final = 32
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a model file declares, as far as a prediction needs it."""
+    """What a model file declares, as far as a prediction needs it: the function and what it is called with."""
 
     predict: Predict
     parameters: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
     outputs: tuple[str, ...]
     time: str | None
+
+    @property
+    def every_parameter(self) -> list[Parameter]:
+        """The model's own parameters, and those of its candidates."""
+        return [*self.parameters, *(p for one in self.candidates for p in one.parameters)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,14 +114,10 @@ class SavedModel:
 
     Attributes
     ----------
-    predict_function : callable
+    declared : Declared
         The model.
-    declared : tuple of Parameter
-        Parameters as declared.
-    candidates : tuple of Candidate
-        As declared.
-    outputs, effects, initial : tuple of str
-        Names of the outputs, of the effects that are on, and of what every record has for itself.
+    effects, initial : tuple of str
+        Names of the effects that are on, and of what every record has for itself.
     values : mapping of str to float
         Fitted values; those of initial states are the first record's.
     names, covariance : tuple of str, (m, m) float64
@@ -129,10 +130,7 @@ class SavedModel:
         Laws that are on; the forms' parameters are among ``values``.
     """
 
-    predict_function: Predict
-    declared: tuple[Parameter, ...]
-    candidates: tuple[Candidate, ...]
-    outputs: tuple[str, ...]
+    declared: Declared
     effects: tuple[str, ...]
     initial: tuple[str, ...]
     values: Mapping[str, float]
@@ -141,7 +139,11 @@ class SavedModel:
     noise: tuple[float, ...]
     ports: tuple[str, ...]
     laws: tuple[LawOn, ...] = ()
-    time_name: str | None = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.declared.outputs
 
     @classmethod
     def of(
@@ -158,13 +160,10 @@ class SavedModel:
                   item.law.time_like)
             for item in chosen.laws
         )  # fmt: skip
-        fitted, predict = list(values), problem.model.predict
+        fitted = list(values)
         kept = [i for i, name in enumerate(fitted) if name in own]
         return cls(
-            predict_function=predict.plain if isinstance(predict, CompiledPredict) else predict,
-            declared=problem.declared,
-            candidates=problem.candidates,
-            outputs=problem.model.outputs,
+            declared=declared_in(problem),
             effects=effects,
             initial=problem.initial,
             values=own,
@@ -173,7 +172,6 @@ class SavedModel:
             noise=noise,
             ports=problem.model.laws,
             laws=laws,
-            time_name=problem.time_name,
         )
 
     def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
@@ -185,7 +183,7 @@ class SavedModel:
             When the record cannot be read, or the model fails on it.
         """
         (own,) = read_records(record)
-        model = Model(self.predict_function, (own,), self.outputs, self.ports)
+        model = Model(self.declared.predict, (own,), self.outputs, self.ports)
         values = self._begun(model, own, initial or {})
 
         def at(x: Array) -> Array:
@@ -200,7 +198,8 @@ class SavedModel:
             slopes = jacobian(at, x, at_x=middle.ravel(), space=space_of(parameters))
         spread = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes).reshape(middle.shape)
         spread += self._beyond(model, values, done)
-        made = {(self.time_name or time_column(own) or "row"): time_of(own, self.time_name)}
+        time = self.declared.time
+        made = {(time or time_column(own) or "row"): time_of(own, time)}
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
@@ -229,8 +228,7 @@ class SavedModel:
         return found
 
     def _parameter(self, name: str, value: float) -> Parameter:
-        declared = [*self.declared, *(p for one in self.candidates for p in one.parameters)]
-        declared += [p for law in self.laws for p in law.form.parameters]
+        declared = [*self.declared.every_parameter, *(p for law in self.laws for p in law.form.parameters)]
         found = next((p for p in declared if p.name == name), None)
         return Parameter(name, value, "") if found is None else found.at(value)
 
@@ -312,43 +310,39 @@ class SavedModel:
             When the file is damaged, or belongs to another model.
         """
         try:
-            outputs = tuple(str(name) for name in content["outputs"])
-            names = tuple(str(name) for name in content["names"])
-            covariance = np.array(content["covariance"], np.float64).reshape(len(names), len(names))
-            values = {str(name): float(value) for name, value in content["values"].items()}
-            noise = tuple(float(content["noise"][name]) for name in outputs)
-            laws = tuple(LawOn.from_json(one) for one in content["laws"])
-            ports = tuple(str(name) for name in content["ports"])
-            effects = tuple(str(name) for name in content["effects"])
-            initial = tuple(str(name) for name in content["initial"])
+            outputs, effects, initial, names, ports = (
+                tuple(str(name) for name in content[key]) for key in ("outputs", "effects", "initial", "names", "ports")
+            )
+            made = cls(
+                declared,
+                effects,
+                initial,
+                values={str(name): float(value) for name, value in content["values"].items()},
+                names=names,
+                covariance=np.array(content["covariance"], np.float64).reshape(len(names), len(names)),
+                noise=tuple(float(content["noise"][name]) for name in outputs),
+                ports=ports,
+                laws=tuple(LawOn.from_json(one) for one in content["laws"]),
+            )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(
                 f"is damaged ({type(error).__name__}: {error})", where=where, do="run 'torsight missing' again"
             ) from error
-        everything = [*declared.parameters, *(p for one in declared.candidates for p in one.parameters)]
-        if {p.name for p in everything} != {
-            name for name in values if RESERVED not in name
-        } or outputs != declared.outputs:
+        known = {name for name in made.values if RESERVED not in name}
+        if {p.name for p in declared.every_parameter} != known or outputs != declared.outputs:
             raise InputError(
                 "belongs to another model: parameters or outputs differ",
                 where=where,
                 do="run 'torsight missing' again with this model file",
             )
-        return cls(
-            declared.predict,
-            declared.parameters,
-            declared.candidates,
-            outputs,
-            effects,
-            initial,
-            values,
-            names,
-            covariance,
-            noise,
-            ports,
-            laws,
-            declared.time,
-        )
+        return made
+
+
+def declared_in(problem: ModelProblem) -> Declared:
+    """Return what a problem was declared with; its function as its author wrote it."""
+    predict = problem.model.predict
+    plain = predict.plain if isinstance(predict, CompiledPredict) else predict
+    return Declared(plain, problem.declared, problem.candidates, problem.model.outputs, problem.time_name)
 
 
 def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
@@ -358,13 +352,7 @@ def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
 
 
 def is_own_model(path: Path) -> bool:
-    """Return whether a ``model.json`` is that of a model of one's own.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or damaged.
-    """
+    """Return whether a ``model.json`` is that of a model of one's own."""
     return read_json(path).get("kind") == KIND
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
@@ -183,8 +184,7 @@ def to_json(found: Findings) -> dict[str, Any]:
         "drivers": [{"variable": name, "share": share} for name, share in found.drivers],
         "drivers_offered": list(found.drivers_offered),
         "outputs": {
-            name: {"before": before.to_json(), "after": after.to_json()}
-            for name, (before, after) in found.errors.items()
+            name: {"before": asdict(before), "after": asdict(after)} for name, (before, after) in found.errors.items()
         },
         "laws": [law.to_json() for law in found.laws if law.chosen],
         "noise_floor": _floor(found),
@@ -192,16 +192,7 @@ def to_json(found: Findings) -> dict[str, Any]:
         "blocks": len(np.unique(problem.block[problem.valid])),
         "parameters": {name: one.to_json() for name, one in found.parameters.items()},
         "plain_parameters": {name: one.to_json() for name, one in found.plain_parameters.items()},
-        "best_fits": [
-            {
-                "effects": list(one.effects),
-                "gain": one.gain,
-                "probability": one.probability,
-                "rmse_train": one.rmse_train,
-                "rmse_held_out": one.rmse_held_out,
-            }
-            for one in found.best_fits
-        ],
+        "best_fits": [asdict(one) for one in found.best_fits],
         "predicts_better": [list(one.effects) for one in found.predicts_better],
         "evidence": {
             "price": found.price,

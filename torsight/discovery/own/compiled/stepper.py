@@ -20,6 +20,7 @@ import numpy as np
 from numba.core import types
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
+from scipy.integrate import RK45
 
 from torsight.core.compiled import compiled as kept
 from torsight.core.compiled import lending, njit
@@ -159,13 +160,7 @@ def _with_law(others: Any, k: int) -> Any:
 
 
 def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) -> Stepper:
-    """Return a right-hand side and events (when, then or None, direction) compiled.
-
-    Raises
-    ------
-    CannotCompileError
-        Where one of the functions cannot be compiled.
-    """
+    """Return a right-hand side and events (when, then or None, direction) compiled, where numba can."""
     when, then = _nothing, _stays
     for k, (happens, does, _) in enumerate(events):
         when = _with_event(when, k, compiled(happens))
@@ -203,20 +198,10 @@ def _with_jump(others: Any, k: int, does: Any) -> Any:
     return then
 
 
-_A: Final = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
-        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
-        [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ]
-)
-_C: Final = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
-_ERROR: Final = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-"""Weights of the difference between the solutions of order 5 and 4."""
+_A: Final = np.vstack([np.pad(RK45.A, ((0, 0), (0, 1))), RK45.B])
+_C: Final = np.append(RK45.C, 1.0)
+_ERROR: Final = RK45.E
+"""The pair's coefficients: stages and the solution of order 5, their times, and the difference between both orders."""
 
 
 @lending

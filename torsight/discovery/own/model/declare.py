@@ -181,11 +181,6 @@ def check_declarations(
     """Refuse what cannot be meant: a name twice, a start out of its bounds, an effect that cannot be switched off.
 
     ``numbered`` allows the names that are made here for the initial states of records.
-
-    Raises
-    ------
-    InputError
-        Naming the first one.
     """
     if not parameters:
         raise InputError("has no free parameter", where=where, do="give the parameters that the fit may change")

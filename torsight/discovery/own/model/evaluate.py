@@ -166,13 +166,7 @@ def call(model: Model, record: int, values: Mapping[str, float], curves: Curves)
 
 
 def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
-    """Return what ``predict`` gave as (rows, outputs).
-
-    Raises
-    ------
-    InputError
-        When an output is missing or has a wrong shape.
-    """
+    """Return what ``predict`` gave as (rows, outputs); a missing output or a wrong shape is refused."""
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
         if missing:

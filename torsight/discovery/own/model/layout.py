@@ -248,13 +248,7 @@ def blocks_of(
 
 
 def check_blocks(block: NDArray[np.int64], valid: NDArray[np.bool_]) -> list[str]:
-    """Return what a person should know about the blocks.
-
-    Raises
-    ------
-    InputError
-        When a block holds hardly any sample.
-    """
+    """Return what a person should know about the blocks; one that holds hardly any sample is refused."""
     labels, counts = np.unique(block[valid], return_counts=True)
     if counts.min() < _LEAST_IN_BLOCK:
         raise InputError(

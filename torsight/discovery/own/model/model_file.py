@@ -18,7 +18,7 @@ from typing import Any, Final
 from torsight.core.errors import InputError
 from torsight.core.files.paths import missing_file, require_ordinary
 from torsight.discovery.interface import Candidate
-from torsight.discovery.own.answer.saved import Declared
+from torsight.discovery.own.answer.saved import Declared, declared_in
 from torsight.discovery.own.model.declare import candidates_of, parameters_of
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
@@ -132,9 +132,7 @@ def declared_of(path: Path, record: Path) -> Declared:
     """
     module = load_model_file(path)
     if hasattr(module, "problem"):
-        problem = problem_of(path, [record])
-        model = problem.model
-        return Declared(model.predict, problem.declared, problem.candidates, model.outputs, problem.time_name)
+        return declared_in(problem_of(path, [record]))
     _require(module, path)
     output, options = module.output, _options(module)
     return Declared(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.discovery.own.model import given
+from torsight.discovery.own.model.values import ByName
 from torsight.discovery.own.records import Record, column_of, time_of
 
 if TYPE_CHECKING:
@@ -170,13 +171,7 @@ class Ode:
             return None
 
     def compiled(self) -> Ode:
-        """Return the same with right-hand side and events compiled.
-
-        Raises
-        ------
-        CannotCompileError
-            Where one of the functions cannot be.
-        """
+        """Return the same with right-hand side and events compiled."""
         from torsight.discovery.own.compiled.stepper import stepper_of
 
         events = [(one.when, one.then, one.direction) for one in self.events]
@@ -307,17 +302,10 @@ class Ode:
         return t + moment, after + moment * np.asarray(self.rhs(t, after, inputs(t), p), np.float64)
 
 
-class _Named:
-    """Values by name: ``u.force_n``."""
+class _Named(ByName[Any]):
+    """Inputs or states by name: ``u.force_n``."""
 
-    def __init__(self, items: Mapping[str, Any]) -> None:
-        self.__dict__.update(items)
-
-    def __getitem__(self, name: str) -> Any:
-        return self.__dict__[name]
-
-    def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"'{name}' is not declared; there is {', '.join(self.__dict__) or 'nothing'}")
+    MISSING = "'{name}' is not declared; there is {known}"
 
 
 def ode(

@@ -4,41 +4,53 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_T = TypeVar("_T")
 
 
-class Values(Mapping[str, Any]):
-    """Parameters (floats) and laws (functions), as ``p["name"]`` or ``p.name``; nothing can be changed in it."""
+class ByName(Mapping[str, _T]):
+    """What a model's functions are given: ``p["name"]`` or ``p.name``; nothing can be changed in it."""
 
-    def __init__(self, items: Mapping[str, Any]) -> None:
+    MISSING: ClassVar[str]
+    """What is said of a ``{name}`` that is not among ``{known}`` ones."""
+    UNCHANGED: ClassVar[str] = "the model's values cannot be changed ('{}'); use a variable of your own"
+    _items: Mapping[str, _T]
+
+    def __init__(self, items: Mapping[str, _T]) -> None:
         self.__dict__.update(items)
+        self.__dict__["_items"] = items
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> _T:
         try:
-            return self.__dict__[name]
+            return self._items[name]
         except KeyError:
-            raise KeyError(_missing(name, self.__dict__)) from None
+            raise KeyError(self._missing(name)) from None
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(name if name.startswith("__") else _missing(name, self.__dict__))
+        raise AttributeError(name if name.startswith("_") else self._missing(name))
 
     def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"the model's values cannot be changed ('{name}'); use a variable of your own")
+        raise AttributeError(self.UNCHANGED.format(name))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.__dict__)
+        return iter(self._items)
 
     def __len__(self) -> int:
-        return len(self.__dict__)
+        return len(self._items)
+
+    def _missing(self, name: str) -> str:
+        return self.MISSING.format(name=name, known=", ".join(self) or "nothing")
 
 
-def _missing(name: str, known: Mapping[str, Any]) -> str:
-    return f"the model has no parameter or law '{name}'; it has {', '.join(known)}; declare it, or its candidate"
+class Values(ByName[Any]):
+    """Parameters (floats) and laws (functions) by name."""
+
+    MISSING = "the model has no parameter or law '{name}'; it has {known}; declare it, or its candidate"
 
 
 class Curve:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.frames.intake import Picture, Pictures
 
 SILENT_S: Final = 10.0
 """A camera or a stream that gives no picture for this long has ended."""
@@ -60,7 +60,7 @@ def open_capture(number: int, fps: float | None) -> Capture:
     return capture
 
 
-class Camera:
+class Camera(Pictures):
     """A camera by its number; times are those of its driver where it gives them, else those of arrival.
 
     Parameters
@@ -76,13 +76,10 @@ class Camera:
         When there is none.
     """
 
-    speed: float | None = None
-    waits = False
-    pixel_aspect = 1.0
+    kind = "camera"
 
     def __init__(self, number: int, *, fps: float | None = None) -> None:
-        self.name = f"camera {number}"
-        self.ended_because = ""
+        super().__init__(f"camera {number}")
         self._capture = open_capture(number, fps)
         if not self._capture.isOpened():
             raise InputError(
@@ -117,10 +114,6 @@ class Camera:
         import cv2
 
         return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
-
-    def describe(self) -> dict[str, Any]:
-        """Return what is known of the camera."""
-        return {"kind": "camera", "name": self.name}
 
 
 def _luma(picture: Any) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,24 +75,30 @@ class LiveFrame:
     missed: int = 0
 
 
-class Pictures(Protocol):
-    """What gives pictures one after the other, with their times."""
+class Pictures:
+    """Base of what gives pictures one after the other, with their times."""
 
-    name: str
-    speed: float | None
+    kind: ClassVar[str]
+    """What it is, in words."""
+    speed: float | None = None
     """Factor on the film's own pace; None where pictures come when they come."""
-    waits: bool
+    waits = False
     """Whether pictures that are not taken yet stay where they are, as those of a file do."""
-    pixel_aspect: float
+    pixel_aspect = 1.0
     """Width of a pixel over its height."""
-    ended_because: str
+    ended_because = ""
     """Why there are no more pictures, where that is not as it should be; else empty."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
         """Give the pictures, until the end or until ``stop``."""
+        raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
         """Return what is known of the source, for ``track.json``."""
+        return {"kind": self.kind, "name": self.name}
 
 
 def comes_in_time(pictures: Pictures) -> bool:
@@ -104,11 +110,6 @@ class Intake:
     """Reads pictures in a thread of its own and hands them on.
 
     Where a source cannot wait, the oldest picture is dropped rather than fall behind; its frame keeps number and time.
-
-    Parameters
-    ----------
-    pictures : Pictures
-        The source.
     """
 
     def __init__(self, pictures: Pictures) -> None:

@@ -12,11 +12,10 @@ import numpy as np
 
 from torsight.core.errors import ConfigError
 from torsight.viewer.live.frames.camera_source import Camera
-from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.frames.intake import Picture, Pictures
 from torsight.viewer.live.frames.stream import GrowingFilm, Stream
 
 if TYPE_CHECKING:
-    from torsight.viewer.live.frames.intake import Pictures
     from tracker.frames.frame import FrameSource
 
 
@@ -61,16 +60,15 @@ def film_of(pictures: Pictures) -> str | None:
     return pictures.name if isinstance(pictures, Film | GrowingFilm) else None
 
 
-class Film:
+class Film(Pictures):
     """A film, or a row of pictures, at its own pace."""
 
     waits = True
 
     def __init__(self, source: FrameSource, *, name: str, speed: float) -> None:
-        self.name = name
+        super().__init__(name)
         self.pixel_aspect = source.pixel_aspect
-        self.ended_because = ""
-        self.speed: float | None = speed
+        self.speed = speed
         self._source = source
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
 from torsight.viewer.live.frames.camera_source import SILENT_S
-from torsight.viewer.live.frames.intake import Picture
+from torsight.viewer.live.frames.intake import Picture, Pictures
 
 LOOPBACK_HOSTS: Final = ("localhost", "127.0.0.1", "::1")
 
@@ -58,22 +58,13 @@ def check_stream(url: str) -> str:
     return parts.scheme
 
 
-class Stream:
-    """A stream on this computer as it comes; times are its own stamps.
+class Stream(Pictures):
+    """A stream on this computer as it comes; times are its own stamps."""
 
-    Parameters
-    ----------
-    name : str
-        Its address.
-    """
-
-    speed: float | None = None
-    waits = False
-    pixel_aspect = 1.0
+    kind = "stream"
 
     def __init__(self, name: str) -> None:
-        self.name = name
-        self.ended_because = ""
+        super().__init__(name)
         self._options = {"fflags": "nobuffer", **_OPTIONS[check_stream(name)]}
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
@@ -98,29 +89,20 @@ class Stream:
     def _unreadable(self, what: str) -> InputError:
         return InputError(what, where=self.name, do="check that whatever sends it is running")
 
-    def describe(self) -> dict[str, Any]:
-        """Return what is known of the stream."""
-        return {"kind": "stream", "name": self.name}
 
+class GrowingFilm(Pictures):
+    """A film that is still being written, which ends when it has not grown for a while.
 
-class GrowingFilm:
-    """A film that is still being written; it ends when it has not grown for a while.
-
-    Parameters
-    ----------
-    path : Path
-        The film: .mkv, .ts or .avi, which can be read before they are finished.
+    That is .mkv, .ts or .avi, which can be read before they are finished.
     """
 
-    speed: float | None = None
+    kind = "growing film"
     waits = True
-    pixel_aspect = 1.0
 
     def __init__(self, path: Path) -> None:
         if not path.is_file():
             raise InputError("no such film", where=str(path), do="start the recording first, or check the path")
-        self.name = str(path)
-        self.ended_because = ""
+        super().__init__(str(path))
         self._path = path
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
@@ -139,10 +121,6 @@ class GrowingFilm:
             ) from error
         finally:
             growing.close()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what is known of the film."""
-        return {"kind": "growing film", "name": self.name}
 
 
 def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Picture]:

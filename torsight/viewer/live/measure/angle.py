@@ -48,14 +48,8 @@ class LiveAngle:
     ) -> tuple[float, float, NDArray[np.float64] | None]:
         """Return angle and its sigma (rad; NaN where not known) and positions in space.
 
-        Parameters
-        ----------
-        time_s : float
-            Time of the frame.
-        position_px : (4, 2) float64
-            Markers in the order of ``torsight.core.tracks.MARKERS``; NaN where not seen.
-        covariance_px2 : (4, 2, 2) float64
-            Their covariances.
+        Markers (4, 2) stand in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
+        2, 2).
         """
         plane = [onto(position_px[2 * stick : 2 * stick + 2]) for stick, onto in enumerate(self._maps)]
         points = np.concatenate([position for position, _ in plane])

@@ -58,16 +58,8 @@ class WatchedLog:
 class LogFollower:
     """Follows a CSV log: a last line without its end waits, a log that is rotated or cut is opened anew.
 
-    A Parquet table is taken whole, as soon as it is there.
-
-    Parameters
-    ----------
-    path : Path
-        The log; it need not be there yet.
-    tell : callable
-        Takes a sentence on what a person should know.
-    chosen : ChosenColumns
-        What the user says of the log's columns.
+    It need not be there yet. A Parquet table is taken whole, as soon as it is there. ``tell`` takes a sentence on what
+    a person should know.
     """
 
     def __init__(self, path: Path, tell: Callable[[str], None], chosen: ChosenColumns = NOTHING_CHOSEN) -> None:
@@ -86,13 +78,7 @@ class LogFollower:
         self._stamps = RunningStamps()
 
     def poll(self) -> list[LogRow]:
-        """Return the rows that have come since the last call.
-
-        Raises
-        ------
-        InputError
-            When the header lacks a column.
-        """
+        """Return the rows that have come since the last call; a header that lacks a column is refused."""
         if is_parquet(self.path):
             return self._whole()
         rows: list[LogRow] = []

@@ -7,16 +7,11 @@ from collections import deque
 
 
 class LogClock:
-    """From the log's clock to the film's while both run.
+    """From the log's clock to the film's while both run; ``offset_s`` is log's less film's time where it is known.
 
     A row cannot arrive before it was written: the largest difference between a row's stamp and the film's time at its
-    arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are taken
-    to be of the film's clock until a row arrives.
-
-    Parameters
-    ----------
-    offset_s : float or None
-        Log's time less film's time, where it is known.
+    arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are taken to
+    be of the film's clock until a row arrives.
     """
 
     def __init__(self, offset_s: float | None) -> None:

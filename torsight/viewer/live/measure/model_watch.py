@@ -157,12 +157,7 @@ def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
 class ModelWatch:
     """Keeps the thinned record, and has the model computed from it now and then, never waiting for it.
 
-    Parameters
-    ----------
-    spec : ActuatorSpec
-        The rig.
-    last_fit_s : float
-        How long the end of a record waits for the friction of all of it.
+    ``last_fit_s`` is how long the end of a record waits for the friction of all of it.
     """
 
     def __init__(self, spec: ActuatorSpec, *, last_fit_s: float = 20.0) -> None:

@@ -94,18 +94,8 @@ class _OneFrame:
 class LiveTracker:
     """Finds the markers, follows them, and makes the angle of each frame.
 
-    Parameters
-    ----------
-    hints : MarkerHints or None
-        Where the markers are in the first frame.
-    camera : Camera or None
-        Calibrated camera.
-    name : str
-        Of the source, for messages.
-    tell : callable
-        Takes the events.
-    pixel_aspect : float
-        Width of a pixel over its height.
+    Hints say where the markers are in the first frame; ``name`` is the source's, for messages; ``tell`` takes the
+    events.
     """
 
     def __init__(

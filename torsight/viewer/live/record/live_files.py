@@ -27,15 +27,7 @@ EVENTS: Final = ("time_s", "frame", "kind", "text")
 
 
 class LineFile:
-    """A CSV that grows by whole lines.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it must not be there yet.
-    columns : sequence of str
-        The header.
-    """
+    """A CSV that grows by whole lines; it must not be there yet."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path = path
@@ -88,12 +80,7 @@ class LineFile:
 class Recorder:
     """``angle.csv``, ``markers.csv``, ``temps.csv`` and ``events.csv`` of a live record, in the columns of ``track``.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it is not there; a record that lies in it already is refused.
-    in_space : bool
-        Whether markers have positions in mm.
+    A record that lies in the folder already is refused; ``in_space`` says whether markers have positions in mm.
     """
 
     def __init__(self, folder: Path, *, in_space: bool) -> None:
@@ -171,23 +158,8 @@ def finish(
 ) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
-    Parameters
-    ----------
-    folder : Path
-        Holds the tables of a closed :class:`Recorder`.
-    camera : Camera or None
-        As used live.
-    size_px : (int, int)
-        Size of the pictures.
-    swapped : int
-        How many of the first rows call the base stick moving, because no stick had moved yet.
-    pixel_aspect : float
-        Width of a pixel over its height.
-
-    Returns
-    -------
-    Orientation or None
-        None where no frame came, or no markers were ever seen.
+    None where no frame came, or no markers were ever seen. The first ``swapped`` rows call the base stick moving,
+    because no stick had moved yet.
     """
     from torsight.core.files.storage import read_table, write_table
     from torsight.core.files.tables import marker_columns, write_angles

@@ -57,18 +57,7 @@ def write_experiment(
 ) -> None:
     """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
 
-    Parameters
-    ----------
-    folder : Path
-        The record.
-    film : str or None
-        The film that was played; None for a camera.
-    actuator : Path or None
-        Characterised values; without them the experiment says where to put them.
-    offset_s : float or None
-        Temperature log's time less film time, where it was given.
-    columns, units : mapping of str to str, optional
-        What was said of the log's columns.
+    A film is named where one was played; without an actuator the file says where to put its values.
     """
     if actuator is not None:
         shutil.copyfile(actuator, folder / "actuator.toml")

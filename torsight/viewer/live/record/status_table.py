@@ -23,20 +23,8 @@ def standing(
 ) -> str:
     """Return how things stand, in Markdown.
 
-    Parameters
-    ----------
-    outcome : Outcome
-        Counts so far.
-    angle_deg : float
-        Last angle; NaN where it is not known.
-    model_deg : (float, float)
-        Last angle of the model, and measured less modelled; NaN without a model.
-    temperatures : mapping
-        Last temperature of each spring, °C.
-    latency_ms : float
-        Median.
-    trouble : str
-        Why the model says nothing, else empty.
+    The last angle of camera and model, measured less modelled, and the springs' temperatures, °C; NaN where not known.
+    ``trouble`` is why the model says nothing, else empty.
     """
     plain_deg, residual_deg = model_deg
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""

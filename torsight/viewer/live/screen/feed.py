@@ -16,13 +16,12 @@ from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
 from torsight.viewer.program import LOOPBACK, address_of
-from torsight.viewer.view_layout import FRAME, TIME
+from torsight.viewer.view_layout import FRAME, TIME, log_series
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -38,13 +37,7 @@ END_S: Final = 2.0
 
 
 class Feed:
-    """Hands pictures, curves and events to the viewer's side.
-
-    Parameters
-    ----------
-    port : int
-        Port of this computer at which viewers find the record.
-    """
+    """Hands pictures, curves and events to the viewer's side, which viewers find at a port of this computer."""
 
     def __init__(self, port: int) -> None:
         self.port = port
@@ -194,16 +187,6 @@ def _set_times(stream: rr.RecordingStream, time_s: float, frame: int) -> None:
     stream.set_time(FRAME, sequence=frame)
 
 
-def _log_series(
-    stream: rr.RecordingStream, entity: str, time_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> None:
-    import rerun as rr
-
-    stream.send_columns(
-        entity, indexes=[rr.TimeColumn(TIME, duration=time_s)], columns=rr.Scalars.columns(scalars=values)
-    )
-
-
 def _log_event(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
     import rerun as rr
 
@@ -220,7 +203,7 @@ def _log_summary(stream: rr.RecordingStream, text: str) -> None:
 _LOGGERS: Final[dict[str, Callable[..., float | None]]] = {
     "angle": _log_angle,
     "picture": _log_picture,
-    "series": _log_series,
+    "series": log_series,
     "event": _log_event,
     "summary": _log_summary,
 }

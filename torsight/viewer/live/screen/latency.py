@@ -15,10 +15,7 @@ CELLS: Final = _BINS + 1
 class Latency:
     """Counts durations in bins of 0.1 ms up to two seconds.
 
-    Parameters
-    ----------
-    shared : buffer, optional
-        :data:`CELLS` whole numbers of 64 bits that another process counts in; it alone adds.
+    They may be counted in a buffer of :data:`CELLS` whole numbers of 64 bits that another process reads.
     """
 
     def __init__(self, shared: Any = None) -> None:

@@ -1,10 +1,23 @@
-"""The options ``--columns`` and ``--units`` of the commands that read a temperature log."""
+"""Options that several commands have in common."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, TypedDict
 
 import typer
+
+ActuatorFile = Annotated[Path, typer.Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")]
+CameraFile = Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")]
+Fps = Annotated[
+    float | None,
+    typer.Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured."),
+]
+Seed = Annotated[int, typer.Option(help="Seed of every random draw.", min=0)]
+Serve = Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")]
+WebPort = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
+]
 
 Columns = Annotated[
     str | None,
@@ -28,13 +41,7 @@ class Said(TypedDict):
 
 
 def said(columns: str | None, units: str | None) -> Said:
-    """Return what the options say.
-
-    Raises
-    ------
-    ConfigError
-        When one of them is no list of ``KEY=NAME``, or has a key or a unit that is not known.
-    """
+    """Return what the options say."""
     from sync.log.column_names import chosen_columns, parse_entries
 
     found = Said(
