@@ -300,41 +300,59 @@ def run_ports(
 
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
-    p = np.zeros(2, places.SCALARS)
-    _fill_springs(p, ports)
     rig, grid = ports.rig, ports.grid_rad()
-    p["theta_p"], p["tau_c"], p["viscous"] = rig.theta_p_rad, rig.tau_c_nm, ports.viscous_nms
-    p["viscous_power"], p["latent"] = ports.viscous_power, ports.latent_c_s
-    p["speed_step"] = 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1]
-    p["dwell_step"] = 0.0 if ports.dwell_factor is None else DWELL_DECADES[1]
-    p["passive_share"], p["tanaka"], p["room_c"] = ports.passive_share, float(tanaka), ports.room_c
-    p["grid_start"], p["grid_step"] = grid[0], grid[1] - grid[0]
-    p["has_friction"], p["has_stray"] = ports.friction_down_nm is not None, ports.stray_nm is not None
-    p["home_hold"], p["first_share"] = ports.home_hold, ports.first_share
-    p["heating_bend"], p["cooling_bend"] = ports.heating_bend, ports.cooling_bend
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
     moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
-    p["steady"] = float(not moving_load)
-    p["unwound_a"], p["unwound_b"] = ports.history.unwound_rad or (-1.0, -1.0)
-    p["fixed_theta_l"] = 0.0 if theta_l_deg is None else np.deg2rad(theta_l_deg)
-    return p
+    unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
+    common = {
+        "theta_p": rig.theta_p_rad,
+        "tau_c": rig.tau_c_nm,
+        "viscous": ports.viscous_nms,
+        "viscous_power": ports.viscous_power,
+        "latent": ports.latent_c_s,
+        "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
+        "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
+        "passive_share": ports.passive_share,
+        "tanaka": tanaka,
+        "room_c": ports.room_c,
+        "grid_start": grid[0],
+        "grid_step": grid[1] - grid[0],
+        "has_friction": ports.friction_down_nm is not None,
+        "has_stray": ports.stray_nm is not None,
+        "home_hold": ports.home_hold,
+        "first_share": ports.first_share,
+        "heating_bend": ports.heating_bend,
+        "cooling_bend": ports.cooling_bend,
+        "steady": not moving_load,
+        "unwound_a": unwound_a,
+        "unwound_b": unwound_b,
+        "fixed_theta_l": 0.0 if theta_l_deg is None else theta_l_deg * DEG,
+    }
+    each = ({**common, **_of_spring(ports, spring)} for spring in (0, 1))
+    rows = np.array([[values[name] for name in places.SCALARS.names or ()] for values in each], np.float64)
+    return rows.view(places.SCALARS)[:, 0]
 
 
-def _fill_springs(p: NDArray[np.void], ports: Ports) -> None:
-    """Set the values of either spring."""
-    own_rows = ((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))
-    for i, (rig, (side, loading)) in enumerate(zip((ports.rig, ports.rig_b), own_rows, strict=True)):
-        one = p[i]
-        one["k_a"], one["k_m"], one["k_s"] = rig.k_austenite, rig.k_martensite, rig.k_stress_induced
+def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
+    """Return the scalars of one spring."""
+    rig = (ports.rig, ports.rig_b)[spring]
+    side, loading = ((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))[spring]
+    return {
+        "k_a": rig.k_austenite,
+        "k_m": rig.k_martensite,
+        "k_s": rig.k_stress_induced,
+        "a_start": rig.a_start_c,
         # A fit may try values out of order: a window never closes.
-        one["a_start"], one["a_width"] = rig.a_start_c, max(rig.a_finish_c - rig.a_start_c, 0.05)
-        one["m_finish"], one["m_width"] = rig.m_finish_c, max(rig.m_start_c - rig.m_finish_c, 0.05)
-        one["temp_per_torque_a"] = rig.stress_per_torque / rig.c_austenite
-        one["temp_per_torque_m"] = rig.stress_per_torque / rig.c_martensite
-        one["theta_cr"] = rig.theta_cr_rad
-        one["side_row"] = 0 if ports.side_nm[i] is None else side
-        one["loading_row"] = 0 if ports.loading_nm[i] is None else loading
-        one["follows"] = ports.loading_follows[i]
+        "a_width": max(rig.a_finish_c - rig.a_start_c, 0.05),
+        "m_finish": rig.m_finish_c,
+        "m_width": max(rig.m_start_c - rig.m_finish_c, 0.05),
+        "temp_per_torque_a": rig.stress_per_torque / rig.c_austenite,
+        "temp_per_torque_m": rig.stress_per_torque / rig.c_martensite,
+        "theta_cr": rig.theta_cr_rad,
+        "side_row": 0 if ports.side_nm[spring] is None else side,
+        "loading_row": 0 if ports.loading_nm[spring] is None else loading,
+        "follows": ports.loading_follows[spring],
+    }
 
 
 def _tables(ports: Ports) -> Array:

@@ -6,9 +6,10 @@ function from ports to ports. Nothing here knows of any effect.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,17 @@ def _added(tables: Pair, torque_nm: Array, spring: str) -> Pair:
     return a, b
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@functools.lru_cache(maxsize=16)
+def _grids_rad(theta_p_rad: float) -> tuple[Array, Array]:
+    """Return the tables' angles θ^A and φ, read-only."""
+    margin = _GRID_MARGIN * theta_p_rad
+    own = np.linspace(-margin, theta_p_rad + margin, _GRID_POINTS)
+    phi = own - 0.5 * theta_p_rad
+    own.flags.writeable = phi.flags.writeable = False
+    return own, phi
+
+
+@dataclass(frozen=True, eq=False)
 class Ports:
     """Everything that drives one simulation.
 
@@ -174,14 +185,29 @@ class Ports:
     side_nm: Pair = (None, None)
     reading: tuple[Reading, ...] = ()
 
+    def changed(self, **values: Any) -> Ports:
+        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time.
+
+        Raises
+        ------
+        TypeError
+            For a name that is no attribute.
+        """
+        if not values.keys() <= self.__dict__.keys():
+            msg = f"ports have no {', '.join(sorted(values.keys() - self.__dict__.keys()))}"
+            raise TypeError(msg)
+        other = object.__new__(Ports)
+        other.__dict__.update(self.__dict__)
+        other.__dict__.update(values)
+        return other
+
     def grid_rad(self) -> Array:
         """Return the angles of the tables, θ^A = φ + θ_P/2, rad."""
-        margin = _GRID_MARGIN * self.rig.theta_p_rad
-        return np.linspace(-margin, self.rig.theta_p_rad + margin, _GRID_POINTS)
+        return _grids_rad(self.rig.theta_p_rad)[0]
 
     def phi_grid_rad(self) -> Array:
         """Return the actuator angles φ of the tables, rad."""
-        return self.grid_rad() - 0.5 * self.rig.theta_p_rad
+        return _grids_rad(self.rig.theta_p_rad)[1]
 
     @property
     def load_changes(self) -> bool:
@@ -206,16 +232,16 @@ class Ports:
         plain = np.full(_GRID_POINTS, self.rig.tau_c_nm)
         down = plain if self.friction_down_nm is None else self.friction_down_nm
         up = plain if self.friction_up_nm is None else self.friction_up_nm
-        return replace(self, friction_down_nm=down * factor_down + added_nm, friction_up_nm=up * factor_up + added_nm)
+        return self.changed(friction_down_nm=down * factor_down + added_nm, friction_up_nm=up * factor_up + added_nm)
 
     def with_speed_friction(self, torque_nm: Array) -> Ports:
         """Return ports with a further friction torque over :data:`SPEEDS_RAD_S`."""
         before = self.speed_friction_nm
-        return replace(self, speed_friction_nm=torque_nm if before is None else before + torque_nm)
+        return self.changed(speed_friction_nm=torque_nm if before is None else before + torque_nm)
 
     def with_dwell(self, factor: Array) -> Ports:
         """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
-        return replace(self, dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
+        return self.changed(dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
 
     def with_loading(self, torque_nm: Array, *, follows: float = 1.0, spring: str = "both") -> Ports:
         """Return ports whose loading curves have a further torque over the spring's angle (on :meth:`grid_rad`).
@@ -224,35 +250,35 @@ class Ports:
         """
         a, b = (spring in ("both", one) for one in "ab")
         shares = (follows if a else self.loading_follows[0], follows if b else self.loading_follows[1])
-        return replace(self, loading_nm=_added(self.loading_nm, torque_nm, spring), loading_follows=shares)
+        return self.changed(loading_nm=_added(self.loading_nm, torque_nm, spring), loading_follows=shares)
 
     def with_stray(self, torque_nm: Array) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""
-        return replace(self, stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
+        return self.changed(stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
 
     def with_side(self, torque_nm: Array, *, spring: str = "both") -> Ports:
         """Return ports whose springs make a further torque over their own angle (on :meth:`grid_rad`)."""
-        return replace(self, side_nm=_added(self.side_nm, torque_nm, spring))
+        return self.changed(side_nm=_added(self.side_nm, torque_nm, spring))
 
     def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
         """Return ports whose wires' temperatures and slopes are changed by one rule."""
         temp_a_c, rate_a = change(self.temp_a_c, self.rate_a_c_s)
         temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
-        return replace(self, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
+        return self.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     def at_log_times(self, wanted_s: Array) -> Ports:
         """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
         moved, cycles = self.read_at(wanted_s), self.drive.cycles
         rows = np.ceil(moved.log_rows).astype(np.int64)
-        return replace(moved, active=cycles.active[rows], half=cycles.half[rows])
+        return moved.changed(active=cycles.active[rows], half=cycles.half[rows])
 
     def read_at(self, wanted_s: Array) -> Ports:
         """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
         drive = self.drive
-        moved = replace(self, log_rows=np.interp(wanted_s, drive.time_s, np.arange(float(len(drive)))))
+        moved = self.changed(log_rows=np.interp(wanted_s, drive.time_s, np.arange(float(len(drive)))))
         logged = (drive.temp_a_c, drive.temp_b_c, drive.rate_a_c_s, drive.rate_b_c_s)
         temp_a_c, temp_b_c, rate_a, rate_b = moved.logged(*logged)
-        return replace(moved, temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
+        return moved.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     @property
     def log_time_s(self) -> Array:
@@ -267,4 +293,4 @@ class Ports:
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""
-        return replace(self, reading=(*self.reading, reading))
+        return self.changed(reading=(*self.reading, reading))

@@ -9,6 +9,7 @@ what its flexibility is worth (Rasmussen and Williams, Gaussian Processes for Ma
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -102,6 +103,11 @@ class Law:
         return LawForm(self.id, self.nodes, basis, self.unit, self.scale, prior=True)
 
 
+@functools.cache
+def _names(law: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{law}@{i:02d}" for i in range(count))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LawForm:
     """A law as parameters: its values on the nodes are ``basis`` times them.
@@ -132,7 +138,7 @@ class LawForm:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""
-        return tuple(f"{self.id}@{i:02d}" for i in range(self.basis.shape[1]))
+        return _names(self.id, self.basis.shape[1])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

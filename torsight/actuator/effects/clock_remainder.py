@@ -11,7 +11,6 @@ agree within tens of milliseconds (Mills, RFC 5905).
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -25,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     if ahead_s == 0.0:
         return ports
     temp_a_c, temp_b_c = ports.temp_a_c + ahead_s * ports.rate_a_c_s, ports.temp_b_c + ahead_s * ports.rate_b_c_s
-    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+    return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c)
 
 
 EFFECT: Final = Effect(

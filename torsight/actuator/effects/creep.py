@@ -10,7 +10,6 @@ relaxation of stress-induced martensite, e.g. Grabe and Bruhns, Int. J. Solids S
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -25,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     begins_s = ports.time_s[np.searchsorted(ports.half, ports.half)]
     decades = np.log10(1.0 + (ports.time_s - begins_s) / values["creep_onset_s"])
     left = 1.0 - values["creep_per_decade"] * decades
-    return replace(ports, passive_scale=left, first_share=float(left[np.searchsorted(ports.half, 1) - 1]))
+    return ports.changed(passive_scale=left, first_share=float(left[np.searchsorted(ports.half, 1) - 1]))
 
 
 EFFECT: Final = Effect(

@@ -12,7 +12,6 @@ stroke and an early return at the hot end. Source: the paper, section 4.2 and it
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -36,7 +35,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     is_a = ports.active == 0
     temp_a_c = np.where(is_a, ports.temp_a_c, passive_temperature(ports.temp_a_c, ports.temp_b_c, leak=leak))
     temp_b_c = np.where(is_a, passive_temperature(ports.temp_b_c, ports.temp_a_c, leak=leak), ports.temp_b_c)
-    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c, passive_share=values["passive_share"])
+    return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, passive_share=values["passive_share"])
 
 
 EFFECT: Final = Effect(

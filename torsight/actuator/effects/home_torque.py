@@ -13,7 +13,6 @@ actuator').
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -23,7 +22,7 @@ from torsight.core.parameter import Parameter
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Change what friction holds at the start."""
-    return replace(ports, home_hold=ports.home_hold * values["home_hold"])
+    return ports.changed(home_hold=ports.home_hold * values["home_hold"])
 
 
 EFFECT: Final = Effect(

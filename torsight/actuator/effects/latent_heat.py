@@ -9,7 +9,6 @@ Bruno, Acta Metall. Mater. 41 (1993) 2477.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -19,7 +18,7 @@ from torsight.core.parameter import Parameter
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Set what a transformation's pace does to the temperatures."""
-    return replace(ports, latent_c_s=ports.latent_c_s + values["latent_c_s"])
+    return ports.changed(latent_c_s=ports.latent_c_s + values["latent_c_s"])
 
 
 EFFECT: Final = Effect(

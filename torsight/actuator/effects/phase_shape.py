@@ -11,7 +11,6 @@ Struct. 1 (1990) 207, who choose the cosine for its shape.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -21,7 +20,7 @@ from torsight.core.parameter import Parameter
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Set the bends."""
-    return replace(ports, heating_bend=values["heating_bend"], cooling_bend=values["cooling_bend"])
+    return ports.changed(heating_bend=values["heating_bend"], cooling_bend=values["cooling_bend"])
 
 
 EFFECT: Final = Effect(

@@ -9,7 +9,6 @@ Ren, Prog. Mater. Sci. 50 (2005) 511, section 3.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -30,7 +29,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     law = {"start_c": values["r_phase_start_c"], "width_c": values["r_phase_width_c"]}
     whole_nm = ports.rig.k_martensite * values["r_phase_deg"] * DEG
     side_a_nm, side_b_nm = (whole_nm * step_done(temp_c, **law) for temp_c in (ports.temp_a_c, ports.temp_b_c))
-    return replace(ports, side_a_nm=side_a_nm, side_b_nm=side_b_nm)
+    return ports.changed(side_a_nm=side_a_nm, side_b_nm=side_b_nm)
 
 
 EFFECT: Final = Effect(

@@ -12,7 +12,6 @@ first-order contact thermometry, e.g. Michalski et al., Temperature Measurement 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -29,7 +28,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     a, b, longer_a, longer_b = ports.logged(*shorter, *longer)
     temp_a_c = ports.temp_a_c + a + share * (longer_a - a)
     temp_b_c = ports.temp_b_c + b + share * (longer_b - b)
-    return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+    return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c)
 
 
 EFFECT: Final = Effect(

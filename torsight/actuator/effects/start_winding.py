@@ -10,7 +10,6 @@ beside the characterised values and never names it. Source: the paper, section 4
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -30,12 +29,11 @@ def apply(ports: Ports, values: Values) -> Ports:
     loss = np.broadcast_to(ports.theta_l_loss_rad, ports.half_cycle.shape).copy()
     if ports.history.unwound_rad is not None:
         return ports
-    driven = ports.active[np.searchsorted(ports.half, np.arange(len(loss)))]
+    driven = ports.drive.cycles.springs
     for spring, name in ((0, "start_loss_a_deg"), (1, "start_loss_b_deg")):
-        own = np.flatnonzero(driven == spring)
-        if len(own):
-            loss[own[0]] += values[name] * DEG
-    return replace(ports, theta_l_loss_rad=loss)
+        if spring in driven:
+            loss[driven.index(spring)] += values[name] * DEG
+    return ports.changed(theta_l_loss_rad=loss)
 
 
 EFFECT: Final = Effect(

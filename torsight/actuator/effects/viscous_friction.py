@@ -10,7 +10,6 @@ Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al., Automatic
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
@@ -22,7 +21,7 @@ from torsight.core.units import MNM
 def apply(ports: Ports, values: Values) -> Ports:
     """Set coefficient and power."""
     viscous_nms = values["viscous_mnm_s_per_rad"] * MNM
-    return replace(ports, viscous_nms=viscous_nms, viscous_power=values["viscous_power"])
+    return ports.changed(viscous_nms=viscous_nms, viscous_power=values["viscous_power"])
 
 
 EFFECT: Final = Effect(

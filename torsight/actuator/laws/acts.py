@@ -34,7 +34,7 @@ def friction_angle(ports: Ports, law: Curve) -> Ports:
 
 
 def _scaled_friction(ports: Ports, share: Array) -> Ports:
-    return replace(ports, friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + share))
+    return ports.changed(friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + share))
 
 
 def friction_active(ports: Ports, law: Curve) -> Ports:
@@ -97,7 +97,7 @@ def _warmer(spring: str, drivers: Callable[[Ports], tuple[Array, Array]]) -> Cal
         over_a, over_b = drivers(ports)
         temp_a_c = ports.temp_a_c + law(over_a) if spring != "b" else ports.temp_a_c
         temp_b_c = ports.temp_b_c + law(over_b) if spring != "a" else ports.temp_b_c
-        return replace(ports, temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+        return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c)
 
     return apply
 
@@ -107,7 +107,7 @@ def temperature_time(ports: Ports, law: Curve) -> Ports:
     if ports.history.after_record:
         return ports
     off_c = law(ports.time_s)
-    return replace(ports, temp_a_c=ports.temp_a_c + off_c, temp_b_c=ports.temp_b_c + off_c)
+    return ports.changed(temp_a_c=ports.temp_a_c + off_c, temp_b_c=ports.temp_b_c + off_c)
 
 
 def clock(ports: Ports, law: Curve) -> Ports:
@@ -156,7 +156,7 @@ def theta_l_cycle(ports: Ports, law: Curve) -> Ports:
 
 
 def _scaled_recoverable(ports: Ports, share: Array) -> Ports:
-    return replace(ports, theta_l_scale=ports.theta_l_scale * np.maximum(0.0, 1.0 + share))
+    return ports.changed(theta_l_scale=ports.theta_l_scale * np.maximum(0.0, 1.0 + share))
 
 
 def differing(ports: Ports, law: Curve) -> Ports:
@@ -168,4 +168,4 @@ def differing(ports: Ports, law: Curve) -> Ports:
         name: getattr(rig, name) * (1.0 + 0.01 * by) for name, by in zip(_SHARES, values[4:].tolist(), strict=True)
     }
     other: Rig = replace(rig, **shifted, **scaled)
-    return replace(ports, rig_b=other)
+    return ports.changed(rig_b=other)
