@@ -188,6 +188,8 @@ def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, row
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}
     if scale <= set(model.spec.uncertainty):
         notes.append("moduli and stress influences are all uncertain: their common scale is fixed by the priors alone")
-    if quiet:
-        notes.append(f"the record says nothing new about {', '.join(quiet)}")
+    # Of what is fitted along with them nobody had a value to confirm.
+    characterised = [name for name in quiet if name in model.spec.uncertainty]
+    if characterised:
+        notes.append(f"the record says nothing new about {', '.join(characterised)}")
     return tuple(notes)
