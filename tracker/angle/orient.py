@@ -16,7 +16,7 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import Unmoved, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of
+from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
 
@@ -85,14 +85,7 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
         plane, _ = in_planes(tracks, intrinsics, pose_from_axis(turned))
         return _against_still([points for points, _ in plane])
 
-    sizes, ways = np.linalg.eigh(axis.direction_covariance)
-    variance = np.zeros(len(tracks))
-    # The third way is along the direction itself, which has no length to be wrong.
-    for size, way in zip(sizes[1:], ways.T[1:], strict=True):
-        step = float(np.sqrt(max(size, 0.0))) * way
-        change = angle(axis.direction + step) - angle(axis.direction - step)
-        variance += (0.5 * np.angle(np.exp(1j * change))) ** 2
-    return _bridged(variance)
+    return _bridged(variance_by(angle, axis.direction, axis.direction_covariance))
 
 
 def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -111,7 +104,8 @@ def _without_camera(
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
-    plane = _rectified(flat, tilt.values, readout, tilt.along)
+    places, slopes = _from_above(flat, tilt.values, readout, tilt.along)
+    plane = [(at, _carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
     found = from_plane(
         still.tracks,
         plane,
@@ -124,12 +118,12 @@ def _without_camera(
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
 
 
-def _rectified(flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int) -> list[Points]:
-    """Return the markers as they are seen from straight above, at the stamps of their frames."""
-    seen = [rectify(points, values) for points, _ in flat]
-    moving = readout.at_stamps([points for points, _ in seen[2:]], float(values[5]), along)
-    points = [seen[0][0], seen[1][0], *moving]
-    return [(at, _carried(own[1], by)) for at, own, (_, by) in zip(points, flat, seen, strict=True)]
+def _from_above(
+    flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Return the markers as seen from straight above, at the stamps of their frames; and the derivatives of the map."""
+    places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
+    return [*places[:2], *readout.at_stamps(places[2:], float(values[5]), along)], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,15 +176,9 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> NDArray[np.fl
     """Return the variance of the angle by what is not known of tilt and read-out."""
 
     def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _against_still([points for points, _ in _rectified(flat, values, readout, tilt.along)])
+        return _against_still(_from_above(flat, values, readout, tilt.along)[0])
 
-    slopes = np.zeros((len(readout.time_s), len(tilt.values)))
-    for index in np.flatnonzero(np.diag(tilt.covariance) > 0.0):
-        step = np.zeros(len(tilt.values))
-        step[index] = 1e-4
-        change = angle(tilt.values + step) - angle(tilt.values - step)
-        slopes[:, index] = np.angle(np.exp(1j * change)) / 2e-4
-    return _bridged(np.einsum("ni,ij,nj->n", slopes, tilt.covariance, slopes))
+    return _bridged(variance_by(angle, tilt.values, tilt.covariance))
 
 
 def _bridged(variance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -214,6 +214,28 @@ def against_base(
     noise["angle_bound_deg"] = float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None
     report = {"method": method, "noise": noise, "from_one_marker": int((valid & moving.alone).sum())}
     return Orientation(angles, position_mm, errors.scale, report)
+
+
+def variance_by(
+    angle: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    values: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the variance (n,) of an angle (n,) by what is not known of the values (p,) that it is made with.
+
+    To first order, by differences over a standard deviation of each value to both sides.
+    """
+    known = np.flatnonzero(np.diag(covariance) > 0.0)
+    if not len(known):
+        return np.zeros_like(angle(values))
+    sigma = np.sqrt(np.diag(covariance)[known])
+    steps = np.zeros((len(known), len(values)))
+    steps[np.arange(len(known)), known] = sigma
+    change = np.stack([angle(values + step) - angle(values - step) for step in steps], axis=-1)
+    slopes = 0.5 * np.angle(np.exp(1j * change))
+    # Per standard deviation, so that values of any unit go together.
+    correlation = covariance[np.ix_(known, known)] / np.outer(sigma, sigma)
+    return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
 
 
 def usual_of(values: NDArray[np.float64]) -> float:

@@ -35,6 +35,7 @@ from tracker.angle.plane import (
     stick_direction,
     stick_errors,
     usual_of,
+    variance_by,
 )
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.stereo_films import Film, films_of, fused, same_points, triangulated
@@ -322,15 +323,7 @@ def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig
     values = np.append(whole.values, rise)
     covariance = np.zeros((len(values), len(values)))
     covariance[:-1, :-1], covariance[-1, -1] = whole.covariance, rig.rise_sigma_mm**2
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    slopes = np.zeros((len(near_rad), len(values)))
-    for index in np.flatnonzero(sigma > 0.0):
-        step = np.zeros(len(values))
-        step[index] = sigma[index]
-        slopes[:, index] = 0.5 * np.angle(np.exp(1j * (angle(values + step) - angle(values - step))))
-    # Columns are per standard deviation, so that values of any unit go together.
-    scale = np.where(sigma > 0.0, sigma, 1.0)
-    return np.asarray(np.einsum("ni,ij,nj->n", slopes, covariance / np.outer(scale, scale), slopes))
+    return variance_by(angle, values, covariance)
 
 
 def _usual_place(film: Film) -> Film:

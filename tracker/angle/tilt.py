@@ -338,9 +338,10 @@ def _variance(rows: Floats, covariance: Floats) -> Floats:
 
 def _first_circles(points: Floats) -> Floats:
     """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
-    centre, arms = circles(points)
-    angles = np.arctan2(arms[:, 1], arms[:, 0])
-    return np.concatenate([centre, np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])
+    stick = points[:, 1] - points[:, 0]
+    (centre, *arms), _ = circles(points, np.arctan2(stick[:, 1], stick[:, 0]))
+    between = np.angle(arms[1]) - np.angle(arms[0])
+    return np.array([centre.real, centre.imag, *np.abs(arms), between])
 
 
 def _turned(direction_rad: Floats) -> float:
