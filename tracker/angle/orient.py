@@ -228,23 +228,10 @@ def _tilt_deg(pose: Pose) -> float:
 def in_planes(
     tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose, *, height_mm: NDArray[np.float64] | None = None
 ) -> tuple[list[Points], NDArray[np.float64]]:
-    """Return where the lines of sight to the four markers meet their planes across the axis.
+    """Return where the lines of sight to the markers meet their planes across the axis, the z axis of ``pose``.
 
-    Parameters
-    ----------
-    tracks : MarkerTracks
-        Where the camera sees them.
-    intrinsics, pose : Intrinsics, Pose
-        The camera; z of the world is the axis.
-    height_mm : (4,) float64, optional
-        Height of each marker's plane; that of its stick in ``pose`` otherwise.
-
-    Returns
-    -------
-    list of Points
-        In the plane, one of each marker.
-    (n, 4, 3) float64
-        The same with the height.
+    As points in each marker's plane, and with their heights (n, 4, 3). Planes are those of the sticks in ``pose``
+    unless ``height_mm`` (4,) is given.
     """
     if height_mm is None:
         height_mm = np.repeat([pose.base_z_mm, pose.moving_z_mm], 2)

@@ -36,12 +36,7 @@ Flags = NDArray[np.bool_]
 def cover_base(rows: NDArray[np.void], *, radius_px: float) -> None:
     """Mark base dots that the moving stick covers in part as shadowed, and take their positions away.
 
-    Parameters
-    ----------
-    rows : (n,) structured
-        Of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`; changed in place.
-    radius_px : float
-        Of a dot.
+    ``rows`` are of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`, and changed in place.
     """
     covered = half_covered(rows, radius_px=radius_px)
     for marker in (0, 1):

@@ -108,12 +108,7 @@ def from_plane(
 class StickErrors:
     """What the lengths of both sticks say of a film's errors.
 
-    Attributes
-    ----------
-    base, moving : LengthWitness
-        Of each stick.
-    scale : (n, 2) float64
-        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+    ``scale`` (n, 2) are the errors of base and moving markers over those that their covariances from the fits say.
     """
 
     base: LengthWitness
@@ -123,16 +118,9 @@ class StickErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """The moving stick's direction.
+    """The moving stick's direction (n,) and its variance; NaN where not known.
 
-    Attributes
-    ----------
-    angle_rad, variance_rad2 : (n,) float64
-        NaN where not known.
-    alone : (n,) bool
-        Where a single position tells it.
-    bound_rad2 : float
-        Usual variance by the pictures' noise alone.
+    ``alone`` (n,) is where a single position tells it; ``bound_rad2`` the usual variance by the pictures' noise alone.
     """
 
     angle_rad: NDArray[np.float64]
@@ -180,22 +168,8 @@ def against_base(
 ) -> Orientation:
     """Return the actuator angle: the moving stick's direction against the base's, which is held and averaged.
 
-    Parameters
-    ----------
-    tracks : MarkerTracks
-        Frames and times.
-    moving : Moving
-        The moving stick's direction.
-    base : (n,) and (n,) float64
-        The base's direction in every frame, NaN where not known, and its variance.
-    errors : StickErrors
-        For the report, and for the markers' own errors.
-    floor_rad2 : float
-        Variance that no averaging takes away.
-    position_mm : (n, 4, 3) float64 or None
-        Markers in space.
-    method : str
-        For the report.
+    ``base`` is its direction (n,), NaN where not known, and variance (n,); ``floor_rad2`` is variance that no averaging
+    takes away. ``errors``, ``position_mm`` and ``method`` are for the report.
     """
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
     variance = moving.variance_rad2 + steady_variance + floor_rad2

@@ -36,16 +36,8 @@ _ONWARDS: Final = (("right", "left"), ("down", "up"))
 class Readout:
     """When the moving markers of each frame are read, in parts of the time in which a picture is.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        Stamps of the frames.
-    frame_s : float
-        Usual time from one frame to the next.
-    place : (n, 2, 2) float64
-        Inner and outer marker's x over the picture's width and y over its height; NaN where not seen.
-    size_px : (int, int)
-        Width and height.
+    ``time_s`` (n,) are the stamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) is inner and outer
+    marker's x over the picture's width and y over its height, NaN where not seen.
     """
 
     time_s: Floats
@@ -125,14 +117,8 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
 def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
     """Return the common centre and both arms (3,) of markers that go around circles, and their normal matrix (3, 3).
 
-    Least squares of p = c + q exp(i ψ) in the complex plane: linear in c and both q.
-
-    Parameters
-    ----------
-    points : (n, 2, 2) float64
-        Inner and outer marker.
-    direction_rad : (n,) float64
-        The stick's direction ψ, counter-clockwise.
+    Least squares of p = c + q exp(i ψ) in the complex plane, linear in c and both q: inner and outer marker (n, 2, 2),
+    and the stick's direction ψ (n,), counter-clockwise.
     """
     place, unit = points[..., 0] + 1j * points[..., 1], np.exp(1j * direction_rad)
     n, turned = len(place), unit.sum()

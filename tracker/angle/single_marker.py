@@ -34,17 +34,10 @@ _STEP_RAD: Final = np.deg2rad(2.0)
 
 
 def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> tuple[Floats, Floats]:
-    """Return the stick's direction (n,) in frames in which one of its markers is seen and tells it, and its variance.
+    """Return the stick's direction (n,) where one marker is seen alone and tells it, and its variance; else NaN.
 
-    NaN elsewhere.
-
-    Parameters
-    ----------
-    moving : two of (n, 2) and (n, 2, 2) float64
-        Positions of inner and outer marker in a plane, of a camera that was not moved, NaN where not seen, and
-        covariances.
-    pair_rad : (n,) float64
-        Direction from both markers; NaN where it is not known.
+    ``moving`` are positions (n, 2) and covariances of inner and outer marker in a plane, of a camera that was not
+    moved, NaN where not seen; ``pair_rad`` (n,) the direction from both.
     """
     n = len(pair_rad)
     angle, variance = np.full(n, np.nan), np.full(n, np.nan)

@@ -190,17 +190,7 @@ def _rig_of_still_sticks(position: Floats) -> _Rig:
 
 
 def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
-    """Return the rig with the heights of the base's markers.
-
-    Parameters
-    ----------
-    rig : _Rig
-        With the axis.
-    in_frame : (n, 4, 3) float64
-        Markers in the axis' frame.
-    covariance : (n, 4, 3, 3) float64
-        Their covariances.
-    """
+    """Return the rig with the heights of the base's markers, from markers (n, 4, 3) in the axis' frame."""
     base = in_frame[:, :2]
     middle = float(np.nanmedian(base[..., 2]))
     if rig.circles is None:
