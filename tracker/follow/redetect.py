@@ -20,7 +20,6 @@ from tracker.detect.dots import disc_picture
 from tracker.follow.frame_step import NEARBY, stick_at
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import (
-    LENGTH,
     NEAR,
     SOON,
     SURE_RAD,
@@ -28,11 +27,11 @@ from tracker.follow.judgement import (
     UNSEEN_PX,
     circle_misfit,
     covers,
+    length_misfit,
     near_base,
-    read_shifted,
 )
 from tracker.follow.motion_model import is_base
-from tracker.follow.reading import read_at
+from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px, turned
 from tracker.follow.state import Scene
 from tracker.rows import SEEN, SHADOWED
@@ -170,21 +169,19 @@ def _bases(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
     What looks like the base may be the moving stick, as long as that one is not seen elsewhere: then that one has to be
     found shifted by the same step.
     """
-    rig, length = scene.rig[0], float(scene.sticks["length"][stick])
-    here, other = _ends(scene, stick), _ends(scene, 1 - stick)
+    rig, here, other = scene.rig[0], _ends(scene, stick), _ends(scene, 1 - stick)
     found: list[Pair] = []
     for pair in _pairs(scene, luma, stick):
         steps = [(x - a, y - b) for (x, y), (a, b) in zip(pair.ends, here, strict=True)]
         innovation = sum(x * x + y * y for x, y in steps) / (2.0 * _BUMP_PX**2)
         innovation += (turned(pair.direction_rad, float(rig["reference_rad"])) / TURN_RAD) ** 2
-        innovation += (3.0 * (pair.length_px - length) / (1.0 + LENGTH * length)) ** 2
         lost = scene.markers["lost"][2 - 2 * stick : 4 - 2 * stick]
         taken = any(
             not gone and math.dist(place, dot) < UNSEEN_PX
             for place, gone in zip(other, lost, strict=True)
             for dot in pair.ends
         )
-        if passes(innovation, 4) and not taken:
+        if passes(innovation, 3) and not taken:
             found.append(pair)
     if _both_seen(scene, 1 - stick):
         return found
@@ -195,8 +192,11 @@ def _bases(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
 
 def _goes_along(scene: Scene, luma: NDArray[np.uint8], now: Point, before: Point) -> bool:
     """Return whether the moving stick is read shifted by a step of the base; the readings are kept if it is."""
-    kept = scene.readings.copy()
-    if read_shifted(scene, luma, now[0] - before[0], now[1] - before[1]):
+    kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
+    for index in (moving, moving + 1):
+        scene.readings["predicted"][index] += np.subtract(now, before)
+        read_marker(scene, luma, index)
+    if _both_seen(scene, moving // 2):
         return True
     scene.readings[:] = kept
     return False
@@ -240,30 +240,16 @@ def _alone(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
     """Return every ordered pair of places that read as a stick's two markers at their distance."""
     own, i, j = scene.sticks[stick], 2 * stick, 2 * stick + 1
-    shortest, longest = float(own["shortest"]), float(own["longest"])
-    length_px = 0.5 * (shortest + longest)
-    tolerance_px = 1.5 + 0.05 * float(own["length"]) + 0.6 * (longest - shortest)
+    lost = max(1, int(scene.markers["lost"][i] + scene.markers["lost"][j]))
     places = list(_places(luma, scene.markers[i], _region(scene, luma, stick)))
-    readings: dict[tuple[int, int], Record] = {}
-
-    def read(index: int, number: int) -> Record:
-        key = (index, number)
-        if key not in readings:
-            readings[key] = _read(scene, luma, index, places[number], slack=_SLACK)
-        return readings[key]
-
-    found: list[Pair] = []
-    for a, one in enumerate(places):
-        for b, two in enumerate(places):
-            if a == b or abs(math.dist(one, two) - length_px) > tolerance_px + 4.0:
-                continue
-            inner, outer = read(i, a), read(j, b)
-            if inner is None or outer is None:
-                continue
-            pair = Pair(inner.copy(), outer.copy())
-            if abs(pair.length_px - length_px) <= tolerance_px:
-                found.append(pair)
-    return found
+    inner, outer = ([_read(scene, luma, index, place, slack=_SLACK) for place in places] for index in (i, j))
+    pairs = (
+        Pair(one.copy(), two.copy())
+        for a, one in enumerate(inner)
+        for b, two in enumerate(outer)
+        if a != b and one is not None and two is not None
+    )
+    return [pair for pair in pairs if passes(length_misfit(own, pair.length_px, lost) ** 2, 1)]
 
 
 def _region(scene: Scene, luma: NDArray[np.uint8], stick: int) -> Region:
