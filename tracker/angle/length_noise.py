@@ -17,6 +17,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from torsight.core.series import robust_sigma
+
 _LEAST_FRAMES: Final = 30
 _FEW_FRAMES: Final = 8
 """Frames of a kind that at least tell how far the kind may be off."""
@@ -110,7 +112,7 @@ def witness(
     spreads = [0.0]
     for _ in range(3):
         left = length[known] - _smooth(angle, length[known], weight * use)
-        spreads = [1.4826 * float(np.median(np.abs(left[kind & use]))) for kind in kinds]
+        spreads = [robust_sigma(left[kind & use]) for kind in kinds]
         for kind, spread in zip(kinds, spreads, strict=True):
             use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
             if not use[kind].any():

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import robust_sigma
+
 _LONGEST: Final = 400
 """Frames on each side that are averaged at most."""
 _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
@@ -61,8 +63,7 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
         jump = np.abs(steps_of_mean(values, side))
         at = 0
         limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / side)
-        spread = 1.4826 * float(np.median(jump))
-        limit = max(limit, 8.0 * spread)
+        limit = max(limit, 8.0 * robust_sigma(jump))
         while at < len(jump):
             if jump[at] > limit:
                 stop = min(len(jump), at + 2 * side)
