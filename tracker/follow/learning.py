@@ -24,14 +24,12 @@ from tracker.follow.state import KEPT, Scene
 from tracker.rows import DARK, SEEN
 
 RATE: Final = 0.1
-"""Share of the new in averages of shape, light and misses: ten frames, over which noise averages to a
-quarter."""
+"""Share of the new in averages of shape, light (also that of the picture) and misses: ten frames, over which noise
+averages to a quarter."""
 _FIT_RATE: Final = 0.03
 """The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
 _LENGTH_RATE: Final = 0.2
 """The same for the distance of a stick's markers, which changes as it turns: five frames."""
-BRIGHTNESS_RATE: Final = 0.05
-"""The same for the brightness of the picture: twenty frames, so that a light that fades is followed."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
@@ -100,7 +98,7 @@ def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
     rig = scene.rig[0]
     rig.shift[:] = rig.shift_now
     if not rig.dark:
-        rig.brightness += (BRIGHTNESS_RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
+        rig.brightness += (RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
