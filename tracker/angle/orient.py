@@ -48,7 +48,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         readout = Readout.of(tracks)
         tracks = unmoved(tracks, camera.intrinsics).tracks
         plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
-        plane, rolling = _read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
+        plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
         method = "camera file: rays met with each stick's plane"
         found = from_plane(tracks, plane, position_mm=position_mm, method=method, systematic_rad2=rolling.variance)
         tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
@@ -61,7 +61,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
         return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
-    plane, rolling = _read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
+    plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
     open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
     method = "lens file, axis from the markers' own ellipses"
     found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2 + rolling.variance)
@@ -127,19 +127,19 @@ def _from_above(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rolling:
+class Rolling:
     """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it."""
 
     variance: NDArray[np.float64]
     report: dict[str, Any]
 
 
-def _read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]) -> tuple[list[Points], _Rolling]:
+def read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]) -> tuple[list[Points], Rolling]:
     """Return positions in a known plane without the delay of the rows, as far as the paths show one."""
     px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
     usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
     if not usual > 0.0:
-        return plane, _Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
+        return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
     half = usual * 0.5 * readout.size_px[0]
     flat = [(points / half, covariance / half**2) for points, covariance in plane]
     scale = stick_witness(flat[2:], moves).scale
@@ -147,7 +147,7 @@ def _read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
     moving = readout.at_stamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
-    return found, _Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
+    return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
 
 
 def _length(offset: NDArray[np.float64], size: tuple[float, float] = (1.0, 1.0)) -> NDArray[np.float64]:
