@@ -20,7 +20,7 @@ are three models, weighed by their evidence as well.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
-from torsight.core.optics.hanging import USUAL_PX, hanging_errors, spread_rows
+from torsight.core.optics.hanging import USUAL_PX, direction_bins, hanging_errors, spread_rows
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
 
 Floats = NDArray[np.float64]
@@ -111,7 +111,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     lead = readout.lead_rad(direction)
     speed = np.abs(lead).max(axis=1, initial=0.0)
     # The fast frames tell the read-out, the others what is alike at any speed.
-    rows = spread_rows(direction, seen, apart=speed > np.sqrt(np.mean(speed[seen] ** 2)) if seen.any() else None)
+    fast = speed > np.sqrt(np.mean(speed[seen] ** 2)) if seen.any() else np.zeros(len(speed), np.bool_)
+    rows = spread_rows(direction, seen, apart=fast)
     priors = [_prior(stretch) for stretch in _STRETCHES]
     if known:
         priors = [np.append(np.full(5, _PINNED), priors[0][5:])]
@@ -121,7 +122,9 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         return _blended([item.without(_READ) for item in nothing], turned)
     points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
     spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
-    paths = _Paths(points, spread, direction[rows], lead[rows])
+    # Frames of one direction, one way round, tell the same.
+    alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
+    paths = _Paths(points, spread, direction[rows], lead[rows], alike)
     start = np.concatenate([np.zeros(7), _first_circles(points)])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
@@ -137,13 +140,26 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
-    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`.
+    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. Frames with one number ``alike`` (n,) are
+    averaged: what is left of them scatters, more along the motion than across it, and over a short arc a map that
+    exchanges both would gain by that alone.
     """
 
     points: Floats
     covariance: Floats
     direction_rad: Floats
     lead_rad: Floats
+    alike: NDArray[np.int64]
+
+    def rows(self, kept: NDArray[np.bool_]) -> _Paths:
+        """Return some of the frames."""
+        return _Paths(*(getattr(self, item.name)[kept] for item in fields(self)))
+
+    def averaged(self, left: Floats) -> Floats:
+        """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
+        _, group, count = np.unique(self.alike, return_inverse=True, return_counts=True)
+        sums = np.stack([np.bincount(group, column) for column in left.T], axis=1)
+        return np.asarray(sums / np.sqrt(count)[:, None])
 
     def misfit(self, values: Floats) -> Floats:
         """Return by how much both radii and the angle between are off (n, 3), in units of white noise.
@@ -168,7 +184,9 @@ class _Paths:
         """Return what makes the misfits independent."""
         white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
         whiten = hanging_errors(self.direction_rad, self.misfit, values, usual=usual / white).whiten
-        return lambda left: np.asarray(whiten @ left)
+        mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
+        factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
+        return lambda left: np.asarray(factor @ left)
 
 
 def _square(points: Floats) -> Floats:
@@ -184,7 +202,7 @@ def _without_far(paths: _Paths, start: Floats, prior: Floats) -> tuple[Floats, _
         kept = near(paths.misfit(values))
         if kept.all() or kept.sum() < _FEWEST:
             break
-        paths = _Paths(paths.points[kept], paths.covariance[kept], paths.direction_rad[kept], paths.lead_rad[kept])
+        paths = paths.rows(kept)
     return values, paths
 
 
@@ -192,7 +210,7 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.misfit(values)).ravel(), values[:7] / prior])
+        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:7] / prior])
 
     return least_squares(residuals, start, enough=_ENOUGH)
 

@@ -105,6 +105,11 @@ def hanging_errors(
     return max(likely, key=lambda errors: (errors.white * errors.ratio) ** 2 * errors.length_rad)
 
 
+def direction_bins(direction_rad: Floats) -> NDArray[np.int64]:
+    """Return the numbers (n,) of the steps of two degrees in which directions lie."""
+    return np.asarray(np.floor((direction_rad % (2.0 * np.pi)) / _BIN_RAD), dtype=np.int64)
+
+
 def spread_rows(
     direction_rad: Floats, known: NDArray[np.bool_], *, apart: NDArray[np.bool_] | None = None
 ) -> NDArray[np.intp]:
@@ -115,7 +120,7 @@ def spread_rows(
     rows = np.flatnonzero(known)
     if len(rows) <= _MOST_ROWS:
         return rows
-    bins = np.floor((direction_rad[rows] % (2.0 * np.pi)) / _BIN_RAD).astype(np.int64)
+    bins = direction_bins(direction_rad[rows])
     if apart is not None:
         bins = 2 * bins + apart[rows]
     order = np.argsort(bins, kind="stable")
