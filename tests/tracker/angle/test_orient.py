@@ -196,7 +196,7 @@ def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_errors_along_the_motion_are_no_tilt(seed: int) -> None:
     """A codec's errors are larger along the motion than across it: over a short arc a map could exchange both."""
-    rig = replace(TILTED, angle_deg=lambda t: 60.0 + 40.0 * seed + 2.0 * t, tilt_deg=(0.0, 0.0), k1=0.0)
+    rig = replace(TILTED, angle_deg=lambda t: 60.0 - 40.0 * seed + 2.0 * t, tilt_deg=(0.0, 0.0), k1=0.0)
     exact = np.array([rig.marker_px(angle) for angle in rig.truth_deg])
     noise = np.random.default_rng(seed).normal(0.0, SIGMA_PX, exact.shape)
     turn = np.deg2rad(rig.truth_deg)
