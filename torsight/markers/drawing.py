@@ -37,8 +37,10 @@ PLAIN: Final[Colour] = (51, 51, 51)
 WHITE: Final[Colour] = (255, 255, 255)
 BLACK: Final[Colour] = (0, 0, 0)
 TEXT_PX: Final = 12
+"""Usual height of letters."""
 _REGULAR: Final = 400
 _BOLD: Final = 600
+"""Weights of the font, as in CSS."""
 _SHIFT: Final = 4
 """Binary digits of a coordinate after the point, for OpenCV's anti-aliased lines."""
 _BEFORE: Final = {"left": 0.0, "center": 0.5, "right": 1.0}

@@ -33,6 +33,7 @@ _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
 _GAP: Final[Colour] = (213, 94, 0)
 _ANGLE: Final[Colour] = (0, 114, 178)
+"""As in the report."""
 _GRID: Final[Colour] = (230, 230, 230)
 
 

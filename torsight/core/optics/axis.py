@@ -25,7 +25,9 @@ from torsight.core.optics.sights import Sight
 Floats = NDArray[np.float64]
 
 _FEWEST_FRAMES: Final = 8
+"""Frames with both moving markers below which no axis is looked for ..."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
+"""... and the part of a turn, 30°, that they have to span: a shorter arc lies on circles of many tilts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

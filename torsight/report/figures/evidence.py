@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NARROW: Final = 0.62
+"""Height of a bar, as a share of the distance between two."""
 _MOST_CANDIDATES: Final = 8
+"""Candidates that are drawn: those that explain most."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:

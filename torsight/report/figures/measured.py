@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 _MOST_EVENTS: Final = 60
+"""Events that are marked, the first ones."""
 
 
 def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = ()) -> Figure | None:

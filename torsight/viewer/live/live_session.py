@@ -40,8 +40,11 @@ if TYPE_CHECKING:
 PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
+"""How often the log is looked at for new rows."""
 MODEL_EVERY_S: Final = 1.0
+"""How often the model is asked for news, and the summary shown anew."""
 STOPPED_FIT_S: Final = 5.0
+"""How long a record that is ended by hand waits for the model's last news."""
 FEED_OPENS_S: Final = 15.0
 """How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
