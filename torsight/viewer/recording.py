@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, read_results
 from torsight.core.files.storage import atomic_path
+from torsight.core.files.tables import marker_values
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.words.wording import effect_name, variable_name
 from torsight.viewer import view_layout
@@ -29,7 +29,6 @@ from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
-    import pandas as pd
     import rerun as rr
 
     from torsight.discovery.measured_law import MeasuredLaw
@@ -256,7 +255,7 @@ def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> 
     table = results.markers
     if table is None:
         return []
-    position_px = np.stack([_positions(table, name) for name in MARKERS], axis=1)
+    position_px = marker_values(table, "x_px", "y_px")
     angle_rad = np.full(len(table), np.nan)
     if results.angle is not None:
         known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
@@ -264,12 +263,6 @@ def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> 
         rows = min(len(degrees), len(angle_rad))
         angle_rad[:rows] = degrees[:rows] * DEG
     return [overlay(position_px[k], float(angle_rad[k]), scale=scale) for k in frame.tolist()]
-
-
-def _positions(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    both = np.column_stack([table[f"{name}_{axis}_px"].to_numpy(dtype=np.float64) for axis in "xy"])
-    both[table[f"{name}_valid"].to_numpy(dtype=np.float64) < 0.5] = np.nan
-    return both
 
 
 def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: Sequence[Any]) -> None:
