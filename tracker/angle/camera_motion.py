@@ -20,7 +20,7 @@ from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import runs
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.length_noise import witness
-from tracker.angle.reference_direction import steady_direction, steps_of_mean
+from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +35,6 @@ _SAME: Final = 2.0
 _BUMP_PX: Final = 3.0
 """Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
 shaking that is asked of the tracker (see :data:`tracker.follow.judgement.SHAKE_PX`)."""
-_SIDE: Final = 10
-"""Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.6 px."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -162,11 +160,11 @@ def bumps(base_px: Floats) -> list[tuple[int, float]]:
     come off its stick.
     """
     known = np.flatnonzero(_seen(base_px).all(axis=1))
-    if len(known) < 2 * _SIDE + 1:
+    if len(known) < 2 * SIDE + 1:
         return []
-    step_px = np.linalg.norm(steps_of_mean(base_px[known], _SIDE), axis=-1).min(axis=1)
+    step_px = np.linalg.norm(steps_of_mean(base_px[known], SIDE), axis=-1).min(axis=1)
     largest = [begin + int(np.argmax(step_px[begin:end])) for begin, end in runs(step_px > _BUMP_PX)]
-    return [(int(known[at + _SIDE]), float(step_px[at])) for at in largest]
+    return [(int(known[at + SIDE]), float(step_px[at])) for at in largest]
 
 
 def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:

@@ -17,7 +17,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-_LEAST_FRAMES: Final = 30
+from torsight.core.series import robust_sigma
+
+LEAST_FRAMES: Final = 30
+"""Frames of a kind that tell how large its errors are: to an eighth."""
 _FEW_FRAMES: Final = 8
 """Frames of a kind that at least tell how far the kind may be off."""
 _CLIP: Final = 4.0
@@ -100,7 +103,7 @@ def witness(
     known = np.isfinite(length) & np.isfinite(variance) & (variance > 0)
     residual = np.full(len(length), np.nan)
     outlier = np.zeros(len(length), bool)
-    if known.sum() < _LEAST_FRAMES:
+    if known.sum() < LEAST_FRAMES:
         return LengthWitness(float(np.nanmean(length)) if known.any() else np.nan, residual, 1.0, 1.0, outlier)
     angle = np.arctan2(offset[known, 1], offset[known, 0])
     kinds = [kind for kind in (moves[known], ~moves[known]) if kind.any()]
@@ -110,7 +113,7 @@ def witness(
     spreads = [0.0]
     for _ in range(3):
         left = length[known] - _smooth(angle, length[known], weight * use)
-        spreads = [1.4826 * float(np.median(np.abs(left[kind & use]))) for kind in kinds]
+        spreads = [robust_sigma(left[kind & use]) for kind in kinds]
         for kind, spread in zip(kinds, spreads, strict=True):
             use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
             if not use[kind].any():
@@ -126,7 +129,7 @@ def witness(
 def _weights(moves: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the frames' weights in the curve of the length: rest is the same frozen error many times over."""
     moving, resting = int(moves.sum()), int((~moves).sum())
-    if moving < _LEAST_FRAMES:
+    if moving < LEAST_FRAMES:
         return np.ones(len(moves))
     return np.where(moves, 1.0, min(1.0, _REST_SHARE * moving / max(resting, 1)))
 
@@ -141,10 +144,10 @@ def _scales(
 
     motion, rest = use & moves, use & ~moves
     overall = over(use)
-    scale = over(motion) if motion.sum() >= _LEAST_FRAMES else overall
-    if _FEW_FRAMES <= motion.sum() < _LEAST_FRAMES:
+    scale = over(motion) if motion.sum() >= LEAST_FRAMES else overall
+    if _FEW_FRAMES <= motion.sum() < LEAST_FRAMES:
         scale = max(overall, over(motion))
-    if rest.sum() < _LEAST_FRAMES:
+    if rest.sum() < LEAST_FRAMES:
         return scale, scale
     # That it does not scatter makes a frozen error no smaller than the noise which was frozen.
     return scale, max(over(rest), min(1.0, scale))

@@ -6,6 +6,7 @@ not, next to the moving stick, is seen in part: what shows of it has another mid
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -33,8 +34,8 @@ _WORSE: Final = 1.25
 """By how much the fit of a dot that is seen in part is worse than usual: residual over step."""
 _BESIDE_RADII: Final = 4.0
 """How near the moving stick's line has to come to a dot that it covers."""
-_RAYLEIGH: Final = 1.1774
-"""Median of a distance in the plane over its standard deviation along one axis: √(2 ln 2), Rayleigh's distribution."""
+_RAYLEIGH: Final = math.sqrt(2.0 * math.log(2.0))
+"""Median of a distance in the plane over its standard deviation along one axis: Rayleigh's distribution."""
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -8,8 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import robust_sigma
+
 _LONGEST: Final = 400
 """Frames on each side that are averaged at most."""
+SIDE: Final = 8
+"""Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.7 px."""
 _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
 """Frames over which drift is looked for: each about twice the last, up to half of what is averaged at most."""
 
@@ -55,20 +59,18 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
     """Return the stretches between bumps: where the direction jumps for good."""
     known = np.flatnonzero(np.isfinite(angle_rad))
     values = angle_rad[known]
-    side = 8
     cuts = [0]
-    if len(values) > 4 * side:
-        jump = np.abs(steps_of_mean(values, side))
+    if len(values) > 4 * SIDE:
+        jump = np.abs(steps_of_mean(values, SIDE))
         at = 0
-        limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / side)
-        spread = 1.4826 * float(np.median(jump))
-        limit = max(limit, 8.0 * spread)
+        limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / SIDE)
+        limit = max(limit, 8.0 * robust_sigma(jump))
         while at < len(jump):
             if jump[at] > limit:
-                stop = min(len(jump), at + 2 * side)
+                stop = min(len(jump), at + 2 * SIDE)
                 best = at + int(np.argmax(jump[at:stop]))
-                cuts.append(best + side)
-                at = best + 2 * side
+                cuts.append(best + SIDE)
+                at = best + 2 * SIDE
             else:
                 at += 1
     edges = [0 if cut == 0 else int(known[min(cut, len(known) - 1)]) for cut in cuts] + [len(angle_rad)]

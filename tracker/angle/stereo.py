@@ -37,13 +37,11 @@ from tracker.angle.plane import (
     usual_of,
 )
 from tracker.angle.reference_direction import steady_direction
-from tracker.angle.stereo_films import Film, films_of, fused, same_points, triangulated
+from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
 
 Floats = NDArray[np.float64]
 
 _PARALLEL: Final = 0.2
-_MISREAD: Final = 36.0
-"""χ² of a frame, in the usual one, above which one of its markers was misread: six standard deviations."""
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
 """How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
@@ -282,9 +280,9 @@ def _without_misread(whole: Circles) -> tuple[Turns, float]:
     share = turns.chi_squared / np.maximum(turns.freedom, 1.0)
     told = turns.freedom > 1.0
     usual = max(1.0, usual_of(share[told]))
-    fit = told & (turns.chi_squared < _MISREAD * usual)
+    fit = told & (turns.chi_squared < MISREAD * usual)
     usual = max(1.0, float(turns.chi_squared[fit].sum() / turns.freedom[fit].sum())) if fit.any() else usual
-    rows = np.flatnonzero(turns.chi_squared > _MISREAD * usual)
+    rows = np.flatnonzero(turns.chi_squared > MISREAD * usual)
     best = _columns(turns)[:, rows]
     for number, marker in itertools.product(range(len(whole.sights)), (0, 1)):
         sights = [sight.rows(rows) for sight in whole.sights]
@@ -292,7 +290,7 @@ def _without_misread(whole: Circles) -> tuple[Turns, float]:
         other = replace(whole, sights=sights).turns()
         better = np.isfinite(other.angle_rad) & (other.freedom > 0.0) & (other.chi_squared < best[2])
         best = np.where(better, _columns(other), best)
-    best[:2, best[2] > _MISREAD * usual] = np.nan
+    best[:2, best[2] > MISREAD * usual] = np.nan
     columns = _columns(turns)
     columns[:, rows] = best
     return Turns(*columns), usual

@@ -19,22 +19,19 @@ from torsight.core.optics.geometry import (
     triangulate,
 )
 from torsight.core.optics.sights import Sight
+from torsight.core.series import robust_sigma
 from torsight.core.tracks import MARKERS, MarkerTracks
 from tracker.angle.camera_motion import unmoved
-from tracker.angle.length_noise import in_motion
+from tracker.angle.length_noise import LEAST_FRAMES, in_motion
 from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
 
 Floats = NDArray[np.float64]
 
-_OFF_LINE: Final = 30.0
-"""χ² above which a marker in both pictures is not the same point (one degree of freedom)."""
-_FEWEST: Final = 30
-"""Readings that tell a usual misfit."""
+MISREAD: Final = 36.0
+"""χ², in the usual one, above which a marker was misread or is not the same point: six standard deviations."""
 _APART: Final = 0.2
 """Distance from the other film's line, over that of a stick's markers, at which two positions are not of one marker:
 exchanged markers are apart by about the stick's length, those of a badly calibrated pair by a few pixels."""
-_MEDIAN_1: Final = 0.455
-"""Median of χ² with one degree of freedom."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +174,7 @@ def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
     _require_same_markers(films)
     # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
     usual = _usual(space.chi_squared, in_motion(films[0].tracks.position_px[:, 2:]))
-    off = space.chi_squared > _OFF_LINE * max(1.0, usual / _MEDIAN_1)
+    off = space.chi_squared > MISREAD * max(1.0, usual)
     films = [film.without(off) for film in films]
     return films, replace(space, position_mm=np.where(off[..., None], np.nan, space.position_mm))
 
@@ -204,13 +201,13 @@ def _require_same_markers(films: list[Film]) -> None:
 
 
 def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:
-    """Return the usual of the misfits (n, 4); that of motion where it is larger, for at rest a codec freezes noise."""
+    """Return the variance behind χ² (n, 4), that of motion where it is larger: at rest a codec freezes noise."""
     known = np.isfinite(chi_squared)
     if not known.any():
         return np.nan
-    usual = float(np.median(chi_squared[known]))
+    usual = robust_sigma(np.sqrt(chi_squared[known])) ** 2
     known[~moves] = known[:, :2] = False
-    return max(usual, float(np.median(chi_squared[known]))) if known.sum() >= _FEWEST else usual
+    return max(usual, robust_sigma(np.sqrt(chi_squared[known])) ** 2) if known.sum() >= LEAST_FRAMES else usual
 
 
 def fused(planes: list[list[Points]]) -> list[Points]:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 
 Floats = NDArray[np.float64]
 Record = Any
@@ -52,7 +52,7 @@ _NODE_3, _WEIGHT_3 = np.polynomial.legendre.leggauss(3)
 _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, float]:
     """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre."""
     e, f, radius, edge = shape.stretch[0], shape.stretch[1], shape.radius, shape.edge
@@ -85,7 +85,7 @@ def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, 
     return inside, along_x, along_y, along_edge
 
 
-@njit(cache=True, nogil=True)
+@lending
 def smeared_point(
     x: float, y: float, shape: Record, smear_x: float, smear_y: float, count: int
 ) -> tuple[float, float, float]:
@@ -103,13 +103,13 @@ def smeared_point(
     return inside / count, along_x / count, along_y / count
 
 
-@njit(cache=True, nogil=True)
+@lending
 def smear_count(length: float, edge: float) -> int:
     """Return in how many places a dot is drawn for a smear of a length."""
     return 1 if length < 0.5 else max(3, math.ceil(length / max(1.0, edge)))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def window_pixels(radius_px: float) -> Pixels:
     """Return the pixels in a disc around the middle of a square patch, row by row."""
     half = math.ceil(radius_px)
@@ -125,7 +125,7 @@ def window_pixels(radius_px: float) -> Pixels:
     return pixels[:, :count].copy()
 
 
-@njit(cache=True, nogil=True)
+@lending
 def fill_beside(
     rows: Floats, used: int, pixels: Pixels, dx: float, dy: float, strip: float, path: tuple[float, float], ramp: float
 ) -> int:
@@ -147,7 +147,7 @@ def fill_beside(
     return used
 
 
-@njit(cache=True, nogil=True)
+@lending
 def fill_columns(
     out: Floats, pixels: Pixels, dx: float, dy: float, shape: Record, smear_x: float, smear_y: float
 ) -> int:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled
 from tracker.appearance.disc import SHAPE, Floats, Record, disc_point
 from tracker.appearance.lucas_kanade import inner, invert, products
 
@@ -147,7 +147,7 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
     return found if found[EXPLAINED] > 0.0 else None
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def cut_window(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats:
     """Return x, y and brightness (3, n) of the pixels around a place; none where they leave the picture."""
     cx, cy, half = round(x_px), round(y_px), math.ceil(radius_px)
@@ -164,14 +164,14 @@ def cut_window(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: flo
     return out[:, :n].copy()
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def set_shape(shape: Record, found: Floats) -> None:
     """Take radius, edge and stretch from the parameters."""
     shape.radius, shape.edge = found[2], found[3]
     shape.stretch[0], shape.stretch[1] = found[4], found[5]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solve_linear(window: Floats, found: Floats, free: int, shape: Record, rows: Floats) -> None:
     """Solve the linear part (light, contrast, slope) for a given shape, and find the slopes of the rest.
 
@@ -201,7 +201,7 @@ def solve_linear(window: Floats, found: Floats, free: int, shape: Record, rows: 
     found[EXPLAINED] = 1.0 - square / max(spread, 1e-12 * n)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def project_out(values: Floats, rows: Floats, inverse: Floats, out: Floats) -> Floats:
     """Leave in ``out`` of values what the first rows cannot make up for; return what they can, by row."""
     weights = solved(inverse, rows, values)
@@ -212,7 +212,7 @@ def project_out(values: Floats, rows: Floats, inverse: Floats, out: Floats) -> F
     return weights
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solved(inverse: Floats, rows: Floats, values: Floats) -> Floats:
     """Return an inverse (k, k) times the first k rows times values."""
     weights = np.zeros(len(inverse))
@@ -223,7 +223,7 @@ def solved(inverse: Floats, rows: Floats, values: Floats) -> Floats:
     return weights
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def minimise(window: Floats, start: Floats, free: int, radius_px: float, shapes: NDArray[np.void]) -> Floats:
     """Fit the first ``free`` parameters by Levenberg and Marquardt.
 
@@ -260,7 +260,7 @@ def minimise(window: Floats, start: Floats, free: int, radius_px: float, shapes:
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def step_from(found: Floats, rows: Floats, free: int, damping: float, radius_px: float, trial: Floats) -> float:
     """Put the parameters after a damped step into ``trial``; return the largest change that it would make."""
     normal = products(rows[4:], free)
@@ -274,7 +274,7 @@ def step_from(found: Floats, rows: Floats, free: int, damping: float, radius_px:
     return float(np.abs(delta).max())
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
     """Return whether parameters may still be those of the dot at the start."""
     return bool(

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import (
     COLUMNS,
     SECTORS,
@@ -73,7 +73,7 @@ _NEAR_ENOUGH: Final = 0.08
 """Offset from the model's place from which another step pays; half a step of the places, and a little."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def eliminate(a: Floats, b: Floats, i: int) -> None:
     """Make column i of ``a`` a unit column by row operations, which ``b`` goes through too (Gauss and Jordan)."""
     n = a.shape[0]
@@ -95,7 +95,7 @@ def eliminate(a: Floats, b: Floats, i: int) -> None:
             b[k, j] -= factor * b[i, j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def invert(normal: Floats) -> Floats:
     """Return the inverse of a small symmetric matrix, scaled and with a weak ridge."""
     n = normal.shape[0]
@@ -115,7 +115,7 @@ def invert(normal: Floats) -> Floats:
     return b
 
 
-@njit(cache=True, nogil=True)
+@lending
 def combine(weights: Floats, rows: Floats, out: Floats) -> None:
     """Put the sum of weighted rows into ``out``."""
     out[:] = 0.0
@@ -125,7 +125,7 @@ def combine(weights: Floats, rows: Floats, out: Floats) -> None:
             out[i] += w * rows[m, i]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def inner(one: Floats, other: Floats) -> float:
     """Return the inner product of two rows, by four sums that the processor adds in one go."""
     even = len(one) - len(one) % 4
@@ -140,7 +140,7 @@ def inner(one: Floats, other: Floats) -> float:
     return (a + b) + (c + d)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def products(rows: Floats, count: int) -> Floats:
     """Return the products of the first rows with each other."""
     normal = np.empty((count, count))
@@ -150,7 +150,7 @@ def products(rows: Floats, count: int) -> Floats:
     return normal
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fill_model(model: Floats, extra: Floats, columns: int, pixels: Pixels, shape: Record) -> None:
     """Fill a model whose columns stand in rows ``columns`` to 2 ``columns`` already.
 
@@ -177,14 +177,14 @@ def fill_model(model: Floats, extra: Floats, columns: int, pixels: Pixels, shape
     extra[2 * columns], extra[2 * columns + 1], extra[2 * columns + 2] = inverse[2, 2], inverse[2, 3], inverse[3, 3]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def take_away(values: Floats, row: Floats, weight: float) -> None:
     """Take a weighted row away from values."""
     for i in range(values.shape[0]):
         values[i] -= weight * row[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def worst_sector(left: Floats, pixels: Pixels) -> float:
     """Return the largest mean over a sector of a window."""
     sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
@@ -197,7 +197,7 @@ def worst_sector(left: Floats, pixels: Pixels) -> float:
     return worst
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solve_model(
     values: Floats, model: Floats, extra: Floats, columns: int, pixels: Pixels, marker: Record, out: Record
 ) -> None:
@@ -205,13 +205,13 @@ def solve_model(
     n = values.shape[0]
     found = np.empty(columns)
     for k in range(columns):
-        found[k] = np.dot(model[k], values)
+        found[k] = inner(model[k], values)
     scale = max(found[0], 1.0)
     sx, sy = marker.slope[0] * scale, marker.slope[1] * scale
     for k in range(columns):
         found[k] -= extra[2 * k] * sx + extra[2 * k + 1] * sy
     last = 2 * columns
-    out.slope[0], out.slope[1] = np.dot(model[last + 2], values) / scale, np.dot(model[last + 3], values) / scale
+    out.slope[0], out.slope[1] = inner(model[last + 2], values) / scale, inner(model[last + 3], values) / scale
     left = values.copy()
     take_away(left, model[last], sx)
     take_away(left, model[last + 1], sy)
@@ -220,7 +220,7 @@ def solve_model(
     out.patch = worst_sector(left, pixels)
     light, step = found[0], found[1]
     size = step if abs(step) > 1e-3 else math.copysign(1e-3, step)
-    variance = np.dot(left, left) / max(1, n - columns)
+    variance = inner(left, left) / max(1, n - columns)
     out.x, out.y = found[2] / size, found[3] / size
     for k in range(3):
         out.covariance[k] = variance / (size * size) * extra[2 * columns + k]
@@ -230,7 +230,7 @@ def solve_model(
     out.converged = abs(out.x) < _CONVERGED and abs(out.y) < _CONVERGED
 
 
-@njit(cache=True, nogil=True)
+@lending
 def take_values(luma: Luma, cx: int, cy: int, pixels: Pixels, half: int, values: Floats) -> bool:
     """Take the pixels around (cx, cy); return whether the window lies inside the picture."""
     height, width = luma.shape
@@ -241,7 +241,7 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Pixels, half: int, values:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def model_at(pixels: Pixels, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
     """Return the slot of the model of a dot at rest whose centre is ``place`` from the window's middle; filled."""
     off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
@@ -253,7 +253,7 @@ def model_at(pixels: Pixels, models: Floats, extras: Floats, place: Point, shape
     return slot
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, smear: Point, out: Record) -> bool:
     """Read a dot near a position; False where the window leaves the picture.
 

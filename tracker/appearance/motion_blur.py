@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import Luma, Point, invert, products, take_values
 
@@ -37,19 +37,19 @@ is not known a sharp template meets smears of up to the whole step: measured ove
 stays below a tenth of the step times the root of the length."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def shutter_known(rig: Record) -> bool:
     """Return whether enough fast readings have been seen."""
     return bool(rig.fast >= _LEARNED)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def is_sharp(rig: Record, length: float) -> bool:
     """Return whether a marker that moves by a length per frame is known to be sharp enough to show its shape."""
     return length < SHARP_PX or (shutter_known(rig) and rig.shutter_share * length < SHARP_PX)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def smear_slack(rig: Record, length: float) -> float:
     """Return by which share of the brightness step a fit may be worse than at rest."""
     if length < 0.5:
@@ -57,7 +57,7 @@ def smear_slack(rig: Record, length: float) -> float:
     return (_SLACK_KNOWN if shutter_known(rig) else _SLACK_UNKNOWN) * math.sqrt(length)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
     """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
     rig.fast += 1
@@ -71,7 +71,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
     rig.shutter_share = best_share(rig.shutter_cost)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def best_share(cost: Floats) -> float:
     """Return the share of least cost, between the ones that were tried."""
     at = int(np.argmin(cost))
@@ -84,7 +84,7 @@ def best_share(cost: Floats) -> float:
     return float(SHARES[at] + max(-0.5, min(0.5, off)) * (SHARES[1] - SHARES[0]))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def residual_share(rows: Floats, values: Floats) -> float:
     """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
     columns, n = rows.shape
@@ -105,7 +105,7 @@ def residual_share(rows: Floats, values: Floats) -> float:
     return -1.0 if abs(found[1]) <= 1.0 else math.sqrt(square / max(1, n - columns)) / abs(found[1])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: Floats, out: Floats) -> bool:
     """Find how well smears along several shares of a path fit: the residual over the step; False where it is not told.
 

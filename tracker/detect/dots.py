@@ -25,8 +25,10 @@ HUGE_PX: Final = 46.0
 """Radius of the largest dots that are found at all."""
 _RATIO: Final = 1.22
 """From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
-_LIKELY: Final = 0.5
-"""Correlation from which a place is looked at."""
+_LIKELY: Final = 0.45
+"""Correlation from which a place is looked at; the fit then decides."""
+_SMALL_PX: Final = 7.5
+"""Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to fit."""
 _EXPLAINED: Final = 0.75
 """Share of the window's variance that a dot has to explain."""
 _RANKED: Final = 600
@@ -230,12 +232,8 @@ def _places(luma: NDArray[np.uint8], smallest_px: float, largest_px: float) -> l
     """Return places that look like a dot of some radius, the likeliest first."""
     found: list[Place] = []
     radius = smallest_px
-    level, scale = luma, 1.0
     while radius < largest_px:
-        while radius * scale > 7.5:
-            level = np.asarray(cv2.pyrDown(level), dtype=np.uint8)
-            scale *= 0.5
-        found += _places_at(level, radius * scale, scale)
+        found += places_of(luma, radius)
         radius *= _RATIO
     found.sort(key=lambda place: -place[0])
     kept: list[Place] = []
@@ -258,15 +256,19 @@ def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
 
 
-def disc_picture(radius_px: float) -> NDArray[np.float32]:
+def _disc_picture(radius_px: float) -> NDArray[np.float32]:
     """Return a blurred light disc in a square that just holds its rim."""
     half = math.ceil(1.35 * radius_px + 0.5)
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
 
 
-def _places_at(level: NDArray[np.uint8], radius_px: float, scale: float) -> list[Place]:
-    pattern = disc_picture(radius_px)
+def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
+    """Return the places in a picture that look like a dot of a radius."""
+    level, scale = luma, 1.0
+    while radius_px * scale > _SMALL_PX and min(level.shape) > 4:
+        level, scale = np.asarray(cv2.pyrDown(np.ascontiguousarray(level)), dtype=np.uint8), 0.5 * scale
+    pattern = _disc_picture(radius_px * scale)
     half = pattern.shape[0] // 2
     if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
         return []
@@ -283,7 +285,7 @@ def _places_at(level: NDArray[np.uint8], radius_px: float, scale: float) -> list
                 float(signed[row, column]) * math.sqrt(spread[row + half, column + half]),
                 (column + half) / scale,
                 (row + half) / scale,
-                radius_px / scale,
+                radius_px,
                 sign > 0,
             )
             for row, column in zip(rows.tolist(), columns.tolist(), strict=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
     KNOWN,
@@ -16,7 +16,6 @@ from tracker.follow.judgement import (
     check_length,
     covers,
     find_shift,
-    follow_shake,
     judge_base,
     judge_moving,
     seen,
@@ -37,7 +36,7 @@ DARK_SHARE: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def brightness_of(luma: Luma) -> float:
     """Return the brightness of a picture, from a sparse grid."""
     total, count = 0, 0
@@ -48,7 +47,7 @@ def brightness_of(luma: Luma) -> float:
     return total / count
 
 
-@njit(cache=True, nogil=True)
+@lending
 def stick_at(scene: Scene, stage: int) -> int:
     """Return the stick that is judged at a stage; −1 where there is none."""
     moving = scene.rig[0].moving
@@ -59,7 +58,7 @@ def stick_at(scene: Scene, stage: int) -> int:
     return 1 - moving if stage == FIRST else moving  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_all(scene: Scene, luma: Luma) -> bool:
     """Read all markers from where they are predicted; return whether one of them has to be looked for nearby.
 
@@ -80,8 +79,8 @@ def read_all(scene: Scene, luma: Luma) -> bool:
     return missing
 
 
-@njit(cache=True, nogil=True)
-def judge_stick(scene: Scene, luma: Luma, stage: int) -> bool:
+@compiled
+def judge_stick(scene: Scene, stage: int) -> bool:
     """Judge a stick; return whether it has to be looked for."""
     stick = stick_at(scene, stage)
     if stick < 0:
@@ -92,11 +91,10 @@ def judge_stick(scene: Scene, luma: Luma, stage: int) -> bool:
     if is_base(scene.rig[0], stick):
         return judge_base(scene)
     find_shift(scene)
-    follow_shake(scene, luma)
     return judge_moving(scene)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
     """Go on with a frame from a stage; return the one at which it stops."""
     rig = scene.rig[0]
@@ -108,7 +106,7 @@ def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
         if read_all(scene, luma) and not rig.dark:
             return NEARBY
     for stop in (FIRST, SECOND):
-        if stage < stop and judge_stick(scene, luma, stop) and not rig.dark:
+        if stage < stop and judge_stick(scene, stop) and not rig.dark:
             return stop
     note(scene, luma, time_s, level)
     return DONE

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import lending
 
 _LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06)
 """99.73 % quantiles of χ² with one to six degrees of freedom."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def passes(chi_squared: float, freedom: int) -> bool:
     """Return whether what was found is what was predicted; False for what is not finite."""
     return bool(chi_squared <= _LIMITS[freedom - 1])

@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
-from tracker.appearance.lucas_kanade import Luma, Point
+from tracker.appearance.lucas_kanade import Point
 from tracker.follow.innovation import passes
-from tracker.follow.reading import read_marker
+from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import arm_px, on_circle, turned
 from tracker.follow.state import Scene
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
@@ -31,12 +31,10 @@ TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
 """The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
-LENGTH_PX: Final = 0.8
-LENGTH: Final = 0.01
-"""By how much the distance of a stick's markers may be off, px and share: noise of both ends, and the tilt of 8 degrees
-that the sticks of a rig may have against each other."""
-STALE_LENGTH: Final = 20
-"""Frames over which that grows for a stick that is not seen: seen from aside its length changes as it turns."""
+_LENGTH_PX: Final = 0.8
+_LENGTH: Final = 0.01
+"""Three standard deviations of the distance of a stick's markers, px and share: noise of both ends, and the tilt of 8
+degrees that the sticks of a rig may have against each other."""
 _CLOSE: Final = 0.6
 """Distance from a base dot, in radii, below which dots cannot be told apart."""
 NEAR: Final = 1.6
@@ -50,8 +48,6 @@ _OWN_PX: Final = 0.6
 KNOWN: Final = 2
 MOST_VOTES: Final = 20
 """Votes from which it is known which stick lies above, and how many are kept at most."""
-_SHAKEN_PX: Final = 0.7
-"""Shift between two frames from which the moving stick is read again at the shifted place."""
 SOON: Final = 3
 """Frames after which a lost marker is no longer taken to be next to where it is expected."""
 _OFF_CIRCLE: Final = 0.1
@@ -60,21 +56,19 @@ _OFF_CIRCLE_PX: Final = 5.0
 guess of the axis is off."""
 _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
-_SHORT: Final = 5
-"""Frames after which one dot alone is no longer taken for a marker."""
 BEYOND: Final = 0.6
 """By how much of its markers' distance a stick is taken to go on beyond each of them."""
 _ROOM_PX: Final = 2.5
 """Least distance of the moving stick's edge from the window of a base marker that is read: its blur, and its shade."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def seen(scene: Scene, index: int) -> bool:
     """Return whether a marker's reading is taken."""
     return scene.readings[index].state == SEEN  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def at(scene: Scene, index: int) -> Point:
     """Return where a marker is, or is expected where it was not read."""
     reading = scene.readings[index]
@@ -83,7 +77,7 @@ def at(scene: Scene, index: int) -> Point:
     return reading.predicted[0], reading.predicted[1]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
     """Return the distance of a point from the line a–b, drawn out by a share of its length on both sides."""
     ux, uy = b[0] - a[0], b[1] - a[1]
@@ -92,7 +86,7 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
     return math.hypot(point[0] - a[0] - along * ux, point[1] - a[1] - along * uy)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def covers(scene: Scene, point: Point, index: int) -> bool:
     """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
     i = 2 * scene.rig[0].moving
@@ -101,20 +95,34 @@ def covers(scene: Scene, point: Point, index: int) -> bool:
     return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@lending
+def length_misfit(own: Record, length: float, lost: int) -> float:
+    """Return by how many standard deviations a distance of a stick's markers is off; ``own`` is a STICK.
+
+    Seen from aside its length changes as it turns: by more, the longer the stick was not seen, but within the bounds
+    that it has shown.
+    """
+    off = abs(length - own.length)
+    if lost > 0:
+        off = min(off, max(length - own.longest, own.shortest - length, 0.0))
+    share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
+    return 3.0 * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
+
+
+@lending
 def check_length(scene: Scene, stick: int) -> None:
     """Refuse the marker that is further from its prediction where the distance of both is not right."""
     i, j = 2 * stick, 2 * stick + 1
     if not (seen(scene, i) and seen(scene, j)):
         return
     (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-    usual, length = scene.sticks[stick].length, math.hypot(bx - ax, by - ay)
-    lost = min(scene.markers[i].lost + scene.markers[j].lost, STALE_LENGTH)
-    if abs(length - usual) <= LENGTH_PX + LENGTH * usual * (1.0 + 0.5 * lost):
-        return
+    own, length = scene.sticks[stick], math.hypot(bx - ax, by - ay)
+    lost = scene.markers[i].lost + scene.markers[j].lost
     p, q = scene.readings[i].predicted, scene.readings[j].predicted
+    misfit = length_misfit(own, length, lost)
     # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
-    if lost == 0 and abs(length - math.hypot(q[0] - p[0], q[1] - p[1])) <= LENGTH_PX + LENGTH * usual:
+    foreseen = own.length + length - math.hypot(q[0] - p[0], q[1] - p[1])
+    if passes(misfit * misfit, 1) or (lost == 0 and passes(length_misfit(own, foreseen, 0) ** 2, 1)):
         return
     one, two = math.hypot(ax - p[0], ay - p[1]), math.hypot(bx - q[0], by - q[1])
     if one > 2.0 * two + 0.5:
@@ -128,7 +136,7 @@ def check_length(scene: Scene, stick: int) -> None:
 # --- the base -------------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _cover(scene: Scene, index: int) -> int:
     """Do not take a base marker that the moving stick reaches; return evidence that the moving stick is above.
 
@@ -146,13 +154,13 @@ def _cover(scene: Scene, index: int) -> int:
     return 1 if state == HIDDEN else (-1 if state == SEEN else 0)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def vote(rig: Record, evidence: int) -> None:
     """Take in evidence of which stick is above."""
     rig.above = max(-MOST_VOTES, min(MOST_VOTES, rig.above + evidence))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def judge_base(scene: Scene) -> bool:
     """Judge the base; return whether it has to be looked for.
 
@@ -180,12 +188,12 @@ def judge_base(scene: Scene) -> bool:
     return _gone(scene, i) and _gone(scene, j)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _gone(scene: Scene, index: int) -> bool:
     return scene.readings[index].state not in (SEEN, SHADOWED)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _stands(scene: Scene, base: int) -> bool:
     """Return whether both markers are of a stick that stands still but for the camera."""
     rig, i, j = scene.rig[0], 2 * base, 2 * base + 1
@@ -201,7 +209,7 @@ def _stands(scene: Scene, base: int) -> bool:
     return passes(found + (turned(direction, rig.last_rad) / SURE_RAD) ** 2, 6)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _stands_alone(scene: Scene, index: int, end: int) -> bool:
     """Return whether one marker alone is where it was, but for the camera."""
     rig, marker, (x, y) = scene.rig[0], scene.markers[index], at(scene, index)
@@ -215,7 +223,7 @@ def _stands_alone(scene: Scene, index: int, end: int) -> bool:
 # --- the camera -----------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
     """Find by how much the base's readings (2,) are off their places at the start (2, 2); return whether they tell."""
     count, x, y = 0, 0.0, 0.0
@@ -229,7 +237,7 @@ def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
     return count > 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def find_shift(scene: Scene) -> None:
     """Find the shift of the picture: from the base, or from the moving stick's circles while the base is not seen."""
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
@@ -248,7 +256,7 @@ def find_shift(scene: Scene) -> None:
             rig.unknown = 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def circles_off(scene: Scene, out: Floats) -> bool:
     """Find how far either moving marker is from where its circle puts it (2, 2); False while that is not known."""
     stick = scene.rig[0].moving
@@ -263,30 +271,10 @@ def circles_off(scene: Scene, out: Floats) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
-def follow_shake(scene: Scene, luma: Luma) -> None:
-    """Read the moving stick again where the picture has jumped and it was not found."""
-    rig, i = scene.rig[0], 2 * scene.rig[0].moving
-    dx, dy = rig.shift_now[0] - rig.shift[0], rig.shift_now[1] - rig.shift[1]
-    if math.hypot(dx, dy) > _SHAKEN_PX and not (seen(scene, i) and seen(scene, i + 1)):
-        read_shifted(scene, luma, dx, dy)
-
-
-@njit(cache=True, nogil=True)
-def read_shifted(scene: Scene, luma: Luma, dx: float, dy: float) -> bool:
-    """Read the moving stick shifted by a step; return whether both of its markers are seen."""
-    i = 2 * scene.rig[0].moving
-    for index in (i, i + 1):
-        scene.readings[index].predicted[0] += dx
-        scene.readings[index].predicted[1] += dy
-        read_marker(scene, luma, index)
-    return seen(scene, i) and seen(scene, i + 1)
-
-
 # --- the moving stick -----------------------------------------------------------------------------------------------
 
 
-@njit(cache=True, nogil=True)
+@lending
 def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
     """Return whether a place lies within some radii of a dot of the base; ``more_px`` where that is not seen."""
     i = 2 - 2 * scene.rig[0].moving
@@ -299,7 +287,7 @@ def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def both_own(scene: Scene) -> bool:
     """Return whether both dots are known to be the moving stick's, next to the base's dots as they may be.
 
@@ -315,7 +303,7 @@ def both_own(scene: Scene) -> bool:
     return math.hypot(off[1, 0] - off[0, 0], off[1, 1] - off[0, 1]) < _OWN_PX
 
 
-@njit(cache=True, nogil=True)
+@lending
 def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
 
@@ -331,7 +319,7 @@ def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     return 3.0 * abs(away - arm) / ((_OFF_CIRCLE + varies) * arm + _OFF_CIRCLE_PX)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def judge_moving(scene: Scene) -> bool:
     """Refuse readings that could be of a base dot or are off their circle; return whether to look for the stick."""
     rig, i, j = scene.rig[0], 2 * scene.rig[0].moving, 2 * scene.rig[0].moving + 1
@@ -340,7 +328,7 @@ def judge_moving(scene: Scene) -> bool:
     for index in (i, j):
         if seen(scene, index):
             _judge_dot(scene, index, company)
-    if min(scene.markers[i].lost, scene.markers[j].lost) > _SHORT and seen(scene, i) != seen(scene, j):
+    if min(scene.markers[i].lost, scene.markers[j].lost) > SOON and seen(scene, i) != seen(scene, j):
         # One dot alone, after a gap, could be anything that is round.
         for index in (i, j):
             if seen(scene, index):
@@ -348,7 +336,7 @@ def judge_moving(scene: Scene) -> bool:
     return not (seen(scene, i) and seen(scene, j))
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _judge_dot(scene: Scene, index: int, company: int) -> None:
     """Refuse one dot of the moving stick; ``company`` is what is known of both."""
     rig, marker, reading, place = scene.rig[0], scene.markers[index], scene.readings[index], at(scene, index)

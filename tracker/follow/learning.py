@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
 from tracker.appearance.lucas_kanade import Luma
 from tracker.appearance.motion_blur import SHARP_PX, is_sharp, learn_shutter
@@ -24,14 +24,12 @@ from tracker.follow.state import KEPT, Scene
 from tracker.rows import DARK, SEEN
 
 RATE: Final = 0.1
-"""Share of the new in averages of shape, light and misses: ten frames, over which noise averages to a
-quarter."""
+"""Share of the new in averages of shape, light (also that of the picture) and misses: ten frames, over which noise
+averages to a quarter."""
 _FIT_RATE: Final = 0.03
 """The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
 _LENGTH_RATE: Final = 0.2
 """The same for the distance of a stick's markers, which changes as it turns: five frames."""
-BRIGHTNESS_RATE: Final = 0.05
-"""The same for the brightness of the picture: twenty frames, so that a light that fades is followed."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
@@ -39,7 +37,7 @@ _MOST_STRETCH: Final = 0.45
 """Radius over the first one, and stretch, up to which a dot's shape is followed: a plane seen from 67 degrees aside."""
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
     for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
@@ -61,7 +59,7 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     marker.change[:] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
     """Note a reading in a marker's history."""
     x, y, h = reading.x - shift[0], reading.y - shift[1], marker.history
@@ -85,7 +83,7 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
     marker.x, marker.y, marker.lost = reading.x, reading.y, 0
 
 
-@njit(cache=True, nogil=True)
+@lending
 def miss(marker: Record, x: float, y: float) -> None:
     """Note that a marker was not read, and where it is taken to be."""
     marker.x, marker.y = x, y
@@ -94,13 +92,13 @@ def miss(marker: Record, x: float, y: float) -> None:
         marker.count = 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
     """Take in what was read of all markers."""
     rig = scene.rig[0]
     rig.shift[:] = rig.shift_now
     if not rig.dark:
-        rig.brightness += (BRIGHTNESS_RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
+        rig.brightness += (RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
@@ -112,7 +110,7 @@ def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
         _note_stick(scene, stick)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def skip(scene: Scene, time_s: float) -> None:
     """Pass over a frame that shows nothing: markers are carried on, and lost for one frame more."""
     predict(scene, time_s)
@@ -121,7 +119,7 @@ def skip(scene: Scene, time_s: float) -> None:
         miss(scene.markers[index], predicted[0], predicted[1])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     rig, marker, reading = scene.rig[0], scene.markers[index], scene.readings[index]
     if reading.state != SEEN:
@@ -141,7 +139,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     take(marker, time_s, reading, rig.shift)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _note_stick(scene: Scene, stick: int) -> None:
     """Follow the distance of a stick's markers, and learn its axis."""
     rig, own, i = scene.rig[0], scene.sticks[stick], 2 * stick
@@ -161,7 +159,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
         rig.offset[0], rig.offset[1] = 0.5 * (off[0, 0] + off[1, 0]) - dx, 0.5 * (off[0, 1] + off[1, 1]) - dy
 
 
-@njit(cache=True, nogil=True)
+@lending
 def write_row(readings: Record, row: Record) -> None:
     """Write what is noted of a frame (see :mod:`tracker.rows`); of markers that are not seen nothing but why."""
     for index in range(len(readings)):

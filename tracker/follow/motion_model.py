@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
 from tracker.follow.state import Scene
@@ -17,13 +17,13 @@ STEADY: Final = 1
 """Which way to predict is the steady one."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def is_base(rig: Record, stick: int) -> bool:
     """Return whether a stick is known to be the base."""
     return rig.moving >= 0 and stick != rig.moving  # type: ignore[no-any-return]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def ways(marker: Record, time_s: float) -> Floats:
     """Return where a marker's last readings carry it (4, 2): at rest, steady, averaged over three steps, curved.
 
@@ -51,7 +51,7 @@ def ways(marker: Record, time_s: float) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def predict(scene: Scene, time_s: float) -> None:
     """Fill in where every marker is expected, and how far it is expected to have moved since the last frame."""
     rig = scene.rig[0]
@@ -76,7 +76,7 @@ def predict(scene: Scene, time_s: float) -> None:
                 reading.path[:] = reading.predicted - rig.shift - marker.history[marker.count - 1, 1:]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
     """Expect lost markers on their circles: by the other one, or by the last turning where both are lost."""
     shift, axis = scene.rig[0].shift, scene.sticks[stick].axis
@@ -97,7 +97,7 @@ def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
             predicted[0], predicted[1] = x + shift[0], y + shift[1]
 
 
-@njit(cache=True, nogil=True)
+@lending
 def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]:
     """Return whether the last turning of a stick is known, and the direction to which it leads."""
     axis, first, last, count = scene.sticks[stick].axis, 0.0, 0.0, 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
@@ -34,13 +34,13 @@ _BASIN: Final = 3.0
 """A prediction is asked to be within the basin of Lucas–Kanade, a dot's radius: that is three standard deviations."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def share_of_step(value: float, step: float) -> float:
     """Return the logarithm of a residual's share of the step."""
     return math.log(max(value, 1e-3) / max(abs(step), 1.0))
 
 
-@njit(cache=True, nogil=True)
+@lending
 def fits(marker: Record, reading: Record, slack: float) -> bool:
     """Return whether a reading is of the marker itself, by how well the marker has fitted so far.
 
@@ -61,7 +61,7 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
     return bool(share <= max(limit, _ALWAYS) and patch <= max(patch_limit, _ALWAYS))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, out: Record) -> int:
     """Read a marker from a place and return its state there; ``slack`` is added to that for its own speed."""
     marker, path, rig = scene.markers[index], scene.readings[index].path, scene.rig[0]
@@ -72,7 +72,7 @@ def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, ou
     return SEEN if fits(marker, out, loose) else HIDDEN
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_marker(scene: Scene, luma: Luma, index: int) -> None:
     """Read a marker from where it is predicted, and hold what is found against the prediction."""
     reading = scene.readings[index]

@@ -7,20 +7,17 @@ innovation), and is the only one of its kind, is taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
-from tracker.detect.dots import disc_picture
+from tracker.detect.dots import places_of
 from tracker.follow.frame_step import NEARBY, stick_at
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import (
-    LENGTH,
     NEAR,
     SOON,
     SURE_RAD,
@@ -28,11 +25,11 @@ from tracker.follow.judgement import (
     UNSEEN_PX,
     circle_misfit,
     covers,
+    length_misfit,
     near_base,
-    read_shifted,
 )
 from tracker.follow.motion_model import is_base
-from tracker.follow.reading import read_at
+from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px, turned
 from tracker.follow.state import Scene
 from tracker.rows import SEEN, SHADOWED
@@ -54,12 +51,8 @@ _SAME_PX: Final = 0.33
 """Standard deviation between two readings of one dot: a pixel is three of them."""
 _SLACK: Final = 0.05
 """Share of the step allowed for smear: a marker that is found again may be moving."""
-_LIKELY: Final = 0.45
-"""Correlation with a disc from which a place is read; the reading then decides."""
 _MOST: Final = 14
 """Places that are read, by correlation and contrast: four dots, and ten that look alike."""
-_SMALL_PX: Final = 7.5
-"""Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to read."""
 _EAGER, _SELDOM = 20, 3
 """Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
 _OPPOSITE_RAD: Final = 2.5
@@ -108,12 +101,7 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
     lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % _SELDOM:
         return
-    if is_base(scene.rig[0], stick):
-        found = _bases(scene, luma, stick)
-    elif scene.rig["moving"][0] >= 0:
-        found = [pair for pair in _pairs(scene, luma, stick) if _may_be_moving(scene, stick, pair)]
-    else:
-        found = _alone(scene, luma, stick)
+    found = _candidates(scene, luma, stick)
     if len(found) == 1:
         for index, reading in ((2 * stick, found[0].inner), (2 * stick + 1, found[0].outer)):
             # The moving stick's edge in the window shifts a base dot, which still helped to find the pair.
@@ -164,106 +152,93 @@ def _of_other(scene: Scene, index: int, place: Point) -> bool:
 # --- a stick --------------------------------------------------------------------------------------------------------
 
 
-def _bases(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
-    """Return pairs that may be the base: a bump carries it away but hardly turns it.
+def _candidates(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
+    """Return the pairs that may be a stick: where it may have gone, and not of another stick.
 
     What looks like the base may be the moving stick, as long as that one is not seen elsewhere: then that one has to be
     found shifted by the same step.
     """
-    rig, length = scene.rig[0], float(scene.sticks["length"][stick])
-    here, other = _ends(scene, stick), _ends(scene, 1 - stick)
-    found: list[Pair] = []
-    for pair in _pairs(scene, luma, stick):
-        steps = [(x - a, y - b) for (x, y), (a, b) in zip(pair.ends, here, strict=True)]
-        innovation = sum(x * x + y * y for x, y in steps) / (2.0 * _BUMP_PX**2)
-        innovation += (turned(pair.direction_rad, float(rig["reference_rad"])) / TURN_RAD) ** 2
-        innovation += (3.0 * (pair.length_px - length) / (1.0 + LENGTH * length)) ** 2
-        lost = scene.markers["lost"][2 - 2 * stick : 4 - 2 * stick]
-        taken = any(
-            not gone and math.dist(place, dot) < UNSEEN_PX
-            for place, gone in zip(other, lost, strict=True)
-            for dot in pair.ends
+    moving, other_seen = int(scene.rig["moving"][0]), len(scene.sticks) == 1 or _both_seen(scene, 1 - stick)
+    if moving < 0 and not other_seen:
+        return []
+    found = [
+        pair
+        for pair in _pairs(scene, luma, stick)
+        if passes(*_innovation(scene, stick, pair)) and not _of_other_stick(scene, stick, pair)
+    ]
+    here = _ends(scene, stick)
+    if moving == 1 - stick and not other_seen:
+        return [pair for pair in found if _goes_along(scene, luma, pair.ends[0], here[0])]
+    lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
+    opposite = len(found) == 2 and turned(found[0].direction_rad, found[1].direction_rad) > _OPPOSITE_RAD
+    # Of two opposite ways the one that turned less; after a longer loss nothing tells, unless the arms differ.
+    if moving < 0 and opposite and lost < SOON:
+        return [min(found, key=lambda pair: turned(pair.direction_rad, direction(*here)))]
+    return found
+
+
+def _innovation(scene: Scene, stick: int, pair: Pair) -> tuple[float, int]:
+    """Return χ² of a pair against where the stick may have gone, and its degrees of freedom.
+
+    A bump carries the base away but hardly turns it; the moving stick goes around its axis. What is seen of the stick
+    in this frame is taken as right.
+    """
+    rig, own, square = scene.rig[0], scene.sticks[stick], np.square
+    if is_base(rig, stick):
+        steps = np.subtract(pair.ends, _ends(scene, stick))
+        misfits = [*(steps.mean(axis=0) / _BUMP_PX), turned(pair.direction_rad, float(rig["reference_rad"])) / TURN_RAD]
+        if not _both_seen(scene, 1 - stick):
+            misfits.append(turned(pair.direction_rad, float(rig["last_rad"])) / SURE_RAD)
+        return float(square(misfits).sum()), len(misfits)
+    misfits = [circle_misfit(own, rig["shift_now"], place, end) for end, place in enumerate(pair.ends)]
+    if own["still"]:
+        misfits.append(turned(pair.direction_rad, float(own["start_rad"])) / TURN_RAD)
+    for place, known in zip(pair.ends, scene.readings[2 * stick : 2 * stick + 2], strict=True):
+        if known["state"] == SEEN and rig["moving"] >= 0:
+            misfits += (np.subtract(place_of(known), place) / _SAME_PX).tolist()
+    return float(square(misfits).sum()), len(misfits)
+
+
+def _of_other_stick(scene: Scene, stick: int, pair: Pair) -> bool:
+    """Return whether one of a pair may be a dot of the other stick."""
+    if scene.rig["moving"][0] == stick:
+        return any(near_base(scene, place, NEAR, 0.0) for place in pair.ends)
+    if scene.rig["moving"][0] < 0:
+        return len(scene.sticks) > 1 and any(
+            _of_other(scene, 2 * stick + end, place) for end, place in enumerate(pair.ends)
         )
-        if passes(innovation, 4) and not taken:
-            found.append(pair)
-    if _both_seen(scene, 1 - stick):
-        return found
-    last = float(rig["last_rad"])
-    found = [pair for pair in found if passes((turned(pair.direction_rad, last) / SURE_RAD) ** 2, 1)]
-    return [pair for pair in found if _goes_along(scene, luma, pair.ends[0], here[0])]
+    return any(
+        not marker["lost"] and math.dist(place, place_of(marker)) < UNSEEN_PX
+        for marker in scene.markers[2 - 2 * stick : 4 - 2 * stick]
+        for place in pair.ends
+    )
 
 
 def _goes_along(scene: Scene, luma: NDArray[np.uint8], now: Point, before: Point) -> bool:
     """Return whether the moving stick is read shifted by a step of the base; the readings are kept if it is."""
-    kept = scene.readings.copy()
-    if read_shifted(scene, luma, now[0] - before[0], now[1] - before[1]):
+    kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
+    for index in (moving, moving + 1):
+        scene.readings["predicted"][index] += np.subtract(now, before)
+        read_marker(scene, luma, index)
+    if _both_seen(scene, moving // 2):
         return True
     scene.readings[:] = kept
     return False
 
 
-def _may_be_moving(scene: Scene, stick: int, pair: Pair) -> bool:
-    """Return whether a pair may be the moving stick: on its circles, no dot of the base's, and with what is seen."""
-    innovation, freedom = 0.0, 2
-    for end, place in enumerate(pair.ends):
-        if near_base(scene, place, NEAR, 0.0):
-            return False
-        innovation += circle_misfit(scene.sticks[stick], scene.rig["shift_now"][0], place, end) ** 2
-        known = scene.readings[2 * stick + end]
-        if known["state"] == SEEN:
-            innovation += (math.dist(place_of(known), place) / _SAME_PX) ** 2
-            freedom += 2
-    return passes(innovation, freedom)
-
-
-def _alone(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
-    """Return what may be a stick while nothing is known of the other: of two opposite ways the one that turned less."""
-    own, others = scene.sticks[stick], range(len(scene.sticks))
-    if not all(_both_seen(scene, other) for other in others if other != stick):
-        return []
-    last_rad, lost = direction(*_ends(scene, stick)), int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
-    found: list[Pair] = []
-    for pair in _pairs(scene, luma, stick):
-        if any(_of_other(scene, 2 * stick + end, place) for end, place in enumerate(pair.ends) if len(others) > 1):
-            continue
-        misfits = [circle_misfit(own, scene.rig["shift_now"][0], place, end) for end, place in enumerate(pair.ends)]
-        if own["still"]:
-            misfits.append(turned(pair.direction_rad, float(own["start_rad"])) / TURN_RAD)
-        if passes(sum(misfit**2 for misfit in misfits), len(misfits)):
-            found.append(pair)
-    found.sort(key=lambda pair: turned(pair.direction_rad, last_rad))
-    opposite = len(found) == 2 and turned(found[0].direction_rad, found[1].direction_rad) > _OPPOSITE_RAD
-    # After a longer loss nothing tells which of two opposite ways is meant, unless the arms differ.
-    return found[:1] if opposite and lost < SOON else found
-
-
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int) -> list[Pair]:
     """Return every ordered pair of places that read as a stick's two markers at their distance."""
     own, i, j = scene.sticks[stick], 2 * stick, 2 * stick + 1
-    shortest, longest = float(own["shortest"]), float(own["longest"])
-    length_px = 0.5 * (shortest + longest)
-    tolerance_px = 1.5 + 0.05 * float(own["length"]) + 0.6 * (longest - shortest)
-    places = list(_places(luma, scene.markers[i], _region(scene, luma, stick)))
-    readings: dict[tuple[int, int], Record] = {}
-
-    def read(index: int, number: int) -> Record:
-        key = (index, number)
-        if key not in readings:
-            readings[key] = _read(scene, luma, index, places[number], slack=_SLACK)
-        return readings[key]
-
-    found: list[Pair] = []
-    for a, one in enumerate(places):
-        for b, two in enumerate(places):
-            if a == b or abs(math.dist(one, two) - length_px) > tolerance_px + 4.0:
-                continue
-            inner, outer = read(i, a), read(j, b)
-            if inner is None or outer is None:
-                continue
-            pair = Pair(inner.copy(), outer.copy())
-            if abs(pair.length_px - length_px) <= tolerance_px:
-                found.append(pair)
-    return found
+    lost = max(1, int(scene.markers["lost"][i] + scene.markers["lost"][j]))
+    places = _places(luma, scene.markers[i], _region(scene, luma, stick))
+    inner, outer = ([_read(scene, luma, index, place, slack=_SLACK) for place in places] for index in (i, j))
+    pairs = (
+        Pair(one.copy(), two.copy())
+        for a, one in enumerate(inner)
+        for b, two in enumerate(outer)
+        if a != b and one is not None and two is not None
+    )
+    return [pair for pair in pairs if passes(length_misfit(own, pair.length_px, lost) ** 2, 1)]
 
 
 def _region(scene: Scene, luma: NDArray[np.uint8], stick: int) -> Region:
@@ -295,34 +270,14 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, place: Point, *, sl
     return out[0]
 
 
-def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> Iterator[Point]:
-    """Give the places in a region that look most like a dot of the marker's radius, the likeliest first."""
+def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:
+    """Return the places in a region that look most like a dot of the marker's radius, the likeliest first."""
     radius, light_dot = float(marker["shape"]["radius"]), marker["shape"]["contrast"] > 0.0
     height, width = luma.shape
     left, right = max(0, math.floor(region.x_px - region.half_px)), min(width, math.ceil(region.x_px + region.half_px))
     top, bottom = max(0, math.floor(region.y_px - region.half_px)), min(height, math.ceil(region.y_px + region.half_px))
-    part, scale = luma[top:bottom, left:right], 1.0
-    while radius * scale > _SMALL_PX and min(part.shape) > 4:
-        part, scale = np.asarray(cv2.pyrDown(np.ascontiguousarray(part)), dtype=np.uint8), 0.5 * scale
-    pattern = disc_picture(radius * scale)
-    half = pattern.shape[0] // 2
-    if part.shape[0] <= 2 * half + 1 or part.shape[1] <= 2 * half + 1:
-        return
-    score = cv2.matchTemplate(part.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
-    score = score if light_dot else -score
-    crest = cv2.dilate(score, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
-    rows, columns = np.nonzero((score >= crest) & (score > _LIKELY) & np.isfinite(score))
-    order = np.argsort(-score[rows, columns], kind="stable")[: 4 * _MOST]
-    # Faint texture correlates too; the brightness step at the place tells it from a marker.
-    ranked = sorted(
-        (-float(score[rows[i], columns[i]] * np.std(_window(part, rows[i], columns[i], half))), int(i)) for i in order
-    )
-    for _, i in ranked[:_MOST]:
-        yield (float(columns[i]) + half) / scale + left, (float(rows[i]) + half) / scale + top
-
-
-def _window(part: NDArray[np.uint8], row: int, column: int, half: int) -> NDArray[np.uint8]:
-    return part[row : row + 2 * half + 1, column : column + 2 * half + 1]
+    places = [place for place in places_of(luma[top:bottom, left:right], radius) if place[4] == light_dot]
+    return [(x + left, y + top) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:_MOST]]
 
 
 def _ends(scene: Scene, stick: int) -> tuple[Point, Point]:

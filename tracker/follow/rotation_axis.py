@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
-from tracker.appearance.lucas_kanade import Point, invert
+from tracker.appearance.lucas_kanade import Point, inner, invert
 
 PARTS: Final = 36
 AXIS: Final = np.dtype(
@@ -42,19 +42,19 @@ _ARC: Final = 3
 """Parts of ten degrees in which the stick was seen from which the axis is known well enough to look around it."""
 
 
-@njit(cache=True, nogil=True)
+@lending
 def folded(angle: float) -> float:
     """Return an angle within half a turn of zero."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-@njit(cache=True, nogil=True)
+@lending
 def turned(one: float, other: float) -> float:
     """Return the size of the angle between two directions."""
     return abs(folded(one - other))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def suppose_axis(axis: Record, x: float, y: float) -> None:
     """Take a first guess of the axis, which motion will soon outweigh."""
     axis.supposed = 1
@@ -64,7 +64,7 @@ def suppose_axis(axis: Record, x: float, y: float) -> None:
     solve_axis(axis)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     """Take in one frame with both markers, if it is of something new."""
     angle = math.atan2(outer[1] - inner[1], outer[0] - inner[0])
@@ -79,7 +79,7 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     solve_axis(axis)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def add_frame(normal: Floats, right: Floats, angle: float, inner: Point, outer: Point) -> None:
     """Add one frame to the normal equations of (c, q_inner, q_outer)."""
     cos, sin = math.cos(angle), math.sin(angle)
@@ -96,7 +96,7 @@ def add_frame(normal: Floats, right: Floats, angle: float, inner: Point, outer: 
                     normal[i, j] += row[i] * row[j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def circle_equations(points: Floats, angle: Floats) -> tuple[Floats, Floats]:
     """Return the normal equations (6, 6), (6,) of (c, q_inner, q_outer) from positions (n, 2, 2) and directions."""
     normal, right = np.zeros((6, 6)), np.zeros(6)
@@ -106,7 +106,7 @@ def circle_equations(points: Floats, angle: Floats) -> tuple[Floats, Floats]:
     return normal, right
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solve_axis(axis: Record) -> None:
     """Solve the normal equations."""
     parts = 0
@@ -114,25 +114,26 @@ def solve_axis(axis: Record) -> None:
         parts += axis.seen[k] > 0
     axis.known = parts >= (1 if axis.supposed else _ARC)
     if axis.known:
-        found = np.dot(invert(axis.normal.copy()), axis.right.copy())
-        axis.centre[0], axis.centre[1] = found[0], found[1]
+        inverse, right = invert(axis.normal.copy()), axis.right.copy()
         for k in range(2):
-            axis.arm[k, 0], axis.arm[k, 1] = found[2 + 2 * k], found[3 + 2 * k]
+            axis.centre[k] = inner(inverse[k], right)
+            for end in range(2):
+                axis.arm[end, k] = inner(inverse[2 + 2 * end + k], right)
 
 
-@njit(cache=True, nogil=True)
+@lending
 def arm_px(axis: Record, end: int) -> float:
     """Return the distance of the inner (0) or outer (1) marker from the axis."""
     return math.hypot(axis.arm[end, 0], axis.arm[end, 1])
 
 
-@njit(cache=True, nogil=True)
+@lending
 def direction_from(axis: Record, x: float, y: float, end: int) -> float:
     """Return the stick's direction when one of its markers is at a place."""
     return math.atan2(y - axis.centre[1], x - axis.centre[0]) - math.atan2(axis.arm[end, 1], axis.arm[end, 0])
 
 
-@njit(cache=True, nogil=True)
+@lending
 def on_circle(axis: Record, direction_rad: float, end: int) -> Point:
     """Return where a marker is when the stick points in a direction."""
     cos, sin, qx, qy = math.cos(direction_rad), math.sin(direction_rad), axis.arm[end, 0], axis.arm[end, 1]

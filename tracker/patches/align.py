@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import robust_sigma
 from tracker.patches.alignment import Part, Template, align_warp, largest_step, step_warp
 from tracker.patches.warps import Floats, jacobian, project
 
@@ -35,8 +36,6 @@ _ROUNDED: Final = 1.0 / 12.0
 """Variance of brightness that was rounded: no picture is better known, even the one of the template."""
 _TUKEY: Final = 4.685
 """Standard deviations from which a point has no weight: 95 % efficient for normal noise (Holland & Welsch 1977)."""
-_MAD: Final = 1.4826
-"""Standard deviation over the median of the absolute values, for normal noise."""
 _OTHER_DRAWN: Final = 0.4
 _OTHER_SEEN: Final = 1.5
 """What a point may be off at least before it is taken for something else, over the template's spread. Of a drawn tag
@@ -234,7 +233,7 @@ class Patch:
 
     def _weights(self, left: Floats, found: Floats) -> Floats:
         """Return Tukey's weights of the points from what the model leaves at them."""
-        sigma = _MAD * float(np.median(np.abs(left)))
+        sigma = robust_sigma(left)
         limit = max(self._other * self.spread * abs(float(found[3])), _TUKEY * sigma)
         return np.asarray(np.square(np.clip(1.0 - np.square(left / limit), 0.0, None)))
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled
 from tracker.patches.warps import Floats, project
 
 
@@ -54,7 +54,7 @@ _FARTHEST: Final = 0.7
 """Step, over the half width, that leads astray: the template knows nothing of what lies there."""
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
     """Return whether the rim of a patch lies in a part of a picture."""
     seen = project(warp, rim)
@@ -65,7 +65,7 @@ def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tuple[bool, Floats]:
     """Return whether a step leads somewhere, and the warp after it: W D⁻¹."""
     gain, count = found[_GAIN], len(template.generators)
@@ -82,7 +82,7 @@ def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tu
     return in_part(after, template.rim, part), after
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def sample(part: Part, warp: Floats, points: Floats) -> Floats:
     """Return the brightness at points of the template, by linear interpolation."""
     values = part.values
@@ -100,13 +100,13 @@ def sample(part: Part, warp: Floats, points: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
     """Return how far a step moves the rim at most, px."""
     return float(np.abs(project(after, rim) - project(before, rim)).max())
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def align_warp(
     warp: Floats, template: Template, part: Part, rounds: int, stop_px: float
 ) -> tuple[bool, float, Floats, Floats]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracker.follow.follower import stick_that_moves
 from tracker.follow.frame_step import DARK_SHARE, brightness_of
 from tracker.follow.judgement import base_shift
-from tracker.follow.learning import BRIGHTNESS_RATE, write_row
+from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
@@ -54,9 +54,7 @@ class StickFollower:
         level = brightness_of(frame.luma)
         if level < DARK_SHARE * self._brightness:
             return self._pass(frame.time_s, DARK)
-        self._brightness = (
-            level if self._brightness == 0.0 else self._brightness + BRIGHTNESS_RATE * (level - self._brightness)
-        )
+        self._brightness = level if self._brightness == 0.0 else self._brightness + RATE * (level - self._brightness)
         parts: list[NDArray[np.void]] = []
         for number, stick in enumerate(self.sticks):
             parts.append(stick.step(frame.luma, frame.time_s, self._shift))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import LENGTH, LENGTH_PX, STALE_LENGTH, TURN_RAD, circle_misfit
+from tracker.follow.judgement import TURN_RAD, circle_misfit, length_misfit
 from tracker.follow.rotation_axis import arm_px, learn_axis
 from tracker.follow.state import STICK
 from tracker.patches.align import Fit, Patch
@@ -185,9 +185,8 @@ class TextureStick:
     def _is_stick(self, one: Fit, two: Fit, *, lost: int, expected_px: float) -> bool:
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
         length = float(np.hypot(*(b - a)))
-        # It may have changed the more the longer the stick was not seen.
-        allowed = LENGTH_PX + LENGTH * self.length_px * (1.0 + 0.5 * min(lost, STALE_LENGTH))
-        if min(abs(length - self.length_px), abs(length - expected_px)) > allowed:
+        foreseen = self.length_px + length - expected_px
+        if not any(passes(length_misfit(self._own[0], value, lost) ** 2, 1) for value in (length, foreseen)):
             return False
         if lost and not passes(self._off_circle(one, 0) ** 2 + self._off_circle(two, 1) ** 2, 2):
             return False

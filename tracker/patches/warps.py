@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import njit
+from torsight.core.compiled import compiled
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def place(warp: Floats, at: Point = (0.0, 0.0)) -> Point:
     """Return where a point of the template lies in the picture."""
     z = warp[2, 0] * at[0] + warp[2, 1] * at[1] + warp[2, 2]
@@ -22,7 +22,7 @@ def place(warp: Floats, at: Point = (0.0, 0.0)) -> Point:
     return x / z, (warp[1, 0] * at[0] + warp[1, 1] * at[1] + warp[1, 2]) / z
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def project(warp: Floats, points: Floats) -> Floats:
     """Return where points (2, n) of the template lie in the picture (2, n)."""
     out = np.empty((2, points.shape[1]))
@@ -31,7 +31,7 @@ def project(warp: Floats, points: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def jacobian(warp: Floats, at: Point = (0.0, 0.0)) -> Floats:
     """Return the derivative (2, 2) of the warp at a point of the template."""
     seen = place(warp, at)
@@ -43,21 +43,21 @@ def jacobian(warp: Floats, at: Point = (0.0, 0.0)) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def turn_of(warp: Floats) -> float:
     """Return by how much the template is turned at its middle, rad, y down."""
     j = jacobian(warp)
     return math.atan2(j[1, 0] - j[0, 1], j[0, 0] + j[1, 1])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def size_of(warp: Floats) -> float:
     """Return by how much the template is enlarged at its middle."""
     j = jacobian(warp)
     return math.sqrt(abs(j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0]))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def flatness_of(warp: Floats) -> float:
     """Return the shorter over the longer axis of what a circle around the template's middle looks like."""
     j = jacobian(warp)
