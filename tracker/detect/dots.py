@@ -25,7 +25,7 @@ HUGE_PX: Final = 46.0
 """Radius of the largest dots that are found at all."""
 _RATIO: Final = 1.22
 """From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
-_LIKELY: Final = 0.45
+_LIKELY: Final = 0.5
 """Correlation from which a place is looked at; the fit then decides."""
 _SMALL_PX: Final = 7.5
 """Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to fit."""

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.files.results import column
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure, column
+from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure
 from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
 
