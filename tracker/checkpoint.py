@@ -48,14 +48,8 @@ def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
 class RowStore:
     """Rows of a film that is being tracked; in memory, or in a folder from which the track can go on.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Folder for the checkpoints; None keeps everything in memory.
-    key : str
-        Fingerprint of the inputs: a checkpoint of other inputs is not gone on from.
-    every_s : float
-        Least time between two checkpoints.
+    A checkpoint of other inputs, whose fingerprint is not ``key``, is not gone on from; two are ``every_s`` apart at
+    least.
     """
 
     def __init__(self, folder: Path | None, *, key: str = "", every_s: float = 2.0) -> None:

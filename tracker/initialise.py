@@ -31,22 +31,9 @@ _BOTH: Final = 2
 class Start:
     """Where following begins.
 
-    Attributes
-    ----------
-    markers : list of Marker
-        Two of one stick, two of the other; none where a stick has no dots.
-    frame : int
-        Frame in which they were found.
-    moving : int or None
-        Which stick moves; None where motion has yet to tell.
-    kinds : (str, str)
-        Of both sticks, see :class:`tracker.detect.marker_file.MarkerHints`.
-    doubtful : bool
-        True where the markers are so faint that only their motion can tell them from background.
-    first : Frame or None
-        The first frame, for sticks without dots.
-    hints : MarkerHints or None
-        What was told of the markers.
+    ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
+    is the stick that moves, None where motion has yet to tell; ``doubtful``: they are so faint that only their motion
+    can tell them from background. ``first``, the first frame, is kept for sticks without dots.
     """
 
     markers: list[Marker]
@@ -76,14 +63,8 @@ class Start:
 def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
     """Return the markers in the first frame in which they can be seen; ``progress`` is told before every look.
 
-    Raises
-    ------
-    ConfigError
-        When a given marker lies outside the picture.
-    InputError
-        When the source holds no frame.
-    NoResultError
-        When there is no dot at a given position, or no four markers are found.
+    A given marker outside the picture is a :class:`ConfigError`, a source without frames an :class:`InputError`; no dot
+    at a given position, or no four markers, are no result.
     """
     if hints is not None:
         hints.check_inside(source.size_px)

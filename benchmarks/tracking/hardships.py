@@ -101,6 +101,7 @@ def films(seed: int, frames: int) -> list[Film]:
         replace(slow, name="tilt 10, no camera, short arc", tilt_deg=10, camera=False),
         replace(one, name="two cameras", tilt_deg=9.0, k1=-0.08),
         replace(one, name="two cameras, markers found", tilt_deg=4.0, given=False, crf=23),
+        replace(one, name="two cameras, rolling shutter", tilt_deg=9.0, k1=-0.08, row_s=15e-3 / 480),
         replace(one, name="tilt 6 and lens, no camera", tilt_deg=6, k1=-0.15, camera=False, crf=23),
     ]
     return made

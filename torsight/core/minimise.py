@@ -17,7 +17,7 @@ _STEPS: Final = 60
 def least_squares(
     residuals: Callable[[Floats], Floats], start: Floats, *, enough: float = 1e-20
 ) -> tuple[Floats, Floats, float]:
-    """Minimise a sum of squares (Levenberg-Marquardt, derivatives by central differences).
+    """Minimise a sum of squares (Levenberg-Marquardt, derivatives by differences).
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def least_squares(
     values, error = start.copy(), residuals(start)
     damping = 1e-3
     for _ in range(_STEPS):
-        jacobian = jacobian_of(residuals, values)
+        jacobian = jacobian_of(residuals, values, error)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ error
         scale = np.diag(np.maximum(np.diag(normal), 1e-300))
         for _ in range(10):
@@ -53,15 +53,19 @@ def least_squares(
         values, error, damping = values - step, trial, max(damping / 10.0, 1e-12)
         if gain <= 1e-12 * float(error @ error) + enough:
             break
-    jacobian = jacobian_of(residuals, values)
+    jacobian = jacobian_of(residuals, values, error)
     return values, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
 
 
-def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
-    """Return the derivatives (m, p) of residuals (m,) at values (p,), by central differences."""
+def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats, error: Floats | None = None) -> Floats:
+    """Return the derivatives (m, p) of residuals (m,) at values (p,), where they are ``error``, by differences.
+
+    One-sided ones: for a step of a millionth of a value its second derivative counts no more than rounding does.
+    """
+    error = residuals(values) if error is None else error
     columns = []
     for index, value in enumerate(values):
         step = np.zeros_like(values)
         step[index] = 1e-6 * max(abs(value), 1e-2)
-        columns.append((residuals(values + step) - residuals(values - step)) / (2.0 * step[index]))
+        columns.append((residuals(values + step) - error) / step[index])
     return np.stack(columns, axis=1)

@@ -43,18 +43,11 @@ _OFF: Final = 5.0
 class Unmoved:
     """What a camera that was not moved would have seen.
 
-    Attributes
-    ----------
-    tracks : MarkerTracks
-        Without the shift. What is not known of it while the base is hidden is in the covariance of a moving marker that
-        is seen alone: the direction from both does not need it.
-    paths : MarkerTracks
-        Turned back about the base as well, where the camera was rolled: for the circles of the moving markers. Angles
-        are taken against the base in any case, and have its errors counted there.
-    shift_px2 : (n,) float64
-        Variance, along each axis, of the shift that was taken out: an error that all markers of a frame have in common.
-    turn_rad2 : (n,) float64
-        Variance of what ``paths`` are turned back by.
+    ``tracks`` are without the shift; what is not known of it while the base is hidden is in the covariance of a moving
+    marker that is seen alone: the direction from both does not need it. ``paths`` are turned back about the base as
+    well, where the camera was rolled: for the circles of the moving markers (angles are taken against the base in any
+    case, and have its errors counted there). ``shift_px2`` (n,) is the variance, along each axis, of the shift that was
+    taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are turned back by.
     """
 
     tracks: MarkerTracks
@@ -65,16 +58,10 @@ class Unmoved:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shift:
-    """By how much the picture is shifted in every frame.
+    """By how much the picture is shifted in every frame from its place at the start: ``step`` (n, 2).
 
-    Attributes
-    ----------
-    step : (n, 2) float64
-        From its place at the start; interpolated where the base is not seen.
-    variance : (n,) float64
-        Of the step, along the axis that is known worse.
-    loose : (n,) float64
-        The same where the base is not seen; nought elsewhere.
+    It is interpolated where the base is not seen. ``variance`` (n,) is of the step along the axis that is known worse;
+    ``loose`` (n,) the same where the base is not seen, and nought elsewhere.
     """
 
     step: Floats
@@ -122,16 +109,9 @@ def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
     """Return by how much the base stick is off its place at the start; None where that is no more than noise.
 
-    A camera that moves takes both markers along: where one alone goes astray it was misread.
-
-    Parameters
-    ----------
-    base : (n, 2, 2) float64
-        Its inner and outer marker; NaN where not seen.
-    covariance : (n, 2, 2, 2) float64
-        Their covariances from the fits.
-    pixel : float
-        Size of a pixel in the unit of the positions.
+    A camera that moves takes both markers (n, 2, 2), NaN where not seen, along: where one alone goes astray it was
+    misread. ``covariance`` (n, 2, 2, 2) is that of the fits, ``pixel`` the size of a pixel in the unit of the
+    positions.
     """
     place = _middle(base)
     known = np.isfinite(place[:, 0])
@@ -168,18 +148,10 @@ def bumps(base_px: Floats) -> list[tuple[int, float]]:
 
 
 def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
-    """Return positions turned back about the base stick by as much as it is turned: where a camera was rolled.
+    """Return positions (n, 4, 2) turned back about the base stick by as much as that is turned: a camera was rolled.
 
-    Also the variance (n,) of the turn, nought where nothing is turned.
-
-    Parameters
-    ----------
-    position : (n, 4, 2) float64
-        Of an unmoved picture, square pixels; NaN where not seen.
-    covariance : (n, 4, 2, 2) float64
-        Their covariances from the fits.
-    pixel : float
-        Size of a pixel in the unit of the positions.
+    Also the variance (n,) of the turn, nought where nothing is turned. Positions are of an unmoved picture, in square
+    pixels; ``covariance`` (n, 4, 2, 2) and ``pixel`` as for :func:`picture_shift`.
     """
     offset = position[:, 1] - position[:, 0]
     known, nothing = _seen(offset), np.zeros(len(position))

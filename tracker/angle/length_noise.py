@@ -34,21 +34,11 @@ _REST_SHARE: Final = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LengthWitness:
-    """What the length of a stick says.
+    """What the length of a stick says: its mean, and ``residual`` (n,) from what tilt and lens make of it.
 
-    Attributes
-    ----------
-    length : float
-        Its mean.
-    residual : (n,) float64
-        Length less what tilt and lens make of it, NaN where not known.
-    scale : float
-        Standard deviation of the length over what the fits' covariances predict, while the stick moves in the picture
-        (at rest, where it does not move enough to tell).
-    still : float
-        The same at rest (in motion, where it does not rest enough to tell).
-    outlier : (n,) bool
-        Frames in which the length is impossible.
+    ``scale`` is the standard deviation of the length over what the fits' covariances predict while the stick moves in
+    the picture (at rest, where it does not move enough to tell), ``still`` the same at rest (in motion, where it does
+    not rest enough to tell). ``outlier`` (n,) are the frames in which the length is impossible.
     """
 
     length: float
@@ -85,16 +75,9 @@ def witness(
     *,
     moves: NDArray[np.bool_],
 ) -> LengthWitness:
-    """Compare a stick's length over the film with what its markers' covariances predict.
+    """Compare a stick's length over the film with what its markers' covariances (n, 2, 2) predict.
 
-    Parameters
-    ----------
-    inner, outer : (n, 2) float64
-        Positions in one plane, any unit; NaN where not known.
-    covariance_inner, covariance_outer : (n, 2, 2) float64
-        Their covariances from the fits.
-    moves : (n,) bool
-        Where the stick moves in the picture, see :func:`in_motion`.
+    Its markers (n, 2) are in one plane, any unit, NaN where not known; ``moves`` (n,) see :func:`in_motion`.
     """
     offset = outer - inner
     length = np.hypot(offset[:, 0], offset[:, 1])

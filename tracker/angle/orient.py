@@ -16,7 +16,7 @@ from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import Unmoved, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of
+from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
 
@@ -48,7 +48,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         readout = Readout.of(tracks)
         tracks = unmoved(tracks, camera.intrinsics).tracks
         plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
-        plane, rolling = _read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
+        plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
         method = "camera file: rays met with each stick's plane"
         found = from_plane(tracks, plane, position_mm=position_mm, method=method, systematic_rad2=rolling.variance)
         tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
@@ -61,7 +61,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
         return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
-    plane, rolling = _read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
+    plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
     open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
     method = "lens file, axis from the markers' own ellipses"
     found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2 + rolling.variance)
@@ -85,14 +85,7 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
         plane, _ = in_planes(tracks, intrinsics, pose_from_axis(turned))
         return _against_still([points for points, _ in plane])
 
-    sizes, ways = np.linalg.eigh(axis.direction_covariance)
-    variance = np.zeros(len(tracks))
-    # The third way is along the direction itself, which has no length to be wrong.
-    for size, way in zip(sizes[1:], ways.T[1:], strict=True):
-        step = float(np.sqrt(max(size, 0.0))) * way
-        change = angle(axis.direction + step) - angle(axis.direction - step)
-        variance += (0.5 * np.angle(np.exp(1j * change))) ** 2
-    return _bridged(variance)
+    return _bridged(variance_by(angle, axis.direction, axis.direction_covariance))
 
 
 def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -111,7 +104,8 @@ def _without_camera(
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
-    plane = _rectified(flat, tilt.values, readout, tilt.along)
+    places, slopes = _from_above(flat, tilt.values, readout, tilt.along)
+    plane = [(at, _carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
     found = from_plane(
         still.tracks,
         plane,
@@ -124,28 +118,28 @@ def _without_camera(
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
 
 
-def _rectified(flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int) -> list[Points]:
-    """Return the markers as they are seen from straight above, at the stamps of their frames."""
-    seen = [rectify(points, values) for points, _ in flat]
-    moving = readout.at_stamps([points for points, _ in seen[2:]], float(values[5]), along)
-    points = [seen[0][0], seen[1][0], *moving]
-    return [(at, _carried(own[1], by)) for at, own, (_, by) in zip(points, flat, seen, strict=True)]
+def _from_above(
+    flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Return the markers as seen from straight above, at the stamps of their frames; and the derivatives of the map."""
+    places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
+    return [*places[:2], *readout.at_stamps(places[2:], float(values[5]), along)], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rolling:
+class Rolling:
     """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it."""
 
     variance: NDArray[np.float64]
     report: dict[str, Any]
 
 
-def _read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]) -> tuple[list[Points], _Rolling]:
+def read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]) -> tuple[list[Points], Rolling]:
     """Return positions in a known plane without the delay of the rows, as far as the paths show one."""
     px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
     usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
     if not usual > 0.0:
-        return plane, _Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
+        return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
     half = usual * 0.5 * readout.size_px[0]
     flat = [(points / half, covariance / half**2) for points, covariance in plane]
     scale = stick_witness(flat[2:], moves).scale
@@ -153,7 +147,7 @@ def _read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
     moving = readout.at_stamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
-    return found, _Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
+    return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
 
 
 def _length(offset: NDArray[np.float64], size: tuple[float, float] = (1.0, 1.0)) -> NDArray[np.float64]:
@@ -182,15 +176,9 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> NDArray[np.fl
     """Return the variance of the angle by what is not known of tilt and read-out."""
 
     def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _against_still([points for points, _ in _rectified(flat, values, readout, tilt.along)])
+        return _against_still(_from_above(flat, values, readout, tilt.along)[0])
 
-    slopes = np.zeros((len(readout.time_s), len(tilt.values)))
-    for index in np.flatnonzero(np.diag(tilt.covariance) > 0.0):
-        step = np.zeros(len(tilt.values))
-        step[index] = 1e-4
-        change = angle(tilt.values + step) - angle(tilt.values - step)
-        slopes[:, index] = np.angle(np.exp(1j * change)) / 2e-4
-    return _bridged(np.einsum("ni,ij,nj->n", slopes, tilt.covariance, slopes))
+    return _bridged(variance_by(angle, tilt.values, tilt.covariance))
 
 
 def _bridged(variance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -240,23 +228,10 @@ def _tilt_deg(pose: Pose) -> float:
 def in_planes(
     tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose, *, height_mm: NDArray[np.float64] | None = None
 ) -> tuple[list[Points], NDArray[np.float64]]:
-    """Return where the lines of sight to the four markers meet their planes across the axis.
+    """Return where the lines of sight to the markers meet their planes across the axis, the z axis of ``pose``.
 
-    Parameters
-    ----------
-    tracks : MarkerTracks
-        Where the camera sees them.
-    intrinsics, pose : Intrinsics, Pose
-        The camera; z of the world is the axis.
-    height_mm : (4,) float64, optional
-        Height of each marker's plane; that of its stick in ``pose`` otherwise.
-
-    Returns
-    -------
-    list of Points
-        In the plane, one of each marker.
-    (n, 4, 3) float64
-        The same with the height.
+    As points in each marker's plane, and with their heights (n, 4, 3). Planes are those of the sticks in ``pose``
+    unless ``height_mm`` (4,) is given.
     """
     if height_mm is None:
         height_mm = np.repeat([pose.base_z_mm, pose.moving_z_mm], 2)

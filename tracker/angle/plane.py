@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -108,12 +108,7 @@ def from_plane(
 class StickErrors:
     """What the lengths of both sticks say of a film's errors.
 
-    Attributes
-    ----------
-    base, moving : LengthWitness
-        Of each stick.
-    scale : (n, 2) float64
-        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+    ``scale`` (n, 2) are the errors of base and moving markers over those that their covariances from the fits say.
     """
 
     base: LengthWitness
@@ -123,16 +118,9 @@ class StickErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """The moving stick's direction.
+    """The moving stick's direction (n,) and its variance; NaN where not known.
 
-    Attributes
-    ----------
-    angle_rad, variance_rad2 : (n,) float64
-        NaN where not known.
-    alone : (n,) bool
-        Where a single position tells it.
-    bound_rad2 : float
-        Usual variance by the pictures' noise alone.
+    ``alone`` (n,) is where a single position tells it; ``bound_rad2`` the usual variance by the pictures' noise alone.
     """
 
     angle_rad: NDArray[np.float64]
@@ -180,22 +168,8 @@ def against_base(
 ) -> Orientation:
     """Return the actuator angle: the moving stick's direction against the base's, which is held and averaged.
 
-    Parameters
-    ----------
-    tracks : MarkerTracks
-        Frames and times.
-    moving : Moving
-        The moving stick's direction.
-    base : (n,) and (n,) float64
-        The base's direction in every frame, NaN where not known, and its variance.
-    errors : StickErrors
-        For the report, and for the markers' own errors.
-    floor_rad2 : float
-        Variance that no averaging takes away.
-    position_mm : (n, 4, 3) float64 or None
-        Markers in space.
-    method : str
-        For the report.
+    ``base`` is its direction (n,), NaN where not known, and variance (n,); ``floor_rad2`` is variance that no averaging
+    takes away. ``errors``, ``position_mm`` and ``method`` are for the report.
     """
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
     variance = moving.variance_rad2 + steady_variance + floor_rad2
@@ -214,6 +188,28 @@ def against_base(
     noise["angle_bound_deg"] = float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None
     report = {"method": method, "noise": noise, "from_one_marker": int((valid & moving.alone).sum())}
     return Orientation(angles, position_mm, errors.scale, report)
+
+
+def variance_by(
+    angle: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    values: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the variance (n,) of an angle (n,) by what is not known of the values (p,) that it is made with.
+
+    To first order, by differences over a standard deviation of each value to both sides.
+    """
+    known = np.flatnonzero(np.diag(covariance) > 0.0)
+    if not len(known):
+        return np.zeros_like(angle(values))
+    sigma = np.sqrt(np.diag(covariance)[known])
+    steps = np.zeros((len(known), len(values)))
+    steps[np.arange(len(known)), known] = sigma
+    change = np.stack([angle(values + step) - angle(values - step) for step in steps], axis=-1)
+    slopes = 0.5 * np.angle(np.exp(1j * change))
+    # Per standard deviation, so that values of any unit go together.
+    correlation = covariance[np.ix_(known, known)] / np.outer(sigma, sigma)
+    return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
 
 
 def usual_of(values: NDArray[np.float64]) -> float:

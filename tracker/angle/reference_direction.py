@@ -21,18 +21,12 @@ _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
 def steady_direction(
     angle_rad: NDArray[np.float64], variance_rad2: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the base's direction in every frame and its variance.
+    """Return the base's direction (n,) in every frame and its variance (n,).
 
-    Where the direction scatters no more than its own noise it is averaged over as many frames as its drift allows; true
-    shaking is kept. Frames in which the base is not seen take the mean of both sides; where these differ by more than
-    noise (the camera was bumped meanwhile) the direction is not known there.
-
-    Parameters
-    ----------
-    angle_rad : (n,) float64
-        Direction frame by frame, continuous; NaN where not seen.
-    variance_rad2 : (n,) float64
-        Its variance, with everything that is known of the noise.
+    Where the direction, continuous and NaN where not seen, scatters no more than its own noise ``variance_rad2`` (n,),
+    it is averaged over as many frames as its drift allows; true shaking is kept. Frames in which the base is not seen
+    take the mean of both sides; where these differ by more than noise (the camera was bumped meanwhile) the direction
+    is not known there.
     """
     known = np.isfinite(angle_rad)
     if not known.any():

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
-from tracker.follow.rotation_axis import circle_equations
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)
 """Prior of the share of the time between two frames in which a picture is read: that of anything from −1 to 1."""
@@ -36,16 +36,8 @@ _ONWARDS: Final = (("right", "left"), ("down", "up"))
 class Readout:
     """When the moving markers of each frame are read, in parts of the time in which a picture is.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        Stamps of the frames.
-    frame_s : float
-        Usual time from one frame to the next.
-    place : (n, 2, 2) float64
-        Inner and outer marker's x over the picture's width and y over its height; NaN where not seen.
-    size_px : (int, int)
-        Width and height.
+    ``time_s`` (n,) are the stamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) is inner and outer
+    marker's x over the picture's width and y over its height, NaN where not seen.
     """
 
     time_s: Floats
@@ -82,7 +74,9 @@ class Readout:
         read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)
         rate, change = turning(read_s, np.arctan2(stick[:, 1], stick[:, 0]))
         back = -rate[:, None] * delay_s + 0.5 * change[:, None] * delay_s**2
-        centre = circles(np.stack(points, axis=1))[0]
+        seen = np.isfinite(stick[:, 0])
+        found, _ = circles(np.stack(points, axis=1)[seen], np.arctan2(stick[seen, 1], stick[seen, 0]))
+        centre = np.array([found[0].real, found[0].imag])
         return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
 
     def report(self, share: float, sigma: float, along: int, *, shown: float) -> dict[str, Any]:
@@ -120,13 +114,17 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
     return np.interp(index, known, rate), np.interp(index, known, change)
 
 
-def circles(points: Floats) -> tuple[Floats, Floats]:
-    """Return the common centre (2,) and both arms (2, 2) of markers (n, 2, 2) that go around circles; NaN: not seen."""
-    points = points[np.isfinite(points).all(axis=(1, 2))]
-    stick = points[:, 1] - points[:, 0]
-    normal, right = circle_equations(points, np.arctan2(stick[:, 1], stick[:, 0]))
-    found = np.linalg.solve(normal + _RIDGE * np.eye(6), right)
-    return np.asarray(found[:2]), np.asarray(found[2:]).reshape(2, 2)
+def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
+    """Return the common centre and both arms (3,) of markers that go around circles, and their normal matrix (3, 3).
+
+    Least squares of p = c + q exp(i ψ) in the complex plane, linear in c and both q: inner and outer marker (n, 2, 2),
+    and the stick's direction ψ (n,), counter-clockwise.
+    """
+    place, unit = points[..., 0] + 1j * points[..., 1], np.exp(1j * direction_rad)
+    n, turned = len(place), unit.sum()
+    normal = np.array([[2 * n, turned, turned], [np.conj(turned), n, 0.0], [np.conj(turned), 0.0, n]])
+    right = np.concatenate([[place.sum()], np.conj(unit) @ place])
+    return np.asarray(np.linalg.solve(normal + _RIDGE * np.eye(3), right)), normal
 
 
 def _turned(points: Floats, angle_rad: Floats) -> Floats:

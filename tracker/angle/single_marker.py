@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.follow.rotation_axis import circle_equations
+from tracker.angle.row_time import Complex, circles
 
 Floats = NDArray[np.float64]
 Points = tuple[Floats, Floats]
@@ -34,17 +34,10 @@ _STEP_RAD: Final = np.deg2rad(2.0)
 
 
 def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> tuple[Floats, Floats]:
-    """Return the stick's direction (n,) in frames in which one of its markers is seen and tells it, and its variance.
+    """Return the stick's direction (n,) where one marker is seen alone and tells it, and its variance; else NaN.
 
-    NaN elsewhere.
-
-    Parameters
-    ----------
-    moving : two of (n, 2) and (n, 2, 2) float64
-        Positions of inner and outer marker in a plane, of a camera that was not moved, NaN where not seen, and
-        covariances.
-    pair_rad : (n,) float64
-        Direction from both markers; NaN where it is not known.
+    ``moving`` are positions (n, 2) and covariances of inner and outer marker in a plane, of a camera that was not
+    moved, NaN where not seen; ``pair_rad`` (n,) the direction from both.
     """
     n = len(pair_rad)
     angle, variance = np.full(n, np.nan), np.full(n, np.nan)
@@ -75,32 +68,28 @@ def _spread_out(pair_rad: Floats, both: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.sort(both[order[rank < _KEPT]])
 
 
-def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.int64]) -> tuple[Floats, Floats] | None:
-    """Return axis and both arms, (6,), and their covariance from the misfit."""
+def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.int64]) -> tuple[Complex, Complex] | None:
+    """Return axis and both arms, (3,), and their covariance from the misfit."""
     parts = len(np.unique(np.floor(pair_rad[rows] / _STEP_RAD)))
     points, turn = np.stack(places, axis=1)[rows], pair_rad[rows]
-    normal, right = circle_equations(points, turn)
+    values, normal = circles(points, turn)
     if parts < _PARTS or np.linalg.cond(normal) > _WORST_CONDITION:
         return None
-    values = np.linalg.solve(normal, right)
-    unit, arms = np.exp(1j * turn)[:, None], values[2::2] + 1j * values[3::2]
-    expected = values[0] + 1j * values[1] + unit * arms
-    left = points[..., 0] + 1j * points[..., 1] - expected
-    mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - len(values))
+    left = points[..., 0] + 1j * points[..., 1] - values[0] - np.exp(1j * turn)[:, None] * values[1:]
+    mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - 2 * len(values))
     # The misfit of a tilted circle is correlated over many frames: it does not average out as noise does.
-    return np.asarray(values), np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))
+    return values, np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))
 
 
-def _from_one(place: Floats, spread: Floats, values: Floats, covariance: Floats, marker: int) -> tuple[Floats, Floats]:
+def _from_one(
+    place: Floats, spread: Floats, values: Complex, covariance: Complex, marker: int
+) -> tuple[Floats, Floats]:
     """Return the stick's direction from one marker, and its variance."""
-    at = 2 + 2 * marker
-    arm = values[at : at + 2]
-    away = place - values[:2]
-    square = np.sum(away**2, axis=1)
-    direction = np.arctan2(away[:, 1], away[:, 0]) - np.arctan2(arm[1], arm[0])
-    across = np.stack([-away[:, 1], away[:, 0]], axis=1) / square[:, None]
+    away, arm = place[:, 0] + 1j * place[:, 1] - values[0], values[1 + marker]
+    direction = np.angle(away * np.conj(arm))
+    across = np.stack([-away.imag, away.real], axis=1) / (np.abs(away) ** 2)[:, None]
     own = np.einsum("ni,nij,nj->n", across, spread, across)
-    slopes = np.zeros((len(place), 6))
-    slopes[:, :2] = -across
-    slopes[:, at : at + 2] = -np.array([-arm[1], arm[0]]) / (arm @ arm)
-    return direction, own + np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
+    # The direction changes by the imaginary part of these times what is not known.
+    slopes = np.zeros((len(place), 3), np.complex128)
+    slopes[:, 0], slopes[:, 1 + marker] = -across[:, 1] - 1j * across[:, 0], -1.0 / arm
+    return direction, own + np.einsum("ni,ij,nj->n", slopes, covariance, np.conj(slopes)).real

@@ -20,11 +20,12 @@ from torsight.core.errors import NoResultError
 from torsight.core.optics.axis import Axis, axis_from_pair
 from torsight.core.optics.camera import Camera
 from torsight.core.optics.circles import Circles, Turns, axis_basis
-from torsight.core.optics.geometry import SpacePoints
+from torsight.core.optics.geometry import SpacePoints, project
 from torsight.core.optics.scale import check_scale
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
-from tracker.angle.orient import in_planes
+from tracker.angle.length_noise import in_motion
+from tracker.angle.orient import Rolling, in_planes, read_at_once
 from tracker.angle.plane import (
     Moving,
     Orientation,
@@ -35,8 +36,10 @@ from tracker.angle.plane import (
     stick_direction,
     stick_errors,
     usual_of,
+    variance_by,
 )
 from tracker.angle.reference_direction import steady_direction
+from tracker.angle.row_time import Readout
 from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
 
 Floats = NDArray[np.float64]
@@ -99,6 +102,7 @@ def orient_pair(
     """
     films, space = same_points(films_of(left, right, camera))
     rig = _first_rig(films, space)
+    films, rollings = _at_stamps(films, rig)
     # The errors of each film by its own sticks, seen flat; then the axis again, with those errors.
     errors = [stick_errors(film.tracks, _on_planes(film, rig)) for film in films]
     scaled_films = [film.scaled(error) for film, error in zip(films, errors, strict=True)]
@@ -116,9 +120,11 @@ def orient_pair(
     else:
         moving = _on_circles(rig.circles, scaled_films, films, rig=rig, space=space)
         method = "two cameras: the angle on the markers' circles, axis and circles from the tracks"
+    # Both films weigh alike, and their errors are independent.
+    unread = 0.25 * sum(rolling.variance for rolling in rollings)
     found = against_base(
         films[0].tracks,
-        moving,
+        replace(moving, variance_rad2=moving.variance_rad2 + unread),
         (base_rad, base_variance),
         errors=errors[0],
         floor_rad2=floor_of(films[0].tracks)[0],
@@ -131,7 +137,35 @@ def orient_pair(
     }
     # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
     scale = check_scale(in_frame, space.covariance_mm2, known_mm=known_mm)
-    return found.with_report(axis=rig.report, noise=noise, scale=scale.to_json())
+    return found.with_report(
+        axis=rig.report,
+        noise=noise,
+        scale=scale.to_json(),
+        rolling_shutter=rollings[0].report,
+        rolling_shutter_right=rollings[1].report,
+    )
+
+
+def _at_stamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolling]]:
+    """Return films with the moving markers as they are at the stamps of their frames; and what each shows of its rows.
+
+    Each film has its own read-out: its paths in the planes across the axis show it as those of one camera do.
+    """
+    read, rollings = [], []
+    for film in films:
+        plane, rolling = read_at_once(
+            _on_planes(film, rig), Readout.of(film.tracks), in_motion(film.tracks.position_px[:, 2:])
+        )
+        rollings.append(rolling)
+        if not rolling.report["known"]:
+            read.append(film)
+            continue
+        pose, position = film.pose(rig.direction, rig.point), film.tracks.position_px.copy()
+        for marker in (2, 3):
+            point = np.pad(plane[marker][0], ((0, 0), (0, 1)), constant_values=rig.height_mm[marker])
+            position[:, marker] = project(point, film.intrinsics, rvec=pose.rvec, tvec_mm=pose.tvec_mm)
+        read.append(replace(film, tracks=replace(film.tracks, position_px=position)))
+    return read, rollings
 
 
 def _noise_px(films: list[Film]) -> float:
@@ -187,17 +221,7 @@ def _rig_of_still_sticks(position: Floats) -> _Rig:
 
 
 def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
-    """Return the rig with the heights of the base's markers.
-
-    Parameters
-    ----------
-    rig : _Rig
-        With the axis.
-    in_frame : (n, 4, 3) float64
-        Markers in the axis' frame.
-    covariance : (n, 4, 3, 3) float64
-        Their covariances.
-    """
+    """Return the rig with the heights of the base's markers, from markers (n, 4, 3) in the axis' frame."""
     base = in_frame[:, :2]
     middle = float(np.nanmedian(base[..., 2]))
     if rig.circles is None:
@@ -320,15 +344,7 @@ def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig
     values = np.append(whole.values, rise)
     covariance = np.zeros((len(values), len(values)))
     covariance[:-1, :-1], covariance[-1, -1] = whole.covariance, rig.rise_sigma_mm**2
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    slopes = np.zeros((len(near_rad), len(values)))
-    for index in np.flatnonzero(sigma > 0.0):
-        step = np.zeros(len(values))
-        step[index] = sigma[index]
-        slopes[:, index] = 0.5 * np.angle(np.exp(1j * (angle(values + step) - angle(values - step))))
-    # Columns are per standard deviation, so that values of any unit go together.
-    scale = np.where(sigma > 0.0, sigma, 1.0)
-    return np.asarray(np.einsum("ni,ij,nj->n", slopes, covariance / np.outer(scale, scale), slopes))
+    return variance_by(angle, values, covariance)
 
 
 def _usual_place(film: Film) -> Film:

@@ -61,21 +61,11 @@ _ENOUGH: Final = 1e-3
 class Tilt:
     """How the plane of motion lies in the picture, and how long the picture takes to be read.
 
-    Attributes
-    ----------
-    values : (6,) float64
-        e1, e2, l1, l2, k; lengths in units of half the picture's width, from its middle. Then the share of the time
-        between two frames in which a picture is read, negative for backwards.
-    covariance : (6, 6) float64
-        Their covariance, with the priors.
-    arc_rad : float
-        How much of a turn the paths cover.
-    share : float
-        How much of the tilt that explains the paths best is in ``values``: 1 where they tell it, 0 where they do not.
-    along : int
-        Along which axis of the picture it is read.
-    rolling : float
-        How far the paths show that it is not read at once, from 0 to 1.
+    ``values`` (6,) are e1, e2, l1, l2, k in units of half the picture's width from its middle, and the share of the
+    time between two frames in which a picture is read, negative for backwards, along an axis of the picture, ``along``;
+    ``covariance`` is with the priors. ``arc_rad`` is how much of a turn the paths cover, ``share`` how much of the tilt
+    that explains the paths best is in ``values`` (1 where they tell it, 0 where they do not), ``rolling`` how far the
+    paths show that the picture is not read at once (0 to 1).
     """
 
     values: Floats
@@ -111,17 +101,9 @@ class Tilt:
 def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, known: bool = False) -> Tilt:
     """Fit the tilt and the read-out to the paths of the moving stick's markers.
 
-    Parameters
-    ----------
-    inner, outer : (n, 2) and (n, 2, 2) float64
-        Positions from the picture's middle in units of half its width, y up, square pixels; NaN where not known. Their
-        covariances.
-    readout : Readout
-        When they are read.
-    half_px : float
-        Half the picture's width in pixels: the unit of the positions.
-    known : bool
-        Whether the positions are in the plane of motion as they are: then the read-out alone is fitted.
+    ``inner`` and ``outer`` are positions (n, 2) from the picture's middle in units of half its width (``half_px``
+    pixels), y up, NaN where not known, with covariances; in square pixels, or in the plane of motion where that is
+    ``known``: then the read-out alone is fitted.
     """
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
@@ -338,9 +320,10 @@ def _variance(rows: Floats, covariance: Floats) -> Floats:
 
 def _first_circles(points: Floats) -> Floats:
     """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
-    centre, arms = circles(points)
-    angles = np.arctan2(arms[:, 1], arms[:, 0])
-    return np.concatenate([centre, np.hypot(arms[:, 0], arms[:, 1]), [angles[1] - angles[0]]])
+    stick = points[:, 1] - points[:, 0]
+    (centre, *arms), _ = circles(points, np.arctan2(stick[:, 1], stick[:, 0]))
+    between = np.angle(arms[1]) - np.angle(arms[0])
+    return np.array([centre.real, centre.imag, *np.abs(arms), between])
 
 
 def _turned(direction_rad: Floats) -> float:

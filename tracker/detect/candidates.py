@@ -20,20 +20,10 @@ _SHOWN: Final = 24
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A place that was considered as a marker.
+    """A place that was considered as a marker; pixel centres at whole numbers, y down.
 
-    Attributes
-    ----------
-    number : int
-        From 1, in the order in which candidates are listed.
-    x_px, y_px, radius_px : float
-        Where it is and how large; pixel centres at whole numbers, y down.
-    is_dot : bool
-        Whether it was measured as a dot.
-    taken : bool
-        Whether it was taken for a marker.
-    reason : str
-        Why it was not taken; empty where it was.
+    ``number`` counts from 1 in the order of the list; ``is_dot``: it was measured as a dot; ``reason``: why it was not
+    taken, empty where it was.
     """
 
     number: int
@@ -49,15 +39,9 @@ class Candidate:
 class Sighting:
     """What automatic detection makes of one picture.
 
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-        First the markers that were taken, then other dots, then places that look like a dot from afar; 24 at most.
-    sticks_px : (2, 2, 2) float64 or None
-        Positions of the markers on one stick and on the other, inner marker first; None where none were found. Which
-        stick moves is not seen in one picture.
-    reason : str
-        Why no markers were found, or empty.
+    ``candidates`` are first the markers that were taken, then other dots, then places that look like a dot from afar,
+    24 at most. ``sticks_px`` (2, 2, 2) are the markers on one stick and on the other, inner marker first, or None;
+    which stick moves is not seen in one picture. ``reason``: why no markers were found, or empty.
     """
 
     candidates: tuple[Candidate, ...]
@@ -66,13 +50,7 @@ class Sighting:
 
 
 def look(luma: NDArray[np.uint8]) -> Sighting:
-    """Look for markers in one picture and keep account of every decision.
-
-    Parameters
-    ----------
-    luma : (h, w) uint8
-        The picture.
-    """
+    """Look for markers in one picture (h, w) and keep account of every decision."""
     dots, refused = find_and_refuse(luma)
     sticks = sticks_in(luma, dots=dots)
     if sticks is None or not are_markers(sticks):

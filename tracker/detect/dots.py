@@ -39,15 +39,7 @@ _MOST: Final = 80
 
 @dataclass(frozen=True, slots=True)
 class Dot:
-    """A dot found in a picture.
-
-    Attributes
-    ----------
-    fit : DotFit
-        Its fit.
-    room_px : float
-        Distance from its centre to where the stick that carries it ends.
-    """
+    """A dot found in a picture: its fit, and the distance from its centre to where the stick that carries it ends."""
 
     fit: DotFit
     room_px: float
@@ -70,15 +62,7 @@ class Dot:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A place that looks like a dot from afar and was refused.
-
-    Attributes
-    ----------
-    x_px, y_px, radius_px : float
-        Where it is and how large it seemed.
-    reason : str
-        Why it is no dot: the value met and the one needed.
-    """
+    """A place that looks like a dot from afar, and why it is none: the value met and the one needed."""
 
     x_px: float
     y_px: float
@@ -89,17 +73,7 @@ class Refused:
 def find_dots(
     luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
 ) -> list[Dot]:
-    """Return the dots in a picture, the clearest first.
-
-    Parameters
-    ----------
-    luma : (h, w) uint8
-        The picture.
-    radii_px : (float, float)
-        Smallest and largest radius that is looked for.
-    known : sequence of Dot
-        Dots that were found already: they are returned as well.
-    """
+    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``."""
     return find_and_refuse(luma, radii_px=radii_px, known=known)[0]
 
 

@@ -38,13 +38,7 @@ def families() -> tuple[str, ...]:
 
 @lru_cache(maxsize=32)
 def family_of(name: str, *, where: str) -> Any:
-    """Return OpenCV's dictionary of a family.
-
-    Raises
-    ------
-    ConfigError
-        When there is no such family.
-    """
+    """Return OpenCV's dictionary of a family; a name that none has is a :class:`ConfigError`."""
     number = getattr(cv2.aruco, _PREFIX + name.removeprefix(_PREFIX), None)
     if not isinstance(number, int):
         raise ConfigError(
@@ -59,13 +53,7 @@ def count_of(name: str, *, where: str = "tag") -> int:
 
 
 def check_id(name: str, number: int, *, where: str) -> None:
-    """Refuse a number that a family does not have.
-
-    Raises
-    ------
-    ConfigError
-        Naming the numbers of the family.
-    """
+    """Refuse a number that a family does not have (:class:`ConfigError`, naming those that it has)."""
     count = count_of(name, where=where)
     if not 0 <= number < count:
         raise ConfigError("is no tag of this family", where=where, value=number, limit=f"0 to {count - 1} in {name}")

@@ -25,13 +25,7 @@ def decoded(source: FrameSource) -> Iterator[Frame]:
 
 
 def first_frame(source: FrameSource) -> Frame:
-    """Return the first frame that was decoded whole: given positions are positions in it.
-
-    Raises
-    ------
-    InputError
-        When there is none.
-    """
+    """Return the first frame that was decoded whole (else :class:`InputError`): given positions are positions in it."""
     frame = next(decoded(source), None)
     if frame is None:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
@@ -41,10 +35,7 @@ def first_frame(source: FrameSource) -> Frame:
 def given_dots(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Stick]:
     """Return the dots of each stick next to the positions that were given.
 
-    Raises
-    ------
-    NoResultError
-        When there is no dot at a position, or two positions are of one dot.
+    No dot at a position, or two positions of one dot, are no result.
     """
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     dots: dict[str, Dot] = {}

@@ -97,16 +97,6 @@ def add_frame(normal: Floats, right: Floats, angle: float, inner: Point, outer: 
 
 
 @compiled
-def circle_equations(points: Floats, angle: Floats) -> tuple[Floats, Floats]:
-    """Return the normal equations (6, 6), (6,) of (c, q_inner, q_outer) from positions (n, 2, 2) and directions."""
-    normal, right = np.zeros((6, 6)), np.zeros(6)
-    for n in range(len(points)):
-        p = points[n]
-        add_frame(normal, right, angle[n], (p[0, 0], p[0, 1]), (p[1, 0], p[1, 1]))
-    return normal, right
-
-
-@compiled
 def solve_axis(axis: Record) -> None:
     """Solve the normal equations."""
     parts = 0

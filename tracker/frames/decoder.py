@@ -14,17 +14,10 @@ from tracker.frames.display import Closed, Display, Luma, luma_of
 class Decoder:
     """One pass of decoding.
 
-    Attributes
-    ----------
-    message, fatal : str
-        What the decoder said last of a packet, and what ended the pass before the end of the file.
-    hidden : int
-        Packets that are not meant to be shown: those that an edit list discards, and those without a picture of their
-        own.
-    in_damage : bool
-        Whether what was decoded last hangs on something that could not be decoded whole.
-    interlaced : int
-        Frames that hold two instants.
+    ``message`` is what the decoder said last of a packet, ``fatal`` what ended the pass before the end of the file.
+    ``hidden`` counts packets that are not meant to be shown: those that an edit list discards, and those without a
+    picture of their own; ``interlaced`` frames that hold two instants. ``in_damage``: what was decoded last hangs on
+    something that could not be decoded whole.
     """
 
     def __init__(self) -> None:

@@ -30,16 +30,9 @@ _TRANSFERS: Final = {16: "pq", 18: "hlg"}
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """How rows and columns as stored become those that are shown.
+    """How rows and columns as stored become those that are shown: transposed, then mirrored along x and y.
 
-    Attributes
-    ----------
-    transposed : bool
-        Rows become columns, before anything is mirrored.
-    mirror_x, mirror_y : bool
-        Columns, rows are shown in reverse order.
-    bottom_first : bool
-        Of an interlaced frame the odd rows are shown first.
+    ``bottom_first``: of an interlaced frame the odd rows are shown first.
     """
 
     transposed: bool = False

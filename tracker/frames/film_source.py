@@ -29,10 +29,7 @@ _SLOWER: Final = 1.5
 class FilmSource:
     """A film file; every pass over it decodes it again.
 
-    Raises
-    ------
-    InputError
-        When the file is no film, has no video, or its codec cannot be decoded here.
+    No film, no video, or a codec that cannot be decoded here is an :class:`InputError`.
     """
 
     def __init__(
@@ -265,13 +262,7 @@ class FilmSource:
         self.damage.add(0, 0.0, text, kind="interlaced")
 
     def open(self) -> Any:
-        """Return the film's container, to be closed after use.
-
-        Raises
-        ------
-        InputError
-            When it is none that can be read.
-        """
+        """Return the film's container, to be closed after use."""
         try:
             return av.open(self.name, metadata_errors="ignore")
         except (av.error.FFmpegError, OSError) as error:
@@ -282,13 +273,7 @@ class FilmSource:
             ) from error
 
     def stream(self, container: Any) -> Any:
-        """Return the video stream that a player would show; a cover picture is none.
-
-        Raises
-        ------
-        InputError
-            When there is none, or its codec cannot be decoded here.
-        """
+        """Return the video stream that a player would show; a cover picture is none."""
         streams = _films_in(container)
         if not streams:
             others = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"

@@ -97,13 +97,7 @@ def note_rows_left(damage: Damage, times_s: NDArray[np.float64] | None, count: i
 
 
 def time_from_table(times_s: NDArray[np.float64], index: int, *, name: str) -> float:
-    """Return the time of a frame from a table of times.
-
-    Raises
-    ------
-    InputError
-        When the table has no row for this frame.
-    """
+    """Return the time of a frame from a table of times; without a row for it that is an :class:`InputError`."""
     if index < len(times_s) and np.isfinite(times_s[index]):
         return float(times_s[index])
     raise InputError(

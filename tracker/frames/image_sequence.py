@@ -25,25 +25,11 @@ _LOOKED_AT: Final = 24
 
 
 class PictureSource:
-    """Pictures in the order of their names, all of one size.
+    """Pictures in the order of their names, all of one size; messages call them ``name``.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        The pictures.
-    name : str
-        What messages call them.
-    fps : float, optional
-        Pictures per second.
-    times_s : (n,) float64, optional
-        Time of every picture, in place of ``fps``.
-    bits : int, optional
-        Depth of pictures with two bytes per pixel; read off the pictures otherwise.
-
-    Raises
-    ------
-    InputError
-        When there is no picture, or the first one cannot be read, or is a pointer of Git LFS.
+    ``times_s`` (n,) are in place of ``fps``; ``bits``, the depth of pictures with two bytes per pixel, is read off the
+    pictures unless given. No picture, a first one that cannot be read, or a pointer of Git LFS is an
+    :class:`InputError`.
     """
 
     def __init__(

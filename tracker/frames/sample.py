@@ -26,19 +26,11 @@ the 1.0 to 1.5 ns per pixel that light H.264 costs."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stamps:
-    """When every frame of a source is shown.
+    """When every frame of a source is shown: ``time_s`` (n,), from 0, in the order of display.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        From 0, in the order of display.
-    pts : (n,) int64 or None
-        The container's own stamps; numbers of the pictures where there is no container. None where the container has
-        none, so that frames cannot be sought.
-    decoded : bool
-        Whether the frames themselves were counted, rather than what the container says that it shows.
-    hidden : int
-        Frames of the container that are not shown.
+    ``pts`` (n,) are the container's own stamps, numbers of the pictures where there is no container; None where it has
+    none, so that frames cannot be sought. ``decoded``: the frames themselves were counted, rather than what the
+    container says that it shows; ``hidden``: how many of its frames are not shown.
     """
 
     time_s: NDArray[np.float64]
@@ -95,17 +87,7 @@ def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Stamps:
 
 
 class Clip:
-    """Some frames of a source in a row, numbered from 0, as a source of their own.
-
-    Parameters
-    ----------
-    source : FilmSource or PictureSource
-        What the frames are taken from.
-    stamps : Stamps
-        From :func:`read_stamps`.
-    first, count : int
-        Which frames.
-    """
+    """``count`` frames of a source from the ``first``, numbered from 0, as a source of their own."""
 
     def __init__(self, source: FilmSource | PictureSource, stamps: Stamps, *, first: int, count: int) -> None:
         self._source = source

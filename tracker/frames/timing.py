@@ -15,20 +15,11 @@ long."""
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What the times of the frames say.
+    """What the times of the frames say: how many were decoded, and how long the film is.
 
-    Attributes
-    ----------
-    frames : int
-        Frames that were decoded.
-    duration_s : float
-        From the first frame to one usual step after the last.
-    rate_fps : float or None
-        Frames per second over the whole length; None for a single frame.
-    step_s, shortest_s, longest_s : float or None
-        Usual (median), shortest and longest step from one frame to the next.
-    irregular_share : float
-        Share of the steps that differ from the usual one by a fifth, beyond what the container's clock rounds.
+    From the first frame to one usual (median) step after the last; usual, shortest and longest step;
+    ``irregular_share``: of the steps that differ from the usual one by a fifth, beyond what the container's clock
+    rounds. None where a single frame tells nothing.
     """
 
     frames: int
@@ -45,14 +36,9 @@ class Timing:
 
 
 def timing(time_s: NDArray[np.float64], *, tick_s: float = 0.0) -> Timing:
-    """Return what the times of all frames say.
+    """Return what the increasing times (n,) of all frames say.
 
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Increasing.
-    tick_s : float
-        Step of the clock that the times are rounded to: a step between two frames may be off by one of it.
+    They are rounded to a clock of steps ``tick_s``: a step between two frames may be off by one of it.
     """
     step = np.diff(time_s)
     if len(step) == 0:

@@ -52,24 +52,13 @@ _LINEAR_PX2: Final = 1.0 / 6.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """How a patch lies in a picture.
+    """How a patch lies in a picture: ``warp`` (3, 3), from offsets in the template, px, to pixels.
 
-    Attributes
-    ----------
-    warp : (3, 3) float64
-        From offsets in the template, px, to pixels.
-    likeness : float
-        Correlation of picture and template, light that falls unevenly taken out; negative for a negative.
-    inside : float
-        The same for the part of the template that was named at its making; NaN where none was.
-    light, gain : float
-        Brightness at the template's mean, grey levels; contrast over the template's.
-    residual : float
-        Root mean square of what the model leaves, grey levels.
-    kept : float
-        Share of the points that were used; the others show something else.
-    covariance : (k, k) float64
-        Of the last δ, for white noise of the size of ``residual``.
+    ``likeness``: correlation of picture and template, light that falls unevenly taken out, negative for a negative;
+    ``inside``: the same for the part that was named at the template's making. ``light``, ``residual``: brightness at
+    the template's mean, and root mean square of what the model leaves, grey levels; ``gain``: contrast over the
+    template's; ``kept``: share of the points that were used, for the others show something else; ``covariance`` (k, k):
+    of the last δ, for white noise of the size of ``residual``.
     """
 
     warp: Floats
@@ -83,25 +72,13 @@ class Fit:
 
 
 class Patch:
-    """A template with its derivatives.
+    """A template with its derivatives, from its brightness ``look`` at offsets from its middle, px.
 
-    Parameters
-    ----------
-    look : callable
-        The template's brightness at offsets from its middle, px of the picture in which it was taken.
-    half_px : float
-        Half the side of the square that is compared.
-    spacing_px : float
-        Distance of the points that are compared.
-    round_ : bool
-        Compare a disc instead of the square.
-    freedom : int
-        How many changes are followed: 2 for the place alone, 6 with turn, scale and both stretches, 8 with the
-        perspective of a plane, for templates so large that it shows.
-    soft : bool
-        Let the sharpness be free: for templates that are drawn, and do not know the lens.
-    within_px : float
-        Half the side of the part for which likeness is also told alone.
+    Points ``spacing_px`` apart are compared in a square of half the side ``half_px``, or a disc (``round_``).
+    ``freedom`` is how many changes are followed: 2 for the place alone, 6 with turn, scale and both stretches, 8 with
+    the perspective of a plane, for templates so large that it shows. ``soft`` lets the sharpness be free, for templates
+    that are drawn, and do not know the lens. ``within_px`` is half the side of the part for which likeness is also told
+    alone.
     """
 
     def __init__(

@@ -44,13 +44,7 @@ _TRIED: Final = 3
 
 
 def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
-    """Return both sticks, ready for the first frame.
-
-    Raises
-    ------
-    NoResultError
-        When there is no dot or no texture at a position that was given.
-    """
+    """Return both sticks, ready for the first frame; no dot or no texture at a position that was given is no result."""
     base, moving = (_stick(first, hints, stick) for stick in (0, 1))
     return base, moving
 
@@ -138,11 +132,7 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
 def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, progress: Progress = silent) -> None:
     """Make sure that every tag that was named is seen in one of the first frames, and tell what is wrong otherwise.
 
-    Raises
-    ------
-    NoResultError
-        Where a tag is not seen, or two tags of one number are: with the family that is seen instead, the numbers that
-        are, or that the picture is a mirror's.
+    The family that is seen instead, the numbers that are, two tags of one number, or that the picture is a mirror's.
     """
     wanted = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
     missing = dict(wanted)

@@ -35,23 +35,8 @@ Judge = Callable[[Fit], str]
 class PatchTrack:
     """A patch, where it was last, and how well it usually fits.
 
-    Parameters
-    ----------
-    patch : Patch
-        What is followed.
-    points : (n, 2) float64
-        Points of its template that the flow follows.
-    warp : (3, 3) float64
-        Where it is looked for first.
-
-    Attributes
-    ----------
-    warp : (3, 3) float64
-        Where it is, or where it was seen last.
-    lost : int
-        Frames since it was seen.
-    usual : float
-        Running mean of its correlation.
+    ``points`` (n, 2) of its template are those that the flow follows; ``warp`` is where it is, was seen last, or is
+    looked for first; ``lost`` counts frames since it was seen; ``usual`` is the running mean of its correlation.
     """
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:

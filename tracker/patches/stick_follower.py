@@ -21,15 +21,7 @@ from tracker.rows import DAMAGED, DARK, ROW, SEEN
 
 
 class StickFollower:
-    """Follows two sticks through a film.
-
-    Parameters
-    ----------
-    sticks : two Stick
-        The base first where it is known.
-    moving : int or None
-        Which stick moves (0 or 1); None until it shows.
-    """
+    """Follows two sticks through a film, the base first where it is known: ``moving`` is None until it shows."""
 
     def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
         self.sticks = list(sticks)

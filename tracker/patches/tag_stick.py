@@ -29,16 +29,9 @@ _GREW: Final = 1.25
 
 
 class TagStick:
-    """A stick with a tag: found by OpenCV's detector, then followed.
+    """A stick with a tag, found by OpenCV's detector, then followed.
 
     Its markers are the middles of the tag's left and right edge, so that the stick points along the tag's own x axis.
-
-    Parameters
-    ----------
-    family : str
-        See :func:`tracker.detect.fiducials.family_of`.
-    number : int
-        The tag's.
     """
 
     def __init__(self, family: str, number: int) -> None:

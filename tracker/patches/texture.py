@@ -68,16 +68,9 @@ class Candidate:
 class TurnedSearch:
     """Looks for two patches of one stick at any turn: normalised correlation, coarse in place and turn.
 
-    Parameters
-    ----------
-    looks : two callables
-        Brightness around both points in the first frame, blurred for steps of two pixels.
-    window_px : float
-        Radius in which they are known.
-    offset_px : Point
-        From the first point to the second one, in the first frame.
-    still : bool
-        True for a stick that does not turn but with the camera: it is looked for at one turn.
+    ``looks`` are the brightness around both points in the first frame, ``offset_px`` apart, blurred for steps of two
+    pixels and known within ``window_px``. A ``still`` stick does not turn but with the camera: it is looked for at one
+    turn.
     """
 
     def __init__(self, looks: tuple[Look, Look], *, window_px: float, offset_px: Point, still: bool) -> None:

@@ -28,14 +28,8 @@ _KINDS: Final = {
 def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return what happened: covered and lost markers, darkness, damage, bumps of the camera, uncertain turns.
 
-    Parameters
-    ----------
-    rows : (n,) structured
-        Of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`.
-    angles : StickAngles
-        The angle made of them.
-    damage : list of dict
-        What the source told.
+    ``rows`` are of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`; ``damage`` is what the
+    source told.
     """
     events = [dict(entry) for entry in damage]
     dark = (rows["state"] == CODE["dark"]).any(axis=1)

@@ -51,18 +51,10 @@ _ALIKE: Final = 0.5
 class Seen:
     """What the picture of one frame without an angle shows.
 
-    Attributes
-    ----------
-    combed : float
-        See :data:`COMBED`.
-    sharpness : float
-        Steepness of its edges over that in frames with an angle.
-    step_deg : float or None
-        Turn of the stick to the next frame; None where no stick is recognised in both.
-    step_px : float
-        How far that takes the outer marker; 0 where it is not known.
-    smear_px : float
-        By how much the stick's edges, at its outer marker, are wider than in frames with an angle.
+    ``combed``: see :data:`COMBED`; ``sharpness``: steepness of its edges over that in frames with an angle;
+    ``step_deg``: turn of the stick to the next frame, None where no stick is recognised in both; ``step_px``: how far
+    that takes the outer marker, 0 where it is not known; ``smear_px``: by how much the stick's edges, at its outer
+    marker, are wider than in frames with an angle.
     """
 
     combed: float
@@ -91,16 +83,9 @@ class Seen:
 def look_at_gaps(
     unknown: NDArray[np.int64], tracks: MarkerTracks, angles: StickAngles, pictures: Pictures
 ) -> list[Seen]:
-    """Return what some of the frames without an angle show.
+    """Return what some of the frames without an angle, of which nothing else tells why, show.
 
-    Parameters
-    ----------
-    unknown : (k,) int64
-        Frames without an angle, of which nothing else tells why.
-    tracks, angles
-        Of the film.
-    pictures : callable
-        Gives pictures of frames by their numbers.
+    ``pictures`` gives pictures of frames by their numbers.
     """
     known = np.flatnonzero(angles.valid)
     if not len(unknown) or not len(known):

@@ -64,15 +64,7 @@ _UNCLEAR: Final = ("lost", "hidden", "impossible")
 
 @dataclass(frozen=True, slots=True)
 class Causes:
-    """Why frames have no angle.
-
-    Attributes
-    ----------
-    count : dict of str to int
-        Frames by cause, the commonest first; keys of ``_DO``.
-    figures : dict of str to float
-        What the advice names.
-    """
+    """Why frames have no angle: how many by cause (keys of ``_DO``), the commonest first; and what the advice names."""
 
     count: dict[str, int] = field(default_factory=dict)
     figures: dict[str, float] = field(default_factory=dict)
@@ -83,18 +75,8 @@ def find_causes(
 ) -> Causes:
     """Return why frames have no angle.
 
-    Parameters
-    ----------
-    result : TrackResult
-        The markers.
-    angles : StickAngles
-        The angle made of them.
-    states : sequence of str
-        Of every frame without an angle in turn, what the markers say: see
-        :func:`tracker.quality.account.frame_account`.
-    pictures : callable, optional
-        Gives pictures of frames by their numbers, some of which are looked at; without it blur, speed and fields are
-        not told from a hand.
+    ``states`` is what the markers say of each of these frames, see :func:`tracker.quality.account.gap_states`. Without
+    ``pictures``, which gives frames by their numbers, blur, speed and fields are not told from a hand.
     """
     unknown = np.flatnonzero(~angles.valid)
     if len(unknown) == 0:
@@ -159,12 +141,7 @@ def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
 def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
     """Return what would give more frames an angle: a sentence each for the commonest causes, or none.
 
-    Parameters
-    ----------
-    frames : mapping
-        From :func:`tracker.quality.account.frame_account`.
-    causes : Causes
-        From :func:`find_causes`.
+    ``frames`` is from :func:`tracker.quality.account.frame_account`.
     """
     if not frames["total"] or frames["without_angle"] <= _FELT * frames["total"] or not causes.count:
         return []

@@ -13,8 +13,10 @@ import pytest
 from films import Rig
 from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
 
+from torsight.core.optics.camera import read_camera
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import orient
+from tracker.angle.stereo import orient_pair
 
 ROW_S = 15e-3 / 640
 """15 ms for the picture's width, of the 16.7 ms from one frame to the next."""
@@ -121,3 +123,22 @@ def test_frames_that_share_a_stamp_do_no_harm() -> None:
     error = np.rad2deg(angles.angle_rad) - STRAIGHT.truth_deg
     right = np.setdiff1d(np.arange(len(error)), [49, 50, 51, 118, 119, 120, 121, 122])
     assert np.sqrt(np.mean((error / np.rad2deg(angles.sigma_rad))[right] ** 2)) < 1.4
+
+
+@pytest.mark.parametrize("row_s", [(ROW_S, ROW_S), (ROW_S, 0.6 * ROW_S), (0.0, ROW_S)])
+def test_each_film_of_a_pair_has_its_own(tmp_path: Path, row_s: tuple[float, float]) -> None:
+    rigs = [replace(SWINGS, tilt_deg=tilt) for tilt in ((4.0, -8.0), (10.0, 14.0))]
+    (tmp_path / "pair.toml").write_text(rigs[0].pair_toml(rigs[1]))
+    films = [rolled(rig, rows, along=1, seed=seed) for seed, (rig, rows) in enumerate(zip(rigs, row_s, strict=True))]
+    found = orient_pair(*films, read_camera(tmp_path / "pair.toml"))
+    for name, rows in zip(("rolling_shutter", "rolling_shutter_right"), row_s, strict=True):
+        told = found.report[name]
+        assert told["known"] == (rows > 0.0)
+        if rows:
+            low, high = told["row_time_ci95_us"]
+            assert abs(told["row_time_us"] - 1e6 * rows) < 1.5 * (0.5 * (high - low))
+    error = np.rad2deg(found.angles.angle_rad - np.deg2rad(SWINGS.truth_deg))
+    ratio = error / np.rad2deg(found.angles.sigma_rad)
+    assert np.sqrt(np.mean(ratio**2)) < 1.3
+    # Two cameras are better than one: its bound is the one of test_it_is_found_and_taken_out.
+    assert np.sqrt(np.mean(error**2)) < 1.5 * np.rad2deg(np.sqrt(2.0) * SIGMA_PX / 70.0)

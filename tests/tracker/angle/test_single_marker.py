@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tracker.angle.camera_motion import picture_shift
+from tracker.angle.row_time import circles
 from tracker.angle.single_marker import single_marker_direction
 
 SIGMA = 0.02
@@ -71,3 +72,24 @@ def test_nothing_is_said_where_no_marker_is_seen() -> None:
     moving, _ = hide(whole, 0, slice(90, 100))
     moving, pair_rad = hide(moving, 1, slice(90, 100))
     assert not np.isfinite(single_marker_direction(moving, pair_rad)[0]).any()
+
+
+def test_circles_are_those_of_least_squares() -> None:
+    rng = np.random.default_rng(3)
+    turn = rng.uniform(0.0, 5.0, 60)
+    arms = np.exp(1j * turn)[:, None] * [20.0 + 3.0j, 90.0 - 4.0j] + 130.0 + 95.0j
+    points = np.stack([arms.real, arms.imag], axis=-1) + rng.normal(0.0, 0.5, (60, 2, 2))
+    found, normal = circles(points, turn)
+    rows, targets = [], []
+    for pair, angle in zip(points, turn, strict=True):
+        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        for at, place in enumerate(pair):
+            own = np.zeros((2, 4))
+            own[:, 2 * at : 2 * at + 2] = rotation
+            rows.append(np.hstack([np.eye(2), own]))
+            targets.append(place)
+    design = np.vstack(rows)
+    expected = np.linalg.lstsq(design, np.concatenate(targets), rcond=None)[0]
+    assert np.stack([found.real, found.imag], axis=1).ravel() == pytest.approx(expected, rel=1e-7)
+    # In real numbers the normal matrix is twice as large: its real parts are those of x with x.
+    assert normal.real == pytest.approx((design.T @ design)[::2, ::2])

@@ -9,7 +9,7 @@ from scipy import stats
 from tracker.follow.innovation import passes
 from tracker.follow.motion_model import ways
 from tracker.follow.redetect import direction
-from tracker.follow.rotation_axis import AXIS, circle_equations, direction_from, learn_axis, on_circle
+from tracker.follow.rotation_axis import AXIS, direction_from, learn_axis, on_circle
 from tracker.follow.state import KEPT, MARKER
 
 TIMES_S = np.array([0.0, 0.03, 0.07, 0.1])
@@ -82,22 +82,3 @@ def test_a_stick_that_hardly_turns_tells_no_axis() -> None:
     for inner, outer in points.tolist():
         learn_axis(axis[0], tuple(inner), tuple(outer))
     assert not axis[0]["known"]
-
-
-def test_the_equations_are_those_of_least_squares() -> None:
-    rng = np.random.default_rng(3)
-    points, _ = stick(rng.uniform(0.0, 5.0, 60))
-    points += rng.normal(0.0, 0.5, points.shape)
-    offset = points[:, 1] - points[:, 0]
-    turn = np.arctan2(offset[:, 1], offset[:, 0])
-    normal, right = circle_equations(points, turn)
-    rows, targets = [], []
-    for (inner, outer), angle in zip(points, turn, strict=True):
-        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        for at, place in ((0, inner), (1, outer)):
-            arms = np.zeros((2, 4))
-            arms[:, 2 * at : 2 * at + 2] = rotation
-            rows.append(np.hstack([np.eye(2), arms]))
-            targets.append(place)
-    expected = np.linalg.lstsq(np.vstack(rows), np.concatenate(targets), rcond=None)[0]
-    assert np.linalg.solve(normal, right) == pytest.approx(expected, rel=1e-9)
