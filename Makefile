@@ -54,4 +54,4 @@ dist: $(VENV)/.installed-dev
 	$(BIN)/python fixtures/try_install.py dist/*.tar.gz
 
 clean:
-	rm -rf docs/_build demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build docs/jupyter_execute demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

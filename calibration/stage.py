@@ -15,7 +15,6 @@ from calibration.cameras.lens import LensCalibration, calibrate_lens
 from calibration.cameras.stereo_pair import PairCalibration, calibrate_pair
 from calibration.quality.calibration_verdict import GOOD, Verdict, judge_lens, judge_pair, worst_of
 from calibration.views.board_views import Seen, find_views
-from calibration.views.detect import View
 from calibration.views.picture_files import expand, is_film
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import AnyPath
@@ -213,16 +212,6 @@ def camera_of(calibration: Calibration, known: Camera | None = None) -> Camera:
         intrinsics=intrinsics,
         pose=calibration.disk.pose if calibration.disk else None,
         right=calibration.pair.right if calibration.pair else None,
-    )
-
-
-def views_of(side: Side) -> tuple[list[View], list[View]]:
-    """Return the views that the lens rests on, and those that were set aside."""
-    kept = set(side.lens.kept.tolist())
-    views = side.lens.views
-    return (
-        [view for place, view in enumerate(views) if place in kept],
-        [view for place, view in enumerate(views) if place not in kept],
     )
 
 

@@ -20,6 +20,7 @@ from calibration.boards.board_file import Board
 from calibration.views.detect import View
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.minimise import least_squares
+from torsight.core.optics.axis import pose_along, tilt_of
 from torsight.core.optics.camera import Intrinsics, Pose
 from torsight.core.optics.circles import axis_basis
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
@@ -116,16 +117,9 @@ def pose_on_disk(
             limit=f"{_LARGEST_ERROR_PX:g} px",
             do="take it with the calibrated camera, focus and zoom untouched; between turns move only the disk",
         )
-    u, v = axis_basis(direction)
-    toward = -origin / np.linalg.norm(origin)
     return DiskPose(
-        pose=Pose(
-            rvec=rotation_vector(np.stack((u, v, direction), axis=1)),
-            tvec_mm=origin,
-            base_z_mm=base_z_mm,
-            moving_z_mm=moving_z_mm,
-        ),
-        tilt_deg=float(np.degrees(np.arccos(np.clip(toward @ direction, -1.0, 1.0)))),
+        pose=pose_along(origin, direction, base_z_mm=base_z_mm, moving_z_mm=moving_z_mm),
+        tilt_deg=float(np.degrees(tilt_of(origin, direction))),
         direction_sigma_deg=float(np.degrees(sigma_rad)),
         place_sigma_mm=place_mm,
         error_px=error_px,

@@ -15,6 +15,7 @@ from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_table
+from torsight.core.files.tables import marker_values
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Pose
 from torsight.core.words.wording import number
@@ -136,13 +137,6 @@ def _read(path: Path) -> tuple[Floats, Floats]:
     """Return positions (n, 2, 2) and covariances (n, 2, 2, 2) of the moving stick's markers, NaN where not valid."""
     columns = [f"{marker}_{part}" for marker in _MARKERS for part in ("x_px", "y_px", "sigma_px", "valid")]
     table = read_table(path, required=columns)
-    position = np.full((len(table), 2, 2), np.nan)
-    covariance = np.full((len(table), 2, 2, 2), np.nan)
-    for place, marker in enumerate(_MARKERS):
-        x, y, sigma, valid = (
-            table[f"{marker}_{part}"].to_numpy(np.float64) for part in ("x_px", "y_px", "sigma_px", "valid")
-        )
-        good = (valid > 0.5) & (sigma > 0.0)
-        position[:, place] = np.where(good[:, None], np.stack((x, y), axis=1), np.nan)
-        covariance[:, place] = np.where(good, sigma, np.nan)[:, None, None] ** 2 * np.eye(2)
-    return position, covariance
+    values = marker_values(table, "x_px", "y_px", "sigma_px", names=_MARKERS)
+    values[~(values[..., 2] > 0.0)] = np.nan
+    return values[..., :2], values[..., 2, None, None] ** 2 * np.eye(2)

@@ -78,7 +78,7 @@ class Fit:
     @property
     def rms_px(self) -> float:
         """Root mean square distance over all corners (what OpenCV returns)."""
-        return float(np.sqrt(np.mean(np.sum(np.concatenate(self.residual_px) ** 2, axis=1))))
+        return root_mean_square(np.concatenate(self.residual_px))
 
     @property
     def mean_px(self) -> float:
@@ -113,6 +113,16 @@ class LensCalibration:
     aside: tuple[SetAside, ...]
     first: Fit
     between_views: Floats
+
+    @property
+    def kept_views(self) -> list[View]:
+        """The views that the fit uses."""
+        return [self.views[index] for index in self.kept]
+
+    @property
+    def aside_views(self) -> list[View]:
+        """The views that were set aside, in the order of the pictures."""
+        return [view for index, view in enumerate(self.views) if index not in self.kept]
 
     @property
     def sigma(self) -> Floats:
@@ -177,11 +187,16 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
     return Fit(
         intrinsics=intrinsics,
         sigma=np.asarray(sigma, np.float64).reshape(-1)[: len(PARAMETERS)],
-        error_px=np.array([np.sqrt(np.mean(np.sum(residual**2, axis=1))) for residual in residuals]),
+        error_px=np.array([root_mean_square(residual) for residual in residuals]),
         rvec=rvecs,
         tvec_mm=tvecs,
         residual_px=residuals,
     )
+
+
+def root_mean_square(distances: Floats) -> float:
+    """Return the root mean square length of distances (n, 2)."""
+    return float(np.sqrt(np.mean(np.sum(distances**2, axis=1))))
 
 
 def lens_values(intrinsics: Intrinsics) -> Floats:
@@ -201,7 +216,7 @@ def _without_bad(
             break
         median = float(np.median(error))
         view = views[kept[worst]]
-        shift = float(np.sqrt(np.mean(np.sum((view.wide_px - view.corners_px) ** 2, axis=1))))
+        shift = root_mean_square(view.wide_px - view.corners_px)
         why = f"its corners are {error[worst]:.2f} px off, the median of the views is {median:.2f} px"
         if window == "wide" and shift > 0.5 * error[worst]:
             why += f"; they move by {shift:.2f} px with the window in which they are measured"

@@ -78,7 +78,7 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
     NoResultError
         When too few pictures show the board in both cameras.
     """
-    pairs = _common_views([left.views[index] for index in left.kept], [right.views[index] for index in right.kept])
+    pairs = _common_views(left.kept_views, right.kept_views)
     _require_pairs(len(pairs))
     lenses = left.fit.intrinsics, right.fit.intrinsics
     aside: list[SetAside] = []
@@ -167,7 +167,7 @@ def _jackknife(
         gone = {pairs[place].index for place in group}
         lenses = [
             fit_lens(
-                [camera.views[view] for view in camera.kept if camera.views[view].index not in gone],
+                [view for view in camera.kept_views if view.index not in gone],
                 camera.fit.intrinsics.size_px,
             ).intrinsics
             for camera in (left, right)

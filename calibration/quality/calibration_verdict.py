@@ -73,7 +73,7 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     """Return the verdict on one camera."""
     normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in lens.fit.rvec])
     focal = lens.fit.intrinsics.matrix[0, 0]
-    covered = cells_covered([lens.views[index] for index in lens.kept], size_px)
+    covered = cells_covered(lens.kept_views, size_px)
     return _verdict(
         [
             _Criterion(

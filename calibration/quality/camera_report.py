@@ -10,7 +10,7 @@ import numpy as np
 from calibration.cameras.lens import PARAMETERS, spread_deg
 from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
-from calibration.stage import Calibration, Side, views_of
+from calibration.stage import Calibration, Side
 from calibration.views.board_views import Seen
 from torsight.core.files.provenance import versions
 from torsight.core.optics.geometry import rotation_matrix
@@ -75,7 +75,7 @@ def summary(calibration: Calibration) -> list[str]:
 def _lens_lines(name: str, side: Side) -> list[str]:
     lens, views = side.lens, side.lens.views
     matrix, sigma = lens.fit.intrinsics.matrix, lens.sigma
-    kept, _ = views_of(side)
+    kept = lens.kept_views
     covered = 100.0 * float(cells_covered(kept, side.seen.size_px).mean())
     missing = [source for source in side.seen.sources if source.note]
     lines = [
@@ -100,7 +100,7 @@ def _lens_lines(name: str, side: Side) -> list[str]:
 
 def _lens(side: Side) -> dict[str, Any]:
     lens = side.lens
-    kept, _ = views_of(side)
+    kept = lens.kept_views
     content: dict[str, Any] = {
         "width": side.seen.size_px[0],
         "height": side.seen.size_px[1],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from calibration.quality.calibration_verdict import CELLS, cells_covered
-from calibration.stage import Side, views_of
+from calibration.stage import Side
 from torsight.core.files.storage import atomic_path
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
 
 def _draw_side(axes: Axes, name: str, side: Side) -> Any:
     width, height = side.seen.size_px
-    kept, aside = views_of(side)
+    kept, aside = side.lens.kept_views, side.lens.aside_views
     covered = cells_covered(kept, side.seen.size_px)
     for row, column in np.argwhere(~covered):
         axes.axvspan(

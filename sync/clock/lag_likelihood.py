@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
 from sync.signals.changepoints import MAX_LAG_S, Changepoint
-from sync.signals.heating_segments import WINDOW_S
+from sync.signals.even_signal import WINDOW_S
 from torsight.core.series import robust_sigma
 
 SHORT_LAG_S: Final = 0.1 * WINDOW_S

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.clock.clock_priors import PRIORS
-from sync.signals.heating_segments import WINDOW_S, HeatingSegment, LogSignals
+from sync.signals.even_signal import WINDOW_S
+from sync.signals.heating_segments import HeatingSegment, LogSignals
 from sync.signals.strokes import Stroke
 from torsight.core.series import runs
 

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian
 from sync.clock.motion_likelihood import MotionLikelihood, motion_likelihood
 from sync.clock.offset_search import best_share
@@ -23,7 +24,7 @@ from sync.signals.heating_segments import log_signals
 from sync.signals.strokes import find_strokes
 from torsight.core.tracks import StickAngles
 
-SURE_GAP_S: Final = 0.01
+SURE_GAP_S: Final = PRIORS.stop_sigma_s / 5
 """A gap that is known better is no unknown of the clock: a fifth of how exactly a stop is known."""
 _AWAY_CELLS_S: Final = (
     (0.0, 10.0, 0.12),

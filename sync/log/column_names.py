@@ -301,10 +301,11 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
     name = chosen.names.get(role, CONTRACT.get(role, role))
     shown = ", ".join(header[:12])[:200]
     if role in chosen.names:
-        folded = {_folded(one): one for one in header}
+        free = [one for one in header if one not in chosen.names.values()]
+        folded = {_folded(one): one for one in free}
         near = difflib.get_close_matches(_folded(name), folded, n=1, cutoff=0.4)
         hint = f"did you mean '{folded[near[0]]}'?" if near else "name a column of the header"
-        return InputError(f"has no column '{name}'", where=where, value=shown, do=f"{hint}; it is named for {role}")
+        return InputError(f"has no column '{name}'", where=where, value=shown, do=f"it is named for {role}: {hint}")
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
     example = ",".join(f"{one}={'NAME'}" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""

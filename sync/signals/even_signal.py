@@ -12,8 +12,10 @@ from scipy.signal import savgol_filter
 
 from torsight.core.series import scatter
 
-_FINEST_STEP_S: Final = 0.05
-"""A fortieth of the window over which a log is smoothed: nothing finer is left after it."""
+WINDOW_S: Final = 2.0
+"""Time over which a log is smoothed: eight rows at 4 Hz."""
+_FINEST_STEP_S: Final = WINDOW_S / 40
+"""Nothing finer is left after the smoothing."""
 _MAX_POINTS: Final = 400_000
 """Five and a half hours at the finest step; longer records get coarser steps, to bound memory and time."""
 

@@ -9,15 +9,13 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.even_signal import EvenSignal, even_signal
+from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
 from torsight.core.words.plausible import HEATED_C
 
 _MIN_SHARE: Final = 0.3
 """A rise smaller than this share of the largest one is the other spring's warmth."""
-WINDOW_S: Final = 2.0
-"""Time over which a log is smoothed: eight rows at 4 Hz."""
 _HEATING_SHARE: Final = 0.03
 """Share of a heating over which its temperature is smoothed for the thresholds: 3 % of the way does not bend it."""
 

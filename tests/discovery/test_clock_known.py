@@ -48,7 +48,7 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
         (None, None),
         ({"method": "motion against temperature: 4 of 4 strokes", "offset_s": {"ci95": [6.9, 7.1]}}, None),
         ({"method": "given offset", "offset_s": {"ci95": [7.0, 7.0]}}, None),
-        ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [6.804, 7.196]}}, 0.1),
+        ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [6.8040036, 7.1959964]}}, 0.1),
         ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [7.0, 7.001]}}, 0.05),
     ],
 )

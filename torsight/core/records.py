@@ -159,12 +159,7 @@ class SyncedTable(Frozen, Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``merged.csv``."""
-        return {
-            "time_s": self.time_s,
-            "angle_deg": self.angle_rad / DEG,
-            "angle_sigma_deg": self.angle_sigma_rad / DEG,
-            **_temperature_columns(self),
-        }
+        return merged_columns(self)
 
     def _draw(self, axes: Any) -> None:
         """Draw the angle against time, and both temperatures on an axis of their own."""
@@ -174,6 +169,16 @@ class SyncedTable(Frozen, Shown):
             beside.plot(self.time_s, values, label=name, linewidth=0.8, color=colour)
         beside.set_ylabel("temperature, °C")
         beside.legend()
+
+
+def merged_columns(table: SyncedTable) -> dict[str, Any]:
+    """Return the columns of ``merged.csv``."""
+    return {
+        "time_s": table.time_s,
+        "angle_deg": table.angle_rad / DEG,
+        "angle_sigma_deg": table.angle_sigma_rad / DEG,
+        **_temperature_columns(table),
+    }
 
 
 def _temperature_facts(table: TemperatureLog | SyncedTable) -> dict[str, str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,12 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.files.storage import write_bytes
+from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Candidate
 
+Box = tuple[float, float, float, float]
+"""Left, top, width, height in pixels."""
+Ticks = Iterable[tuple[float, float]]
+"""Lines of a grid: place in pixels of the plot, number."""
 SHOWN_PX: Final = 960
 """Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
 BASE: Final = BASE_COLOUR
@@ -37,8 +42,10 @@ PLAIN: Final[Colour] = (51, 51, 51)
 WHITE: Final[Colour] = (255, 255, 255)
 BLACK: Final[Colour] = (0, 0, 0)
 TEXT_PX: Final = 12
+"""Usual height of letters."""
 _REGULAR: Final = 400
 _BOLD: Final = 600
+"""Weights of the font, as in CSS."""
 _SHIFT: Final = 4
 """Binary digits of a coordinate after the point, for OpenCV's anti-aliased lines."""
 _BEFORE: Final = {"left": 0.0, "center": 0.5, "right": 1.0}
@@ -65,7 +72,7 @@ class Canvas:
         """Return a white canvas of a width and height."""
         return Canvas(np.full((round(size_px[1]), round(size_px[0]), 3), 255, np.uint8))
 
-    def part(self, box_px: tuple[float, float, float, float]) -> Canvas:
+    def part(self, box_px: Box) -> Canvas:
         """Return a part ``(left, top, width, height)`` as a canvas of its own: what is drawn ends at its border."""
         left, top, width, height = (round(value) for value in box_px)
         return Canvas(self.pixels[top : top + height, left : left + width])
@@ -117,9 +124,7 @@ class Canvas:
 
     def line(self, points_px: NDArray[np.float64], colour: Colour, *, width_px: int = 1) -> None:
         """Draw the line through places (n, 2); it is interrupted where one is NaN."""
-        known = np.isfinite(points_px).all(axis=1)
-        cuts = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
-        for begin, end in zip(cuts[::2], cuts[1::2], strict=True):
+        for begin, end in runs(np.asarray(np.isfinite(points_px).all(axis=1))):
             places = [_fixed(points_px[begin:end])]
             cv2.polylines(self.pixels, places, False, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
 
@@ -129,25 +134,17 @@ class Canvas:
         for top in range(0, self.size_px[1], 2 * dash_px):
             self.pixels[top : top + dash_px, x] = colour[::-1]
 
-    def ring(
-        self,
-        centre_px: tuple[float, float],
-        radius_px: float,
-        colour: Colour,
-        *,
-        width_px: int = 2,
-        dotted: bool = False,
-    ) -> None:
-        """Draw a circle."""
+    def ring(self, centre_px: tuple[float, float], radius_px: float, colour: Colour, *, dotted: bool = False) -> None:
+        """Draw a circle, two pixels wide."""
         if not dotted:
             x, y = _fixed(np.array(centre_px)).tolist()
             reach = round(radius_px * 2**_SHIFT)
-            cv2.circle(self.pixels, (x, y), reach, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
+            cv2.circle(self.pixels, (x, y), reach, colour[::-1], 2, cv2.LINE_AA, _SHIFT)
             return
         parts = max(6, round(math.pi * radius_px / _DOT_PX))
         angles = np.arange(2 * parts).reshape(parts, 2) * math.pi / parts
         for x, y in np.stack([np.cos(angles), np.sin(angles)], axis=1):
-            self.line(np.array(centre_px) + radius_px * np.column_stack([x, y]), colour, width_px=width_px)
+            self.line(np.array(centre_px) + radius_px * np.column_stack([x, y]), colour, width_px=2)
 
     def cross(self, centre_px: tuple[float, float], reach_px: float, colour: Colour) -> None:
         """Draw an upright cross."""
@@ -243,6 +240,17 @@ def show_named(
         view.canvas.ring((x, y), 9.0, colour)
         view.canvas.cross((x, y), 5.0, colour)
         view.canvas.label((x + 13.0, y - 4.0), name, colour)
+
+
+def draw_grid(canvas: Canvas, plot: Canvas, box_px: Box, across: Ticks, up: Ticks, *, colour: Colour) -> None:
+    """Draw lines over a plot, which is a part of the canvas, and write their numbers below it and to its left."""
+    left, top, width, height = (round(value) for value in box_px)
+    for x, number in across:
+        plot.line(np.array([[x, 0.0], [x, height]]), colour)
+        canvas.text((left + x, top + height + 16), f"{number:g}".replace("-", "−"), align="center")
+    for y, number in up:
+        plot.line(np.array([[0.0, y], [width, y]]), colour)
+        canvas.text((left - 6, top + y + 4), f"{number:g}".replace("-", "−"), align="right")
 
 
 def marker_names() -> list[str]:

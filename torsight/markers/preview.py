@@ -20,6 +20,7 @@ from torsight.markers.drawing import (
     WHITE,
     Canvas,
     FrameView,
+    draw_grid,
     marker_colours,
     marker_names,
     round_numbers,
@@ -98,15 +99,11 @@ def _grid(canvas: Canvas, view: FrameView, size_px: tuple[int, int]) -> None:
     left, top = _CORNER_PX
     width, height = view.canvas.size_px
     lines = round_numbers(0.0, float(max(size_px)), most=_GRID_LINES)
+    places = view.at(np.column_stack([lines, lines]))
+    inside = [lines < size for size in size_px]
+    ticks = [zip(places[some, axis], lines[some], strict=True) for axis, some in enumerate(inside)]
     over = Canvas(view.canvas.pixels.copy())
-    for number in lines[lines < size_px[0]].tolist():
-        x = float(view.at(np.array([number, 0.0]))[0])
-        over.line(np.array([[x, 0.0], [x, height]]), WHITE)
-        canvas.text((left + x, top + height + 16), f"{number:g}", align="center")
-    for number in lines[lines < size_px[1]].tolist():
-        y = float(view.at(np.array([0.0, number]))[1])
-        over.line(np.array([[0.0, y], [width, y]]), WHITE)
-        canvas.text((left - 6, top + y + 4), f"{number:g}", align="right")
+    draw_grid(canvas, over, (left, top, width, height), *ticks, colour=WHITE)
     view.canvas.pixels[:] = cv2.addWeighted(over.pixels, _GRID_SHARE, view.canvas.pixels, 1.0 - _GRID_SHARE, 0.0)
     view.canvas.frame_round()
     canvas.text((left + width / 2, top + height + 34), "x (px)", align="center")

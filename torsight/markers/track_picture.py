@@ -15,7 +15,7 @@ from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import BASE, MOVING, PLAIN, Canvas, round_numbers, show_frame, show_stick
+from torsight.markers.drawing import BASE, MOVING, PLAIN, Box, Canvas, draw_grid, round_numbers, show_frame, show_stick
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
 _GAP: Final[Colour] = (213, 94, 0)
 _ANGLE: Final[Colour] = (0, 114, 178)
+"""As in the report."""
 _GRID: Final[Colour] = (230, 230, 230)
 
 
@@ -168,9 +169,7 @@ def _draw_frame(
     canvas.frame_round()
 
 
-def _draw_angle(
-    canvas: Canvas, box_px: tuple[float, float, float, float], angles: StickAngles, shown: list[Shown]
-) -> None:
+def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Shown]) -> None:
     """Draw the angle over time, its 95 % band, the gaps as bands, and where the frames above are."""
     left, top, width, height = (round(value) for value in box_px)
     plot = canvas.part(box_px)
@@ -184,14 +183,10 @@ def _draw_angle(
         across = (times - begin_s) / (end_s - begin_s) * (width - 1)
         return np.column_stack([across, (high - degrees) / (high - low) * (height - 1)])
 
-    for number in round_numbers(begin_s, end_s, most=12).tolist():
-        x = float(at(np.array([number]), np.array([low]))[0, 0])
-        plot.line(np.array([[x, 0.0], [x, height]]), _GRID)
-        canvas.text((left + x, top + height + 16), f"{number:g}", align="center")
-    for number in round_numbers(low, high, most=7).tolist():
-        y = float(at(np.array([begin_s]), np.array([number]))[0, 1])
-        plot.line(np.array([[0.0, y], [width, y]]), _GRID)
-        canvas.text((left - 6, top + y + 4), f"{number:g}".replace("-", "−"), align="right")
+    times, degrees = round_numbers(begin_s, end_s, most=12), round_numbers(low, high, most=7)
+    across = zip(at(times, np.full(len(times), low))[:, 0], times, strict=True)
+    up = zip(at(np.full(len(degrees), begin_s), degrees)[:, 1], degrees, strict=True)
+    draw_grid(canvas, plot, box_px, across, up, colour=_GRID)
     upper, lower = at(time_s, angle_deg + band), at(time_s, angle_deg - band)
     known = [slice(begin, end) for begin, end in runs(np.isfinite(angle_deg + band))]
     plot.tint([np.concatenate([upper[some], lower[some][::-1]]) for some in known], _ANGLE, 0.25)

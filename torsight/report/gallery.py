@@ -53,7 +53,8 @@ def _lines(results: RunResults) -> list[str]:
 
 def _pictures(results: RunResults) -> list[tuple[str, str]]:
     """Return the small pictures of one experiment: their words, and an address that holds each of them."""
-    from torsight.report.figures.motion import ANGLE, RESIDUAL, TIME, column
+    from torsight.core.files.results import column
+    from torsight.report.figures.motion import ANGLE, RESIDUAL, TIME
     from torsight.report.plots.panels import Axis, Panel
     from torsight.report.plots.still import picture_data, still
 

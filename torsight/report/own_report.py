@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
 _DPI: Final = 110
+"""Resolution of the pictures in the page."""
 
 
 def write_own_report(found: Findings, folder: Path, *, model: Path, records: Sequence[Path]) -> Path:

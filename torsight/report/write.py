@@ -262,7 +262,7 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
 
 def drawable(table: pd.DataFrame) -> bool:
     """Return whether a table holds enough known times and angles to be drawn."""
-    from torsight.report.figures.motion import column
+    from torsight.core.files.results import column
 
     return (
         len(table) > 1

@@ -31,6 +31,7 @@ OPTIONS: Final = {
     "libx264": {"preset": "veryfast", "crf": "26", "g": "50"},
 }
 NOBODY: Final = 65534
+"""User without any rights, by the convention of Linux."""
 GONE: Final = 3
 """Exit code when the sender ended without an end."""
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from tracker.frames.frame import Frame
 
 WIDEST_PX: Final = 640
+"""Width of the preview; a wider film is shrunk."""
 MOST_FRAMES: Final = 1500
+"""Frames of the preview: a minute at its rate."""
 RATE_HZ: Final = 25
 """Rate of the preview's own clock; the recording says which film time each of its frames belongs to."""
 

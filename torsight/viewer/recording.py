@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import atomic_path
+from torsight.core.files.tables import marker_values
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import MARKERS
 from torsight.core.units import DEG
 from torsight.core.words.wording import effect_name, variable_name
 from torsight.viewer import view_layout
@@ -29,7 +29,6 @@ from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
-    import pandas as pd
     import rerun as rr
 
     from torsight.discovery.measured_law import MeasuredLaw
@@ -148,7 +147,7 @@ def _whole(path: Path) -> Iterator[None]:
 
 
 def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress: Progress) -> Preview | None:
-    frames = results.markers if results.markers is not None else results.angle
+    frames = results.first_of("markers", "angle")
     if film is None or frames is None:
         return None
     return write_preview(film, scratch / "preview.mp4", frame_count=len(frames), progress=progress)
@@ -156,24 +155,18 @@ def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress:
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
     """Log every curve that the results hold."""
-    for entity, (column, tables) in CURVES.items():
-        table = next(
-            (found for name in tables if (found := getattr(results, name)) is not None and column in found.columns),
-            None,
-        )
-        if table is None:
-            continue
-        time_s, values = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", column))
-        if np.isfinite(values).any():
-            view_layout.log_series(stream, entity, time_s, values)
+    for entity, (wanted, names) in CURVES.items():
+        table = results.first_of(*names, holding=wanted)
+        if table is not None and np.isfinite(values := column(table, wanted)).any():
+            view_layout.log_series(stream, entity, column(table, "time_s"), values)
 
 
 def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
     """Log what the angle's own error makes of the residual."""
-    table = next((one for one in (results.curves, results.merged, results.angle) if one is not None), None)
+    table = results.first_of("curves", "merged", "angle")
     if table is None or "angle_sigma_deg" not in table.columns:
         return
-    time_s, sigma_deg = (table[name].to_numpy(dtype=np.float64) for name in ("time_s", "angle_sigma_deg"))
+    time_s, sigma_deg = column(table, "time_s"), column(table, "angle_sigma_deg")
     known = np.isfinite(sigma_deg)
     for side, entity in view_layout.BAND.items():
         view_layout.log_series(stream, entity, time_s[known], side * sigma_deg[known])
@@ -223,10 +216,10 @@ def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
 def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview | None) -> None:
     import rerun as rr
 
-    table = results.markers if results.markers is not None else results.angle
+    table = results.first_of("markers", "angle")
     if table is None:
         return
-    time_s = table["time_s"].to_numpy(dtype=np.float64)
+    time_s = column(table, "time_s")
     if preview is not None:
         chosen = preview.frame
         video = rr.AssetVideo(path=preview.path)
@@ -256,20 +249,13 @@ def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> 
     table = results.markers
     if table is None:
         return []
-    position_px = np.stack([_positions(table, name) for name in MARKERS], axis=1)
+    position_px = marker_values(table, "x_px", "y_px")
     angle_rad = np.full(len(table), np.nan)
     if results.angle is not None:
-        known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
-        degrees = np.where(known, results.angle["angle_deg"].to_numpy(dtype=np.float64), np.nan)
+        degrees = np.where(column(results.angle, "valid") > 0.5, column(results.angle, "angle_deg"), np.nan)
         rows = min(len(degrees), len(angle_rad))
         angle_rad[:rows] = degrees[:rows] * DEG
     return [overlay(position_px[k], float(angle_rad[k]), scale=scale) for k in frame.tolist()]
-
-
-def _positions(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    both = np.column_stack([table[f"{name}_{axis}_px"].to_numpy(dtype=np.float64) for axis in "xy"])
-    both[table[f"{name}_valid"].to_numpy(dtype=np.float64) < 0.5] = np.nan
-    return both
 
 
 def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: Sequence[Any]) -> None:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.core.files.results import RunResults
+from torsight.core.files.results import RunResults, column
 from torsight.core.words.symbols import plain_symbol
 from torsight.core.words.wording import effect_name, estimate, fixed, number, verdict_sentence
 
@@ -57,7 +57,7 @@ def half_cycle_begins(results: RunResults) -> list[HalfCycle]:
     table = results.curves
     if table is None or not {"half_cycle", "active"} <= set(table.columns):
         return []
-    half = table["half_cycle"].to_numpy(dtype=np.float64)
+    half = column(table, "half_cycle")
     rows = np.flatnonzero(np.diff(half, prepend=-np.inf) > 0.0)
     return [
         HalfCycle(float(row["time_s"]), float(row["angle_deg"]), str(row["active"]).upper())
@@ -67,11 +67,11 @@ def half_cycle_begins(results: RunResults) -> list[HalfCycle]:
 
 def span_s(results: RunResults) -> tuple[float, float]:
     """Return first and last time of the record on the film's clock; zeros where there is none."""
-    for table in (results.angle, results.merged, results.curves):
-        if table is not None:
-            time_s = table["time_s"].to_numpy(dtype=np.float64)
-            return float(time_s[0]), float(time_s[-1])
-    return 0.0, 0.0
+    table = results.first_of("angle", "merged", "curves")
+    if table is None:
+        return 0.0, 0.0
+    time_s = column(table, "time_s")
+    return float(time_s[0]), float(time_s[-1])
 
 
 def _clocks(results: RunResults) -> str:
@@ -116,7 +116,7 @@ def _motion(results: RunResults) -> list[tuple[str, str]]:
     angle = results.measured_angle_deg()
     if results.angle is None or not len(angle):
         return []
-    known = results.angle["valid"].to_numpy(dtype=np.float64) > 0.5
+    known = column(results.angle, "valid") > 0.5
     low, high = (fixed(float(end), 1) for end in (angle.min(), angle.max()))
     return [
         ("Range of motion", f"{np.ptp(angle):.1f}° ({low}° to {high}°)"),

@@ -108,10 +108,9 @@ def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> An
 
 
 @contextmanager
-def viewer_without_screen(size_px: tuple[int, int] = (1280, 800), *, port: int | None = None) -> Iterator[ViewerClient]:
+def viewer_without_screen(size_px: tuple[int, int] = (1280, 800)) -> Iterator[ViewerClient]:
     """Give a connection to a viewer that draws without a screen; it ends with the block."""
-    port = port or free_port()
-    viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=port)
+    viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=free_port())
     try:
         yield _connected(viewer)
     except (RuntimeError, ConnectionError) as error:

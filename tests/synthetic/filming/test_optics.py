@@ -12,7 +12,7 @@ import pytest
 from torsight.core.files.storage import write_text
 from torsight.core.optics.camera import camera_content, read_camera
 from torsight.core.units import DEG
-from torsight.synthetic.filming.optics import View, camera_of, rotation_about, rotation_vector, undistort, views
+from torsight.synthetic.filming.optics import View, camera_of, undistort, views
 from torsight.synthetic.scene import scene_from
 
 TILTED = {
@@ -36,7 +36,7 @@ def points_mm() -> np.ndarray:
 
 def test_projection_is_opencvs(points_mm: np.ndarray) -> None:
     for view in views(scene_from(TILTED)):
-        rvec = rotation_vector(view.rotation)
+        rvec = cv2.Rodrigues(view.rotation)[0]
         lens = view.intrinsics
         seen, _ = cv2.projectPoints(points_mm, rvec, view.translation_mm, lens.matrix, lens.distortion)
         assert np.allclose(view.project(points_mm), seen.reshape(-1, 2), atol=1e-8)
@@ -50,13 +50,6 @@ def test_rays_undo_the_lens() -> None:
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
     expected = cv2.undistortPoints(pixels[:, None], lens.matrix, lens.distortion, criteria=criteria)
     assert np.allclose(undistort(seen, lens.distortion), expected.reshape(-1, 2), atol=1e-9)
-
-
-@pytest.mark.parametrize("angle_deg", [0.0, 1e-7, 30.0, 179.9999, 180.0])
-def test_rotation_vectors_are_rodrigues(angle_deg: float) -> None:
-    axis = np.array([0.3, -0.8, 0.52])
-    rotation = rotation_about(axis, angle_deg * DEG)
-    assert np.allclose(cv2.Rodrigues(rotation_vector(rotation))[0], rotation, atol=1e-9)
 
 
 def test_plane_and_ray_meet_where_the_point_is(points_mm: np.ndarray) -> None:

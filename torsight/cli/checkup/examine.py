@@ -12,7 +12,7 @@ import numpy as np
 from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.film_check import check_film
-from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.finding import FEW, Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment_file import experiment_file, read_experiment
@@ -34,8 +34,6 @@ _TOML_KINDS: Final = {
     "moving": "markers",
 }
 """A table or key that tells what a TOML file is."""
-_SHORT: Final = 0.98
-"""Share of the film that the log has to cover: what is missing of it then leaves no half-cycle without its log."""
 
 
 @dataclass(slots=True)
@@ -226,7 +224,7 @@ def _look_at_overlap(
         covered = max(0.0, min(film_s, last) - max(0.0, first))
     else:
         covered = min(film_s, log.duration_s)
-    if covered >= _SHORT * film_s:
+    if covered >= (1.0 - FEW) * film_s:
         return []
     text = f"the log ({log.duration_s:.0f} s) covers at most {covered:.0f} s of the film ({film_s:.0f} s)."
     if covered == 0.0:

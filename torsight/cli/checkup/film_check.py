@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.cli.checkup.finding import Check, Finding, refusal
+from torsight.cli.checkup.finding import FEW, Check, Finding, refusal
 from torsight.cli.checkup.stretch import CLIP, track_stretches
 from torsight.core.errors import TorsightError
 from torsight.core.optics.camera import Camera, require_size
@@ -30,9 +30,9 @@ PLACES: Final = 17
 _LOOKED_AT: Final = (4, 8, 12, 16)
 """Those of them in which the markers are looked for, which costs as much as tracking a thousand frames."""
 _SMALL_PX: Final = 160
+"""Width to which a frame is shrunk before it is compared with another: single pixels no longer count."""
 _STEP_GREY: Final = 25
-_FEW: Final = 0.02
-"""Share of irregular or missing frames that is not worth a word: every fiftieth."""
+"""Change of brightness that counts as motion: a tenth of what eight bits hold, above noise and flicker."""
 
 
 def check_film(
@@ -83,7 +83,7 @@ def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, g
         "frame_interval_s": {"median": told.step_s, "min": told.shortest_s, "max": told.longest_s},
         "irregular_share": told.irregular_share,
     }
-    if told.irregular_share > _FEW and not given:
+    if told.irregular_share > FEW and not given:
         text = (
             f"has a varying frame rate ({100 * told.irregular_share:.0f} % of the steps differ from "
             f"{1e3 * told.step_s:.1f} ms, the longest is {1e3 * told.longest_s:.0f} ms); every frame is taken at its "
@@ -109,7 +109,7 @@ def _look_at_file(check: Check, about: str, source: Any, stamps: Stamps) -> None
         text = f"is damaged in {counted(len(damage), 'place')}: {damage[0]['text']}."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
     declared = source.frame_count
-    if not stamps.decoded and declared is not None and len(stamps) + stamps.hidden < (1.0 - _FEW) * declared:
+    if not stamps.decoded and declared is not None and len(stamps) + stamps.hidden < (1.0 - FEW) * declared:
         text = f"holds {len(stamps) + stamps.hidden} of {declared} declared frames: it was cut or damaged."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
 

@@ -10,6 +10,8 @@ from torsight.core.errors import TorsightError
 
 LEVELS: Final = ("fine", "note", "limits", "stops")
 """How much a finding matters: not at all, worth knowing, limits the result, there will be no result."""
+FEW: Final = 0.02
+"""Share of a film's frames, or of its time, that is not worth a word: every fiftieth."""
 _VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops": "do again"}
 
 

@@ -30,7 +30,9 @@ CLIP: Final = 400
 MODEL_ERROR_DEG: Final = 0.2
 """What the plain model itself leaves on a good record: an angle that is known better than this limits nothing."""
 _FAST_DEG: Final = 5.0
+"""Motion from frame to frame up to which the markers are surely followed."""
 _SMEAR_PX: Final = 0.5
+"""Motion of a marker while the shutter is open from which its smear is worth a word."""
 
 
 def track_stretches(

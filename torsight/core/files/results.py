@@ -73,20 +73,22 @@ class RunResults(Frozen, Shown):
 
     def measured_angle_deg(self) -> NDArray[np.float64]:
         """Return the measured angles that are known."""
-        for table in (self.angle, self.merged, self.curves):
-            if table is not None:
-                values = table["angle_deg"].to_numpy(dtype=np.float64)
-                if "valid" in table.columns:
-                    values = values[table["valid"].to_numpy(dtype=np.float64) > 0.5]
-                return np.asarray(values[np.isfinite(values)])
-        return np.empty(0)
+        table = self.first_of("angle", "merged", "curves")
+        if table is None:
+            return np.empty(0)
+        values = column(table, "angle_deg")
+        known = np.isfinite(values) & (column(table, "valid") > 0.5 if "valid" in table.columns else True)
+        return np.asarray(values[known])
+
+    def first_of(self, *names: str, holding: str = "time_s") -> pd.DataFrame | None:
+        """Return the first of some tables that is there and holds a column."""
+        tables = (getattr(self, name) for name in names)
+        return next((table for table in tables if table is not None and holding in table.columns), None)
 
     def _columns(self) -> dict[str, Any]:
         """Return the widest table that the run left: ``curves.csv``, ``merged.csv`` or ``angle.csv``."""
-        for table in (self.curves, self.merged, self.angle):
-            if table is not None:
-                return {str(name): table[name].to_numpy() for name in table.columns}
-        return {"time_s": []}
+        table = self.first_of("curves", "merged", "angle")
+        return {"time_s": []} if table is None else {str(name): table[name].to_numpy() for name in table.columns}
 
     def _draw(self, axes: Any) -> None:
         """Draw the measured angle and, where there is one, what the models say."""
@@ -94,6 +96,13 @@ class RunResults(Frozen, Shown):
         names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
         lines = {words: columns[name] for name, words in names.items() if name in columns}
         draw_series(axes, columns["time_s"], lines, label="angle, °")
+
+
+def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    """Return a column as float64 (NaN throughout where it is absent)."""
+    if name not in table.columns:
+        return np.full(len(table), np.nan)
+    return np.asarray(table[name].to_numpy(dtype=np.float64))
 
 
 def read_results(folder: AnyPath) -> RunResults:

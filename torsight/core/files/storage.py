@@ -176,6 +176,9 @@ def read_bytes(path: Path) -> bytes:
     except FileNotFoundError as error:
         raise missing_file(path) from error
     except OSError as error:
+        if not path.exists():
+            # A link in a circle.
+            raise missing_file(path) from error
         raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import number_column, read_table, write_table
-from torsight.core.records import SyncedTable
+from torsight.core.records import SyncedTable, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.plausible import require_degrees, require_stamps, require_units
@@ -133,19 +133,16 @@ def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None
     return columns
 
 
+def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKERS) -> NDArray[np.float64]:
+    """Return columns of ``markers.csv`` by marker and part, such as ``x_px``: (n, k, p), NaN where not valid."""
+    values = [[table[f"{name}_{part}"].to_numpy(np.float64) for part in parts] for name in names]
+    valid = np.array([table[f"{name}_valid"].to_numpy(np.float64) > 0.5 for name in names])
+    return np.where(valid.T[:, :, None], np.transpose(values, (2, 0, 1)), np.nan)
+
+
 def write_merged(path: AnyPath, table: SyncedTable) -> None:
     """Write ``merged.csv``: angle and temperatures on the film's clock."""
-    path = Path(path)
-    columns: dict[str, Any] = {
-        "time_s": table.time_s,
-        "angle_deg": table.angle_rad / DEG,
-        "angle_sigma_deg": table.angle_sigma_rad / DEG,
-        "temp_a_c": table.temp_a_c,
-        "temp_b_c": table.temp_b_c,
-    }
-    if table.heat_a is not None and table.heat_b is not None:
-        columns |= {"heat_a": table.heat_a, "heat_b": table.heat_b}
-    write_table(path, columns | dict(table.extra))
+    write_table(Path(path), merged_columns(table))
 
 
 def read_merged(path: AnyPath) -> SyncedTable:

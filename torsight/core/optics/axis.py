@@ -25,7 +25,9 @@ from torsight.core.optics.sights import Sight
 Floats = NDArray[np.float64]
 
 _FEWEST_FRAMES: Final = 8
+"""Frames with both moving markers below which no axis is looked for ..."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
+"""... and the part of a turn, 30°, that they have to span: a shorter arc lies on circles of many tilts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +69,7 @@ class Axis:
     @property
     def tilt_rad(self) -> float:
         """Angle between the axis and the camera's line of sight to it."""
-        toward = -self.point_mm / np.linalg.norm(self.point_mm)
-        return float(np.arccos(np.clip(toward @ self.direction, -1.0, 1.0)))
+        return tilt_of(self.point_mm, self.direction)
 
 
 def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis, Circles]:
@@ -180,13 +181,24 @@ def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0
     base_z_mm : float
         Height of the base stick's markers above the moving stick's; matters for positions in mm, not for the angle.
     """
-    u, v = axis_basis(axis.direction)
+    return pose_along(axis.point_mm * length_mm, axis.direction, base_z_mm=base_z_mm, moving_z_mm=0.0)
+
+
+def pose_along(origin_mm: Floats, direction: Floats, *, base_z_mm: float, moving_z_mm: float) -> Pose:
+    """Return the pose of the world whose z axis points along a unit vector from an origin, both the camera's (3,)."""
+    u, v = axis_basis(direction)
     return Pose(
-        rvec=rotation_vector(np.stack((u, v, axis.direction), axis=1)),
-        tvec_mm=axis.point_mm * length_mm,
+        rvec=rotation_vector(np.stack((u, v, direction), axis=1)),
+        tvec_mm=origin_mm,
         base_z_mm=base_z_mm,
-        moving_z_mm=0.0,
+        moving_z_mm=moving_z_mm,
     )
+
+
+def tilt_of(point_mm: Floats, direction: Floats) -> float:
+    """Return the angle between a unit vector towards the camera and the line of sight to its point, rad."""
+    toward = -point_mm / np.linalg.norm(point_mm)
+    return float(np.arccos(np.clip(toward @ direction, -1.0, 1.0)))
 
 
 def _directions_in_space(points: Floats) -> list[Floats]:

@@ -30,6 +30,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _ENOUGH: Final = 1e-6
+"""Gain of χ² from which a further step is not taken: a thousandth of a standard deviation."""
 _ANGLE_STEPS: Final = 2
 """Gauss-Newton steps for θ: its first guess is off by the pictures' noise over a radius, and each step leaves about the
 square of it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ from torsight.core.frozen import Frozen
 Floats = NDArray[np.float64]
 
 _STICKS = {"base": (0, 1), "moving": (2, 3)}
-_SIGNIFICANT = 4.0
-_BY_HAND_SIGMA_MM = 0.1
-"""Of a distance that was measured by hand."""
+_SIGNIFICANT: Final = 4.0
+"""Standard deviations from which a difference of lengths is told: chance reaches four once in 16,000 sticks."""
+_BY_HAND_SIGMA_MM: Final = 0.1
+"""Standard deviation of a distance that was measured by hand."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,8 @@ HEATED_C: Final = 12.0
 """A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
 _WARMEST_REST_C: Final = 55.0
 """A room is colder in °C; in °F it has 60 and more, in kelvin 290."""
+_COLDEST_C: Final = -100.0
+"""No rig is colder; °C that are taken for kelvin come out at −250 °C in a room."""
 _LOOKED_AT: Final = 1000
 """Rows that are compared in pairs: a million comparisons, in some milliseconds."""
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
@@ -70,6 +72,14 @@ def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) ->
 
 def _require_cold(temp_c: Array, *, where: str) -> None:
     coldest = float(temp_c.min())
+    if coldest < _COLDEST_C:
+        raise InputError(
+            "is colder than any rig",
+            where=where,
+            value=f"{coldest:.1f} °C",
+            limit=f"{_COLDEST_C:g} °C or more",
+            do="say in which unit the temperatures are: °C under a header that says kelvin comes out so",
+        )
     if coldest > _WARMEST_REST_C:
         raise InputError(
             "never is as cold as a room",

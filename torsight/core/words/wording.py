@@ -28,7 +28,10 @@ def variable_name(identifier: str) -> str:
 
 
 def effect_name(identifier: str) -> str:
-    """Return an effect's id as words: ``sensor_lag`` becomes ``sensor lag``."""
+    """Return an effect's or a law's id as words: ``sensor lag``, or ``friction over the angle``."""
+    for driver, words in VARIABLES.items():
+        if identifier.endswith(f"_{driver}"):
+            return f"{identifier.removesuffix(f'_{driver}').replace('_', ' ')} over {words}"
     return identifier.replace("_", " ")
 
 

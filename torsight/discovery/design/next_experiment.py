@@ -44,8 +44,11 @@ _SURE: Final = 30.0
 NEEDED_GAIN: Final = Settings().apart
 """Gain at which rivals cease to be rivals."""
 _LEAST_DURATION_S: Final = 3600.0
+"""Time that an experimenter always has: an hour ..."""
 _DURATION_FACTOR: Final = 1.5
+"""... and for a record that lasted longer than two thirds of that, so many times its own length."""
 _FINALISTS: Final = 3
+"""Programmes of which the gains are found by fits, after all were weighed linearly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,9 @@ from torsight.actuator.record.segments import HalfCycles
 Array = NDArray[np.float64]
 
 STEP_S: Final = 0.5
+"""Rows of a planned log: twice the rate at which a record's corners are still seen (once a second)."""
 _FIRST_REST_S: Final = 20.0
+"""Both springs at rest before the first heating: the film then shows where the actuator stands unheated."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)
 
 

@@ -30,10 +30,10 @@ from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
 
-_BASE_POINTS: Final = 12
-"""Points over the bounds at which the base model is looked at ..."""
-_BASE_FITS: Final = 2
-"""... and from the best of which it is fitted, beside its own start."""
+_POINTS: Final = 12
+"""Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
+_STARTS: Final = 2
+"""... of which so many, the best ones, are starts of a fit beside the declared one."""
 _STRETCHES: Final = 64
 """Stretches of a record over which differential equations are fitted first ..."""
 _BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
@@ -43,10 +43,6 @@ _UNSURE: Final = 3.0
 """... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
 _LEAST_ROWS: Final = 4
 """Rows from one end of a stretch to the other, at least: its states have to show in them."""
-_POINTS: Final = 12
-"""Points over a candidate's bounds ..."""
-_STARTS: Final = 2
-"""... of which so many, the best ones, are starts of its fits."""
 _BETTER: Final = 0.95
 """Share of the cost from the declared start below which another point is worth a fit."""
 _MUCH_BETTER: Final = 0.8
@@ -100,9 +96,9 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
     if not free:
         return own, []
     start = {p.name: p.value for p in problem.parameters}
-    points = [{**start, **point} for point in _spread(free, _BASE_POINTS)]
+    points = [{**start, **point} for point in _spread(free, _POINTS)]
     left = [_left(fitter, at) for at in problem.predict_many(points, ())]
-    looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_BASE_FITS]
+    looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_STARTS]
     others = in_parallel(looked.tolist(), lambda place: fitter.fit((), [points[place]], keep=1))
     best = min([own, *others, *_by_stretches(problem, fitter, own)], key=lambda fit: fit.cost)
     if best.cost >= _MUCH_BETTER * own.cost:

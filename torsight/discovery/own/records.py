@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _TIMES: Final = ("time_s", "time", "t_s", "t")
 """Names under which a column is taken for the time where none is named, the first one first; capitals and what stands
 in brackets do not matter: ``Time (s)``."""
-_LEAST_ROWS: Final = 8
+LEAST_ROWS: Final = 8
 """Rows below which neither noise nor correlation of a residual can be measured."""
 
 
@@ -138,12 +138,12 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
     if columns and not numbers:
         do = "give a row of names, then numbers, parted by commas; what stands above the names is to be cut off"
         raise InputError("has no column of numbers", where=where, value=", ".join(columns), do=do)
-    if not numbers or rows < _LEAST_ROWS:
+    if not numbers or rows < LEAST_ROWS:
         raise InputError(
             "holds too little",
             where=where,
             value=f"{rows} rows, {len(numbers)} columns of numbers",
-            limit=f"{_LEAST_ROWS} rows or more",
+            limit=f"{LEAST_ROWS} rows or more",
             do="record it again",
         )
     return Record({name: np.asarray(values, np.float64) for name, values in numbers.items()}, label)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.files.results import column
 from torsight.core.words.symbols import plain_symbol
 from torsight.core.words.wording import effect_name, number
-from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, column, models, shade_held_out
+from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import pairs_of_bars
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.sections.prior_pulls import Prior, common_reach
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NARROW: Final = 0.62
+"""Height of a bar, as a share of the distance between two."""
 _MOST_CANDIDATES: Final = 8
+"""Candidates that are drawn: those that explain most."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:

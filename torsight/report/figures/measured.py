@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.files.results import column
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure, column
+from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure
 from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 
 _MOST_EVENTS: Final = 60
+"""Events that are marked, the first ones."""
 
 
 def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = ()) -> Figure | None:

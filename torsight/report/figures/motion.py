@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.files.results import column
 from torsight.core.series import runs
 from torsight.report.plots.panels import Axis, Panel, Style, style_of
 
@@ -72,13 +73,6 @@ class Figure:
             for mark, label in panel.legend():
                 found.setdefault(label, (type(mark).__name__.lower(), label, style_of(mark.kind)))
         return list(found.values())
-
-
-def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
-    """Return a column as float64 (NaN throughout where it is absent)."""
-    if name not in table.columns:
-        return np.full(len(table), np.nan)
-    return np.asarray(table[name].to_numpy(dtype=np.float64))
 
 
 def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:

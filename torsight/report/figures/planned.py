@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.files.results import column
 from torsight.core.words.wording import effect_name, number
-from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure, column
+from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure
 from torsight.report.plots.panels import Axis, Panel
 
 if TYPE_CHECKING:

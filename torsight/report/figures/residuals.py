@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sync.signals.heating_segments import WINDOW_S
+from sync.signals.even_signal import WINDOW_S
+from torsight.core.files.results import column
 from torsight.core.words.wording import number
-from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, column, shade_held_out
+from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 
 if TYPE_CHECKING:

@@ -26,6 +26,7 @@ _BINS: Final = 1000
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
 """What the page's style sheet says of everything else: a plot has a style sheet of its own."""
 _MOST_POINTS: Final = 2500
+"""Points of a cloud at most: an even choice of them where there are more."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
 
 

@@ -9,10 +9,9 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from torsight.core.errors import TorsightError
-from torsight.core.files.results import RunResults
+from torsight.core.files.results import RunResults, column
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number
-from torsight.report.figures.motion import column
 from torsight.report.plots.formulas import symbol, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
@@ -79,7 +78,7 @@ def _limit(results: RunResults) -> str:
 
 def _noise(results: RunResults, floor: float) -> str:
     """Say how much of the noise floor is the film's, and what to do about the larger part."""
-    table = next((one for one in (results.merged, results.curves, results.angle) if one is not None), None)
+    table = results.first_of("merged", "curves", "angle")
     sigma = np.empty(0) if table is None else column(table, "angle_sigma_deg")
     sigma = sigma[np.isfinite(sigma)]
     if not len(sigma):

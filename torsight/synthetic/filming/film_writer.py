@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.storage import atomic_path, not_written
 from torsight.synthetic.scene import FilmSettings
 
 Luma = NDArray[np.uint8]
@@ -61,7 +61,7 @@ def _open_folder(path: Path) -> Iterator[Writer]:
             shutil.rmtree(path)
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror or error})", where=str(path)) from error
+        raise not_written(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

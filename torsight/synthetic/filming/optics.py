@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera
 from torsight.core.units import DEG
@@ -94,38 +95,8 @@ def undistort(seen: Matrix, coefficients: Matrix) -> Matrix:
 
 
 def rotation_about(axis: Matrix, angle_rad: float) -> Matrix:
-    """Return the rotation (3, 3) about an axis, by Rodrigues' formula."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Matrix = np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross
-    return rotation
-
-
-def rotation_vector(rotation: Matrix) -> Matrix:
-    """Return the rotation vector (3,) of a rotation, rad; near a half turn too."""
-    # The quaternion's largest component is the safe one to divide by.
-    trace = np.trace(rotation)
-    squares = np.array([trace, *np.diag(rotation)])
-    largest = int(np.argmax(squares))
-    r = rotation
-    if largest == 0:
-        q = np.array([1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    else:
-        i = largest - 1
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q = np.empty(4)
-        q[0] = r[k, j] - r[j, k]
-        q[1 + i] = 1.0 + r[i, i] - r[j, j] - r[k, k]
-        q[1 + j] = r[j, i] + r[i, j]
-        q[1 + k] = r[k, i] + r[i, k]
-    q /= np.linalg.norm(q)
-    if q[0] < 0:
-        q = -q
-    size = float(np.linalg.norm(q[1:]))
-    if size < 1e-15:
-        return np.zeros(3)
-    result: Matrix = q[1:] / size * (2.0 * math.atan2(size, q[0]))
-    return result
+    """Return the rotation (3, 3) about an axis of any length."""
+    return Rotation.from_rotvec(angle_rad * axis / np.linalg.norm(axis)).as_matrix()
 
 
 def views(scene: Scene) -> tuple[View, ...]:
@@ -168,14 +139,14 @@ def camera_of(scene: Scene) -> Camera:
             intrinsics=left.intrinsics,
             right=RightCamera(
                 intrinsics=seen[1].intrinsics,
-                rvec=rotation_vector(motion),
+                rvec=Rotation.from_matrix(motion).as_rotvec(),
                 tvec_mm=seen[1].translation_mm - motion @ left.translation_mm,
             ),
         )
     return Camera(
         intrinsics=left.intrinsics,
         pose=Pose(
-            rvec=rotation_vector(left.rotation),
+            rvec=Rotation.from_matrix(left.rotation).as_rotvec(),
             tvec_mm=left.translation_mm,
             base_z_mm=scene.camera.base_z_mm,
             moving_z_mm=scene.camera.moving_z_mm,

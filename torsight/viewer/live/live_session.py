@@ -40,8 +40,11 @@ if TYPE_CHECKING:
 PICTURES_HZ: Final = 15.0
 """Pictures per second that are shown; every frame is measured."""
 LOG_EVERY_S: Final = 0.1
+"""How often the log is looked at for new rows."""
 MODEL_EVERY_S: Final = 1.0
+"""How often the model is asked for news, and the summary shown anew."""
 STOPPED_FIT_S: Final = 5.0
+"""How long a record that is ended by hand waits for the model's last news."""
 FEED_OPENS_S: Final = 15.0
 """How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
@@ -178,9 +181,8 @@ class Session:
         earlier = self._tracker.earlier()
         if not earlier:
             return
-        if self._feed is not None:
-            time_s = np.array([one.time_s for one in earlier])
-            self._feed.put("series", "angle/measured", time_s, np.array([one.angle_rad / DEG for one in earlier]))
+        time_s = np.array([one.time_s for one in earlier])
+        self._put("series", "angle/measured", time_s, np.array([one.angle_rad / DEG for one in earlier]))
         if self._model is not None:
             for one in earlier:
                 self._model.angle(one.time_s, one.angle_rad, one.sigma_rad)
@@ -231,8 +233,7 @@ class Session:
             self._due["model"] = now + MODEL_EVERY_S
             if self._model is not None:
                 self._news(self._model.poll())
-            if self._feed is not None:
-                self._feed.put("summary", self._words())
+            self._put("summary", self._words())
         if now >= self._due["dropped"]:
             self._due["dropped"] = now + 5.0
             self._tell_dropped()
@@ -249,9 +250,8 @@ class Session:
         times = np.array([time_s for time_s, _ in due])
         values = np.array([row[1:3] for _, row in due])
         self._temperatures = {"A": float(values[-1, 0]), "B": float(values[-1, 1])}
-        if self._feed is not None:
-            for place, entity in enumerate(("temperature/a", "temperature/b")):
-                self._feed.put("series", entity, times, values[:, place])
+        for place, entity in enumerate(("temperature/a", "temperature/b")):
+            self._put("series", entity, times, values[:, place])
         if self._model is not None:
             for time_s, row in due:
                 self._model.temperature(time_s, tuple(row[1:]))
@@ -261,8 +261,7 @@ class Session:
             self._say("fitting the friction of the whole record")
             for news in self._model.last(min(limit_s, self._model.last_fit_s)):
                 self._news(news)
-        if self._feed is not None:
-            self._feed.put("summary", self._words())
+        self._put("summary", self._words())
 
     def _news(self, news: ModelNews | None) -> None:
         if news is None:
@@ -271,10 +270,9 @@ class Session:
         self._tell_half_cycles(news)
         if len(news.time_s):
             self._model_deg = news.angle_rad[-1] / DEG, news.residual_rad[-1] / DEG
-        if self._feed is not None and len(news.time_s):
-            self._feed.put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
+            self._put("series", "angle/plain", news.time_s, news.angle_rad / DEG)
             known = np.isfinite(news.residual_rad)
-            self._feed.put("series", "residual/before", news.time_s[known], news.residual_rad[known] / DEG)
+            self._put("series", "residual/before", news.time_s[known], news.residual_rad[known] / DEG)
         if news.friction is not None:
             self.outcome.friction = news.friction
             self._tell(self.now_s, self._frame, "friction", f"friction torque so far {estimate(news.friction)}")
@@ -296,9 +294,9 @@ class Session:
             self.outcome.half_cycles += 1
             words = f"number {self.outcome.half_cycles}, spring {begin.spring} is driven"
             self._tell(begin.time_s, self._frame, "half-cycle", words)
-            if self._feed is not None and math.isfinite(begin.angle_rad):
-                entry = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
-                self._feed.put("series", view_layout.HALF_CYCLE, *entry)
+            if math.isfinite(begin.angle_rad):
+                at = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
+                self._put("series", view_layout.HALF_CYCLE, *at)
 
     def _words(self) -> str:
         return standing(
@@ -315,9 +313,12 @@ class Session:
         if not self._closed:
             self._recorder.event(time_s, frame, kind, text)
         self._say(f"{time_s:9.2f} s  {kind}: {text}")
+        self._put("event", time_s, "WARN" if kind in _WARNINGS else "INFO", f"{kind}: {text}")
+
+    def _put(self, kind: str, *entry: Any) -> None:
+        """Show an entry, where there is a screen."""
         if self._feed is not None:
-            level = "WARN" if kind in _WARNINGS else "INFO"
-            self._feed.put("event", time_s, level, f"{kind}: {text}")
+            self._feed.put(kind, *entry)
 
     # --- the end ----------------------------------------------------------------------------------------------------
 

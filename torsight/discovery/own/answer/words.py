@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Errors, Findings, FittedSet
 
 _WIDTH: Final = 22
+"""Characters of the column with the titles."""
 _PICTURE_DPI: Final = 90
+"""Resolution of the picture in a notebook."""
 _NO_FLOOR: Final = 1e6
 """Times a floor from which it is none: a record without noise."""
 

@@ -14,6 +14,7 @@ from torsight.discovery.own.model import given
 
 _LEAST_NODES: Final = 2
 _MOST_NODES: Final = 100
+"""Values of a law over its driver: two make a line, and each costs calls of the model."""
 RESERVED: Final = "@"
 """Stands between a name and the number of a record or of a node."""
 

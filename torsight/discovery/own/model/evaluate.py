@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.discovery.inference.fitting import WORKERS
 from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.records import Record
 
@@ -38,8 +39,6 @@ _KEPT_BYTES: Final = 256_000_000
 WORTH_A_PROCESS_S: Final = 4e-3
 """Seconds of one call from which processes are used: to begin two of them takes 1.3 s each, a search some 1,500 calls
 or more, and to send values and take an array back 0.5 ms."""
-_WORKERS: Final = 2
-"""Processes; the engine asks for so many points at once (:data:`torsight.discovery.inference.fitting.WORKERS`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -351,7 +350,7 @@ class Evaluator:
             return
         from joblib.externals.loky import ProcessPoolExecutor
 
-        pool = ProcessPoolExecutor(max_workers=_WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
+        pool = ProcessPoolExecutor(max_workers=WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
         self._pool, self._ready = pool, pool.submit(_has_begun)
         if wanted:
             self._ready.result()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.series import runs, scatter
 from torsight.discovery.own.model import given
-from torsight.discovery.own.records import Record, column_of
+from torsight.discovery.own.records import LEAST_ROWS, Record, column_of
 
 Array = NDArray[np.float64]
 _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
@@ -27,13 +27,12 @@ PerOutput = float | str | Mapping[str, float | str] | None
 BLOCKS: Final = 6
 """Blocks of one continuous record where none are given: with fewer, what is held out is too much of the record; with
 more, blocks are shorter than what a model remembers."""
-_LEAST_IN_BLOCK: Final = 8
-"""Samples below which a block says nothing about a residual's correlation."""
 _OF_NOISE: Final = 0.1
 """Default resolution as a share of the noise: with as many samples as are usual an effect of this size just shows."""
 _STILL_ROWS: Final = 16
 """Rows over which a reading must stand still to count as at rest: the fewest from which its noise can be measured."""
 _STILL_SIGMAS: Final = 4.0
+"""Range of their means, in standard deviations of the noise, up to which that is so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +188,7 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
 def noise_of(observed: Sequence[Array], output: int) -> float:
     """Return the noise of one reading of an output by its scatter: fast motion counts as noise, too."""
     pieces = [own[np.isfinite(own[:, output]), output] for own in observed]
-    return scatter(*[piece for piece in pieces if len(piece) >= _LEAST_IN_BLOCK])
+    return scatter(*[piece for piece in pieces if len(piece) >= LEAST_ROWS])
 
 
 def resolutions(given: Sequence[Array], sigma: Sequence[Array], observed: Sequence[Array], outputs: int) -> Array:
@@ -250,12 +249,12 @@ def blocks_of(
 def check_blocks(block: NDArray[np.int64], valid: NDArray[np.bool_]) -> list[str]:
     """Return what a person should know about the blocks; one that holds hardly any sample is refused."""
     labels, counts = np.unique(block[valid], return_counts=True)
-    if counts.min() < _LEAST_IN_BLOCK:
+    if counts.min() < LEAST_ROWS:
         raise InputError(
             f"block {labels[counts.argmin()]} holds hardly any sample",
             where="blocks",
             value=int(counts.min()),
-            limit=f"{_LEAST_IN_BLOCK} or more",
+            limit=f"{LEAST_ROWS} or more",
             do="take fewer and longer blocks",
         )
     if len(labels) == 1:

@@ -34,6 +34,7 @@ ATOL_SHARE: Final = 1e-2
 MOMENT: Final = 1e-9
 """Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
 _MOST_EVENTS: Final = 10_000
+"""Events in one record: more are one that repeats itself at once."""
 _MOST_STEPS: Final = 5_000
 """Steps that an integration may take from row to row, calls of a right-hand side in plain Python: one that goes well
 takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""

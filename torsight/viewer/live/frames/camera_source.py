@@ -21,6 +21,7 @@ SILENT_S: Final = 10.0
 _RECENT_S: Final = 1.0
 """A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this."""
 _STEPS: Final = 31
+"""Steps of time of which the median is the usual one: a second at 30 per second."""
 _LOST_BY_STAMPS: Final = 1.5
 _LOST_BY_ARRIVAL: Final = 2.5
 """A step of this many usual steps is a lost picture; arrivals are delayed by other programs too, stamps are not."""

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.errors import ConfigError, OutputError
+from torsight.core.errors import ConfigError
+from torsight.core.files.storage import not_written
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import DEG
 
@@ -38,7 +39,7 @@ class LineFile:
         except FileExistsError as error:
             raise _exists(path) from error
         except OSError as error:
-            raise OutputError(f"cannot be written ({error.strerror or error})", where=str(path)) from error
+            raise not_written(path, error) from error
         self.flush()
 
     def add(self, values: Sequence[float]) -> None:
@@ -65,11 +66,7 @@ class LineFile:
             while data:
                 data = data[os.write(self._file, data) :]
         except OSError as error:
-            raise OutputError(
-                f"cannot be written ({error.strerror or error})",
-                where=str(self.path),
-                do="free space there; what was written before is kept",
-            ) from error
+            raise not_written(self.path, error) from error
 
     def close(self) -> None:
         """Flush and close."""
@@ -88,7 +85,7 @@ class Recorder:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise OutputError(f"cannot be made ({error.strerror or error})", where=str(folder)) from error
+            raise not_written(folder, error) from error
         for name in ("angle.csv", "markers.csv", "temps.csv", "events.csv"):
             _refuse_existing(folder / name)
         columns = ["frame", "time_s"]
@@ -162,27 +159,24 @@ def finish(
     because no stick had moved yet.
     """
     from torsight.core.files.storage import read_table, write_table
-    from torsight.core.files.tables import marker_columns, write_angles
+    from torsight.core.files.tables import marker_columns, marker_values, write_angles
     from tracker.angle.orient import orient
 
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:
         return None
     table = read_table(path, required=("frame", "time_s"))
-    position = np.stack(
-        [table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(dtype=np.float64) for name in MARKERS], axis=1
-    )
-    sigma = np.stack([table[f"{name}_sigma_px"].to_numpy(dtype=np.float64) for name in MARKERS], axis=1)
-    position[:swapped] = position[:swapped, [2, 3, 0, 1]]
-    sigma[:swapped] = sigma[:swapped, [2, 3, 0, 1]]
-    valid = np.isfinite(position).all(axis=2)
+    values = marker_values(table, "x_px", "y_px", "sigma_px")
+    values[:swapped] = values[:swapped, [2, 3, 0, 1]]
+    position, sigma = values[..., :2], values[..., 2, None, None]
+    valid = np.asarray(np.isfinite(position).all(axis=2))
     if not valid.all(axis=1).any():
         return None
     tracks = MarkerTracks(
         frame=table["frame"].to_numpy(dtype=np.int64),
         time_s=table["time_s"].to_numpy(dtype=np.float64),
         position_px=position,
-        covariance_px2=sigma[:, :, None, None] ** 2 * np.eye(2),
+        covariance_px2=sigma**2 * np.eye(2),
         valid=valid,
         size_px=size_px,
     )

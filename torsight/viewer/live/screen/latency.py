@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 _BIN_S: Final = 1e-4
+"""Width of a count: a latency is told to a tenth of a millisecond."""
 _BINS: Final = round(2.0 / _BIN_S)
 CELLS: Final = _BINS + 1
 """Numbers of 64 bits that the counts take; the last one is the longest duration in nanoseconds."""
