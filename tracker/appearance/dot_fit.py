@@ -37,20 +37,11 @@ few rounds is not of a dot."""
 
 @dataclass(frozen=True, slots=True)
 class DotShape:
-    """Shape of one dot, which does not change while it moves.
+    """Shape of one dot, which does not change while it moves; ``radius_px`` is that of the circle of the same area.
 
-    Attributes
-    ----------
-    radius_px : float
-        Radius of the circle of the same area.
-    edge_px : float
-        Standard deviation of the blur of its edge.
-    stretch : (float, float)
-        Anisotropy: relative lengthening along x (and shortening along y), and along the diagonal.
-    contrast : float
-        Brightness inside over brightness outside, less 1; negative for a dark dot.
-    window_px : float
-        Radius of the window in which it is compared.
+    ``edge_px``: standard deviation of the blur of its edge; ``stretch``: relative lengthening along x (and shortening
+    along y), and along the diagonal; ``contrast``: brightness inside over that outside, less 1; ``window_px``: radius
+    of the window in which it is compared.
     """
 
     radius_px: float
@@ -64,18 +55,8 @@ class DotShape:
 class DotFit:
     """A dot fitted in one picture.
 
-    Attributes
-    ----------
-    x_px, y_px : float
-        Centre.
-    shape : DotShape
-        Its shape.
-    light : float
-        Brightness of the stick around it, grey levels.
-    residual : float
-        Root mean square of what the fit leaves, grey levels.
-    explained : float
-        Share of the window's variance that the fit explains.
+    ``light`` is the brightness of the stick around it, ``residual`` the root mean square of what the fit leaves, grey
+    levels; ``explained`` the share of the window's variance that the fit explains.
     """
 
     x_px: float
@@ -105,25 +86,10 @@ def fit_dot(
     room_px: float = np.inf,
     ellipse: bool = True,
 ) -> DotFit | None:
-    """Fit position, shape, contrast and light of the dot near a position.
+    """Fit position, shape, contrast and light of the dot near a position in a picture (h, w), with its radius.
 
-    Parameters
-    ----------
-    luma : (h, w) uint8
-        Picture.
-    x_px, y_px, radius_px : float
-        Where to start.
-    light_dot : bool
-        Whether the dot is lighter than the stick.
-    room_px : float
-        Distance from the dot's centre to the stick's edge, which the window must not pass.
-    ellipse : bool
-        Fit the anisotropy too.
-
-    Returns
-    -------
-    DotFit or None
-        None where the fit runs away, or the window leaves the picture.
+    ``room_px`` is the distance from its centre to the stick's edge, which the window must not pass; ``ellipse``: fit
+    the stretch too. None where the fit runs away, or the window leaves the picture.
     """
     start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
     # First with a wide window, which holds the rim even where the start is off; then with the right one.

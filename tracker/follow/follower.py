@@ -26,14 +26,7 @@ _MOVED_RAD: Final = math.radians(1.0)
 
 
 class DotState:
-    """All that is known of the dots of one stick or of two, as one record.
-
-    Parameters
-    ----------
-    markers : two Marker of each stick
-    still : bool
-        Whether a stick that is alone is known not to turn.
-    """
+    """All that is known of the dots of one stick or of two, as one record; one alone may be ``still``."""
 
     def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
         self._all = np.zeros((), state_type(len(markers) // 2))
@@ -98,15 +91,7 @@ class DotState:
 
 
 class Follower:
-    """Follows four markers through a film.
-
-    Parameters
-    ----------
-    markers : four Marker
-        Two of one stick, two of the other.
-    moving : int or None
-        Which stick moves (0 or 1); None until it shows.
-    """
+    """Follows four markers, two of one stick, two of the other; ``moving`` is None until it shows."""
 
     def __init__(self, markers: Sequence[Marker], *, moving: int | None) -> None:
         self._state = DotState(markers)

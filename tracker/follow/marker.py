@@ -29,15 +29,7 @@ _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
 
 
 class Marker:
-    """A round dot.
-
-    Parameters
-    ----------
-    shape : DotShape
-        As fitted in the first picture.
-    strip_px : float
-        Half the width of the stick that carries it; infinite where that is not known.
-    """
+    """A round dot as fitted in the first picture; ``strip_px`` is half the width of the stick that carries it."""
 
     def __init__(self, shape: DotShape, *, strip_px: float = math.inf) -> None:
         self.record = np.zeros(1, MARKER)
@@ -82,13 +74,7 @@ class Marker:
 
 
 def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
-    """Return both markers of a stick, read for the first time.
-
-    Raises
-    ------
-    NoResultError
-        When one of them lies at the border of the picture.
-    """
+    """Return both markers of a stick, read for the first time; one at the border is no result."""
     strip_px = half_width(luma, stick)
     return [_marker(luma, dot, strip_px) for dot in (stick.inner, stick.outer)]
 
@@ -107,13 +93,7 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
 
 
 def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
-    """Return the markers, two of each stick, next to the positions that were given.
-
-    Raises
-    ------
-    NoResultError
-        See :func:`tracker.detect.given.given_dots` and :func:`markers_on`.
-    """
+    """Return the markers, two of each stick, next to the positions that were given."""
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     found = given_dots(frame, hints, sticks=sticks)
     return [marker for stick in found for marker in markers_on(frame.luma, stick)]

@@ -77,15 +77,8 @@ The rest is for :mod:`tracker.appearance.motion_blur`."""
 class Scene(NamedTuple):
     """What the compiled frame step works on: all of the state, and the readings of the frame at hand.
 
-    Attributes
-    ----------
-    markers : (2 n,) MARKER
-        Inner and outer marker of n sticks.
-    sticks : (n,) STICK
-    rig : (1,) RIG
-    readings : (2 n,) READING
-    looks : four Look
-        Of the markers, see :mod:`tracker.appearance.lucas_kanade`.
+    Inner and outer marker of n sticks, the sticks, the rig (1,), the markers' readings, and their looks (always four,
+    see :mod:`tracker.appearance.lucas_kanade`).
     """
 
     markers: Any

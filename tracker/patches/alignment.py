@@ -12,20 +12,11 @@ from tracker.patches.warps import Floats, project
 
 
 class Template(NamedTuple):
-    """What a step needs of a template.
+    """What a step needs of a template, known at ``points`` (2, n) from its middle.
 
-    Attributes
-    ----------
-    points : (2, n) float64
-        Offsets from its middle.
-    inverse : (first + k, n) float64
-        Least-squares inverse: light, gain (row 3) and whatever else comes before δ, then δ times gain.
-    generators : (k, 3, 3) float64
-        What δ does.
-    rim : (2, m) float64
-        Points on its rim.
-    half_px, spread : float
-        Its half width, and the standard deviation of its brightness.
+    ``inverse`` (first + k, n): least-squares inverse: light, gain (row 3) and whatever else comes before δ, then δ
+    times gain; ``generators`` (k, 3, 3): what δ does; ``rim`` (2, m): points on its rim; ``half_px``, ``spread``: its
+    half width, and the standard deviation of its brightness.
     """
 
     points: Floats

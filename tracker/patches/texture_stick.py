@@ -48,16 +48,8 @@ class TextureStick:
     """A stick with texture around two of its points, each followed by its patch of the first frame.
 
     The points are at a constant distance, and both patches turn as the line through them does: a patch that slides
-    along an edge or onto something else breaks one of these.
-
-    Parameters
-    ----------
-    patches, points_px : of two
-        From :func:`tracker.patches.texture.texture_patch`; where they are in the first frame.
-    search : TurnedSearch
-        For both.
-    still : bool
-        True for the base, whose direction does not change.
+    along an edge or onto something else breaks one of these. A ``still`` one is the base, whose direction does not
+    change.
     """
 
     def __init__(
