@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -136,7 +137,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     return _best_readout(found, _arc(direction[rows]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
@@ -157,9 +158,14 @@ class _Paths:
 
     def averaged(self, left: Floats) -> Floats:
         """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
+        group, root = self._groups
+        return np.stack([np.bincount(group, column) for column in left.T], axis=1) / root
+
+    @cached_property
+    def _groups(self) -> tuple[NDArray[np.int64], Floats]:
+        """Which group every frame is of (n,), and the roots of the groups' numbers of frames (m, 1)."""
         _, group, count = np.unique(self.alike, return_inverse=True, return_counts=True)
-        sums = np.stack([np.bincount(group, column) for column in left.T], axis=1)
-        return np.asarray(sums / np.sqrt(count)[:, None])
+        return group, np.sqrt(count)[:, None]
 
     def misfit(self, values: Floats) -> Floats:
         """Return by how much both radii and the angle between are off (n, 3), in units of white noise.
