@@ -44,6 +44,13 @@ def missing_file(path: Path) -> InputError:
     return InputError("no such file", where=str(path), do=hint)
 
 
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error for a file that could not be read: it is not there, or why."""
+    if not path.exists():
+        return missing_file(path)
+    return InputError(f"cannot be read ({error.strerror or error})", where=str(path))
+
+
 def require_ordinary(path: Path) -> None:
     """Refuse a pipe, a socket or a device: reading it might never end. A missing file is told by who reads it."""
     try:

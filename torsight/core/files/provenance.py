@@ -9,8 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.errors import InputError
-from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.core.files.paths import require_ordinary, unreadable
 
 _PACKAGES: Final = (
     "torsight",
@@ -30,10 +29,8 @@ def file_hash(path: Path) -> str:
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError as error:
-        raise missing_file(path) from error
     except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+        raise unreadable(path, error) from error
 
 
 def versions() -> dict[str, str]:

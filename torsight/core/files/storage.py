@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 import numpy as np
 
 from torsight.core.errors import ConfigError, InputError, OutputError
-from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.core.files.paths import missing_file, require_ordinary, unreadable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -173,13 +173,8 @@ def read_bytes(path: Path) -> bytes:
     require_ordinary(path)
     try:
         return path.read_bytes()
-    except FileNotFoundError as error:
-        raise missing_file(path) from error
     except OSError as error:
-        if not path.exists():
-            # A link in a circle.
-            raise missing_file(path) from error
-        raise InputError(f"cannot be read ({error.strerror or error})", where=str(path)) from error
+        raise unreadable(path, error) from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
