@@ -50,12 +50,12 @@ class Sensors:
     """
 
     time_s: Array
-    temps_c: tuple[Array, Array]
+    temps_c: Pair
     rows: NDArray[np.int64]
     _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
-    def _plain(self) -> tuple[Array, Array]:
+    def _plain(self) -> Pair:
         a, b = (condition(self.time_s, temp).temp_c[self.rows] for temp in self.temps_c)
         return a, b
 

@@ -56,7 +56,7 @@ def inlined(function: F) -> F:
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
 FOLDERS: Final = (
-    *(_TORSIGHT / name for name in ("actuator", "synthetic", "discovery")),
+    *(_TORSIGHT / name for name in ("actuator", "synthetic", "discovery/inference", "discovery/own")),
     _TORSIGHT.parent / "tracker",
 )
 _COMPILED: Final = re.compile(rb"^from torsight\.core\.compiled import ", re.MULTILINE)

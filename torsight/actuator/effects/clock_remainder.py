@@ -21,10 +21,7 @@ from torsight.core.parameter import Parameter
 def apply(ports: Ports, values: Values) -> Ports:
     """Take the temperatures from a little later in the log, to first order."""
     ahead_s = values["clock_remainder_s"]
-    if ahead_s == 0.0:
-        return ports
-    temp_a_c, temp_b_c = ports.temp_a_c + ahead_s * ports.rate_a_c_s, ports.temp_b_c + ahead_s * ports.rate_b_c_s
-    return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+    return ports.with_temperatures(lambda temp, rate: (temp + ahead_s * rate, rate))
 
 
 EFFECT: Final = Effect(
@@ -34,6 +31,7 @@ EFFECT: Final = Effect(
     title="what is left between the clocks of camera and temperature log",
     parameters=(Parameter(name="clock_remainder_s", value=0.0, unit="s", lower=-0.3, upper=0.3, sigma=0.03, null=0.0),),
     apply=apply,
+    # After the sensors' lag, which reads the log anew.
     order=1,
     is_clock=True,
 )

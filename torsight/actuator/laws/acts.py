@@ -107,7 +107,7 @@ def temperature_time(ports: Ports, law: Curve) -> Ports:
     if ports.history.after_record:
         return ports
     off_c = law(ports.time_s)
-    return ports.changed(temp_a_c=ports.temp_a_c + off_c, temp_b_c=ports.temp_b_c + off_c)
+    return ports.with_temperatures(lambda temp, rate: (temp + off_c, rate))
 
 
 def clock(ports: Ports, law: Curve) -> Ports:

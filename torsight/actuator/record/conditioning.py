@@ -147,7 +147,7 @@ class Readings:
         n = len(self.time_s)
         if n < _SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
-            return self.temp_c + lag_s * slope, slope, np.zeros(n)
+            return self._at(wanted_s, self.temp_c + lag_s * slope, slope, np.zeros(n))
         interval = float(np.median(np.diff(self.time_s)))
         longest = int(max(_MAX_WINDOW_S / interval, _SHORTEST))
         smallest = max(4 if lag_s == 0.0 else 6, int(3 * self.correlation))
@@ -163,10 +163,12 @@ class Readings:
         sides[:, 1] /= interval**2
         left_over *= _SELECTION
         mend_corners(Log(self.time_s, self.temp_c, lag_s, self.sigma_c, smallest), sides, (value, rate, left_over))
-        if n == len(wanted_s):
-            return value, rate, left_over
-        value, rate, left_over = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, left_over))
-        return value, rate, left_over
+        return self._at(wanted_s, value, rate, left_over)
+
+    def _at(self, wanted_s: Array, value: Array, rate: Array, sigma: Array) -> tuple[Array, Array, Array]:
+        """Return what is known at the readings by lines at other times."""
+        value, rate, sigma = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, sigma))
+        return value, rate, sigma
 
 
 def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from torsight.actuator.drive import Drive, Sensors
+from torsight.actuator.drive import Drive, Pair, Sensors
 from torsight.actuator.record.segments import HalfCycles
 
 Array = NDArray[np.float64]
@@ -201,7 +201,7 @@ class Played:
 class _ExactSensors(Sensors):
     """Readings without noise: what a lag hides is τ dT/dt."""
 
-    def lag_correction(self, lag_s: float) -> tuple[float, tuple[Array, Array], tuple[Array, Array]]:
+    def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
         """Return what the wires' temperatures differ from the sensors' by."""
         a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.temps_c)
         return 0.0, (a, b), (a, b)

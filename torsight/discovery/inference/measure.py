@@ -284,7 +284,8 @@ class _Picture:
         half = solve_triangular(root, np.column_stack([normal[:n, n:], side[:n]]), lower=True)
         across, own = half[:, :-1], half[:, -1]
         left, pull = normal[n:, n:] - across.T @ across, side[n:] - across.T @ own
-        plain = -0.5 * (weight.square(there) - float(own @ own)) - float(np.sum(np.log(np.diag(root))))
+        base = -float(np.sum(np.log(np.diag(root))))
+        plain = base - 0.5 * (weight.square(there) - float(own @ own))
         square = (np.array(SIZES) * bank.law.scale)[:, None] ** 2
         occam, gain, turned = [], [], []
         for unit in bank.units:
@@ -300,8 +301,7 @@ class _Picture:
         values = bank.units[kernel].basis @ (axes @ (square[size] * along / spread[size]))
         x = solve_triangular(root.T, own - across @ values, lower=False)
         mean = np.concatenate([u[:n] + x - origin[:n], values])
-        whole = np.array(occam) - float(np.sum(np.log(np.diag(root))))
-        return cls(evidence, whole, (kernel, size), bank.form(kernel, size), mean)
+        return cls(evidence, base + np.array(occam), (kernel, size), bank.form(kernel, size), mean)
 
 
 def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
