@@ -59,7 +59,8 @@ def discover(
 
         export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
-    say(f"Missing           {verdict_sentence(content)}")
+    verdict = verdict_sentence(content)
+    say(f"Missing           {verdict}")
     for law in report.laws:
         say(f"Law               {law.sentence}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
@@ -67,7 +68,7 @@ def discover(
         say(f"  {record['file']}: {_unseen(record)}")
     if report.next_experiment is not None:
         say(f"Next experiment   {report.next_experiment.text}")
-    for note in report.notes:
+    for note in (note for note in report.notes if note not in verdict):
         say(f"Note              {note}")
     say(f"Report            {out / 'report.html'}")
     if export_effect is not None:

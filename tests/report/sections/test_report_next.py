@@ -46,13 +46,31 @@ def test_what_the_film_makes_of_the_floor_is_told_from_what_the_temperatures_mak
 
 
 def test_a_record_that_is_not_explained_is_the_first_thing_said_and_not_to_be_trusted(run: Path) -> None:
+    # The noise floor is 0.06°.
     found = steps(run, after=AFTER | {"rmse_held_out_deg": 0.44})
     assert found["Can"].good is False
     assert "the record is not explained" in found["Can"].answer
-    assert "The model, not the measurement: 0.44° rms are left, 7.3 times" in found["What"].answer
+    assert "The model, not the measurement: 7.33 times the noise floor is left" in found["What"].answer
     (first,) = re.findall(r"<h1>(.*?)</h1>", words_of(run))
-    assert first.startswith("This record is not explained: 0.44° rms are left, 7.3 times the noise floor.")
+    assert first.startswith("This record is not explained: what is left is 7.33 times the noise floor")
     assert first.index("not explained") < first.index("sensor lag")
+
+
+@pytest.mark.parametrize(("left", "unseen_deg"), [(2.04, 0.11), (1.9, 0.14), (0.9, 0.08)])
+def test_headline_badge_trust_and_limit_ask_one_measure_what_is_explained(
+    run: Path, left: float, unseen_deg: float
+) -> None:
+    # What the engine says is left, and the error on unseen half-cycles, may lie on either side of twice the floor.
+    found = steps(run, evidence={"over_floor_after": left}, after=AFTER | {"rmse_held_out_deg": unseen_deg})
+    text, doubted = words_of(run), left > 2.0
+    (badge,) = re.findall(r'<span class="verdict[^"]*">(.*?)</span>', text)
+    (headline,) = re.findall(r"<h1>(.*?)</h1>", text)
+    assert ("not explained" in headline) is doubted
+    assert ("not explained" in badge) is doubted
+    assert found["Can"].good is not doubted
+    assert ("not explained" in found["Can"].answer) is doubted
+    assert found["What"].answer.startswith("The model") is doubted
+    assert found["What"].answer.startswith("How well this record fixes the values") is (left == 1.9)
 
 
 @pytest.mark.parametrize(

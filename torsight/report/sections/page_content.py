@@ -13,7 +13,16 @@ from markupsafe import Markup, escape
 
 from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
-from torsight.core.words.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
+from torsight.core.words.wording import (
+    effect_name,
+    estimate,
+    explanations,
+    fixed,
+    listed,
+    not_explained,
+    number,
+    variable_name,
+)
 from torsight.report.figures.planned import segments, worth
 from torsight.report.plots.formulas import equation_pictures, symbol
 
@@ -214,6 +223,7 @@ def missing(results: RunResults) -> dict[str, Any]:
     ]
     return {
         "verdict": discovery.get("verdict"),
+        "unexplained": bool(not_explained(discovery)),
         "effects": effects,
         "drivers": drivers,
         "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],
