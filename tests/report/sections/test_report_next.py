@@ -110,7 +110,9 @@ def test_the_interval_of_a_value_that_only_the_characterisation_knows_needs_that
     found = steps(run, after=AFTER)["Which"]
     half = sigma["E_A_gpa"]
     assert half is not None
-    assert Markup("<b><i>τ</i><sub>c</sub></b>: <i>E</i><sub>A</sub> characterised to ±") in found.answer
+    assert (
+        Markup("<b>friction torque <i>τ</i><sub>c</sub></b>: <i>E</i><sub>A</sub> characterised to ±") in found.answer
+    )
     assert f"instead of ±{half:.1f}" in found.answer
 
 
@@ -131,8 +133,11 @@ def test_two_effects_are_both_told_with_their_values_on_the_first_screen(run: Pa
     steps(run, after=AFTER, effects=[lag, friction], parameters={**discovery()["parameters"], **own})  # type: ignore[dict-item]
     text = words_of(run)
     (first_screen,) = re.findall(r'<ul class="tiles">.*?</ul>', text, flags=re.DOTALL)
-    assert "the sensor follows the wire late: lag 4.020 s (95 %: 3.922 to 4.118)" in first_screen
-    assert "friction changes once per turn: amplitude 0.420 (95 %: 0.400 to 0.440)" in first_screen
+    assert (
+        "the sensor follows the wire late: lag of the sensor <i>τ</i><sub>T</sub> 4.020 s (95 %: 3.922 to 4.118)"
+        in first_screen
+    )
+    assert "friction changes once per turn: amplitude of the wave <i>a</i> 0.420 (95 %: 0.400 to 0.440)" in first_screen
     # Names of the files stand nowhere but where a file is named.
     said = re.sub(r'href="[^"]*"|id="[^"]*"|title="[^"]*"', "", text)
     assert not re.search(r"\b(lag_s|friction_sine|phase_rad|tau_c_mnm|E_A_gpa|temp_rate_c_s|position_friction)\b", said)

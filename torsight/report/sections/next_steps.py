@@ -12,7 +12,7 @@ from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults, column
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number, times_floor
-from torsight.report.plots.formulas import symbol, with_symbols
+from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
 from torsight.report.sections.prior_pulls import priors
@@ -113,7 +113,7 @@ def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
     lines = []
     for target in targets:
         longer, sharper = best_measures(target, names, covariance, [sigma.get(name) for name in names])
-        lines.append(Markup("<b>{}</b>: {}").format(symbol(target), _halved(results, longer, sharper)))
+        lines.append(Markup("<b>{}</b>: {}").format(titled(target), _halved(results, longer, sharper)))
     if not lines:
         return []
     if not_explained(results.discovery or {}):
