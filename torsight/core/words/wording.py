@@ -22,6 +22,10 @@ VARIABLES: Final = {
 """What a missing effect can depend on, in words."""
 
 
+_NAMES: Final = {"r_phase": "R-phase", "end_stop": "one end stop", "end_stops": "two end stops"}
+"""Effects whose id does not read as words."""
+
+
 def variable_name(identifier: str) -> str:
     """Return a driver of ``discovery.json`` as words."""
     return VARIABLES.get(identifier, effect_name(identifier))
@@ -32,7 +36,7 @@ def effect_name(identifier: str) -> str:
     for driver, words in VARIABLES.items():
         if identifier.endswith(f"_{driver}"):
             return f"{identifier.removesuffix(f'_{driver}').replace('_', ' ')} over {words}"
-    return identifier.replace("_", " ")
+    return _NAMES.get(identifier, identifier.replace("_", " "))
 
 
 def counted(count: int, name: str) -> str:
