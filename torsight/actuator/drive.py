@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, half_cycles
+from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -28,6 +29,9 @@ ROW_RATE_HZ: Final = 5.0
 _ROW_STEP_C: Final = 0.25
 """Faster heatings and coolings keep more rows: so that in 99 % of them a temperature changes by less than this, and a
 row's mean angle lies within 0.1° of the angle at its instant but where motion starts or stops within it."""
+_FAR_APART_S: Final = 1.5
+"""Predictions get rows between readings that are further apart: that takes half to two thirds of their error away at
+2 to 5 s, a third at 1 s for five times the rows (benchmarks/actuator/slow_logs.py)."""
 MAX_GAP_S: Final = 5.0
 """Temperatures are bridged by a line over gaps up to this; rows in longer gaps do not count."""
 
@@ -102,6 +106,8 @@ class Drive:
         What noise is left in the active spring's temperature.
     noise_c : float
         Noise of the temperatures before conditioning.
+    reading_s : float
+        Seconds between readings of the temperatures that are independent.
     cycles : HalfCycles
         Which spring is driven when.
     angle_rad, angle_sigma_rad : (n,) float64
@@ -129,6 +135,7 @@ class Drive:
     rate_b_c_s: Array
     temp_sigma_c: Array
     noise_c: float
+    reading_s: float
     cycles: HalfCycles
     angle_rad: Array
     angle_sigma_rad: Array
@@ -203,6 +210,32 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
     return _driven(log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 
 
+def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
+    """Return a log with rows between readings that are far apart, so that a model meets the corners there.
+
+    Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
+    """
+    interval_s = float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
+    if interval_s <= _FAR_APART_S:
+        return log, np.arange(len(log))
+    every = math.ceil(interval_s * ROW_RATE_HZ)
+    rows = np.arange(len(log)) * every
+    fine = np.arange(rows[-1] + 1)
+    time_s, held = np.interp(fine, rows, log.time_s), fine // every
+
+    def column(temp_c: Array) -> Array:
+        good = np.isfinite(temp_c)
+        known_s, known_c = log.time_s[good], temp_c[good]
+        corners = corner_gaps(known_s, known_c)
+        filled = between(known_s, known_c, corners, time_s)
+        filled[~good[held] | ~good[-(-fine // every)]] = np.nan
+        filled[rows] = temp_c
+        return filled
+
+    heat_a, heat_b = (None if heat is None else heat[held] for heat in (log.heat_a, log.heat_b))
+    return TemperatureLog(time_s, column(log.temp_a_c), column(log.temp_b_c), heat_a, heat_b), rows
+
+
 def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
     """Return the angle at the start and its sigma: the mean over the rest that the record starts with.
 
@@ -252,6 +285,7 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
         rate_b_c_s=b.rate_c_s[rows],
         temp_sigma_c=np.where(cycles.active == 0, a.sigma_c, b.sigma_c)[rows],
         noise_c=noise,
+        reading_s=max(a.reading_s, b.reading_s),
         cycles=replace(cycles, active=cycles.active[rows], half=cycles.half[rows]),
         angle_rad=nothing,
         angle_sigma_rad=nothing,

@@ -11,7 +11,7 @@ from typing import Any, Final, cast, get_args
 import numpy as np
 
 from torsight.actuator.doubt import Doubt, doubt_from
-from torsight.actuator.drive import Drive
+from torsight.actuator.drive import Drive, filled_in
 from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
@@ -153,9 +153,11 @@ class FittedModel(Frozen, Shown):
             When the log cannot drive the model.
         """
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad, where=where)
-        drive = self.model.prepare_log(log, start_angle_rad=start_angle_rad - ahead_rad, where=where)
-        simulation = self.simulate(drive)
-        return Prediction(np.where(drive.known, simulation.angle_rad + ahead_rad, np.nan), drive, simulation)
+        whole, rows = filled_in(log)
+        drive = self.model.prepare_log(whole, start_angle_rad=start_angle_rad - ahead_rad, where=where)
+        simulation = self.simulate(drive).at(rows)
+        angle_rad = np.where(drive.known[rows], simulation.angle_rad + ahead_rad, np.nan)
+        return Prediction(angle_rad, drive, simulation, rows)
 
     def simulate(self, drive: Drive) -> Simulation:
         """Simulate a log that is prepared, with what the record of the fit has left behind."""

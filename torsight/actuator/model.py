@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -64,6 +64,11 @@ class Simulation(Shown):
     temp_a_c: Array
     temp_b_c: Array
     unwound_rad: tuple[float, float]
+
+    def at(self, rows: NDArray[np.int64]) -> Simulation:
+        """Return it at some of its rows (m,)."""
+        columns = (one.name for one in fields(self) if one.name != "unwound_rad")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and friction torque."""

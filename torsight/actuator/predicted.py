@@ -25,14 +25,17 @@ class Prediction(Shown):
     angle_rad : (n,) float64
         As a camera would read it; NaN where the log has no temperature for too long.
     drive : Drive
-        The log, conditioned.
+        The log, conditioned; with rows between its instants where these are far apart.
     simulation : Simulation
-        Everything else that the model says.
+        Everything else that the model says, at the log's instants.
+    rows : (n,) int64
+        Which of the drive's rows the log's instants are.
     """
 
     angle_rad: Array
     drive: Drive
     simulation: Simulation
+    rows: NDArray[np.int64]
 
     def facts(self) -> dict[str, str]:
         """Return rows, time and angle."""

@@ -31,7 +31,7 @@ class PredictedAngle(Prediction):
 
     Attributes
     ----------
-    angle_rad, drive, simulation
+    angle_rad, drive, simulation, rows
         See :class:`torsight.actuator.predicted.Prediction`.
     sigma_rad : (n,) float64
         Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
@@ -94,18 +94,18 @@ def predict_with_sigma(
         When the log cannot drive the model.
     """
     prediction = model.predict(log, start_angle_rad=start_angle_rad, where=where)
-    drive, simulation = prediction.drive, prediction.simulation
+    drive, simulation, rows = prediction.drive, prediction.simulation, prediction.rows
     angle = prediction.angle_rad
     if model.doubt is None:
-        return PredictedAngle(angle, drive, simulation, np.full(len(angle), np.nan))
+        return PredictedAngle(angle, drive, simulation, rows, np.full(len(angle), np.nan))
     own = simulation.angle_rad
     square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
     for done, (other, its_drive, weight) in enumerate(others):
         progress("uncertainty", done, len(others))
-        square += weight * (other.simulate(its_drive).angle_rad - own) ** 2
+        square += weight * (other.simulate(its_drive).angle_rad[rows] - own) ** 2
     progress("uncertainty", len(others), len(others))
     sigma = np.where(np.isfinite(angle), np.sqrt(square), np.nan)
-    return PredictedAngle(angle, drive, simulation, sigma)
+    return PredictedAngle(angle, drive, simulation, rows, sigma)
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:

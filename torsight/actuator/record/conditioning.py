@@ -14,12 +14,14 @@ takes the mean of a top that is level.
 The wire behind a slow sensor, τ dT_m/dt = T − T_m, comes out of the same fits: where the wire is locally a parabola,
 the sensor reads the parabola less its own lag and a rest that decays with τ, and that is what is fitted. The noise is
 not differentiated anywhere, and the wire's corners come out sharp.
+
+Of a log that is slower than its table (:mod:`torsight.actuator.record.slow_log`) the readings themselves are taken.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -28,6 +30,7 @@ from numpy.typing import NDArray
 from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import measure_noise, resolution
+from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
@@ -45,6 +48,9 @@ _SHORTEST: Final = 16
 # What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
 _BLOCK_LAGGED_S: Final = 0.2
+_SMOOTHED_S: Final = 3.5
+"""The smallest window of readings that are further apart is longer than a wire bends evenly: at 5 s temperatures err by
+0.08 °C smoothed and by 0.05 °C as they are (benchmarks/actuator/slow_logs.py)."""
 _MAX_WINDOW_S: Final = 60.0
 """Longest window; half and twice of it change errors by 7 % (as above)."""
 # Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand (as
@@ -71,13 +77,16 @@ class Conditioned:
     sigma_c : (n,) float64
         One standard deviation of what noise is left.
     noise_c : float
-        Noise of the input (standard deviation).
+        Noise of a reading (standard deviation).
+    reading_s : float
+        Seconds between readings whose noise is independent.
     """
 
     temp_c: Array
     rate_c_s: Array
     sigma_c: Array
     noise_c: float
+    reading_s: float
 
 
 def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditioned:
@@ -90,15 +99,38 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     lag_s : float
         Time constant of the sensor: the wire's temperature is returned.
     """
+    own = own_readings(time_s, temp_c) if lag_s == 0.0 else None
+    if own is not None:
+        return _apart(Readings.of(*own, lagged=False), time_s, temp_c)
     readings = Readings.of(time_s, temp_c, lagged=lag_s > 0.0)
-    noise = readings.noise_c
+    noise, interval_s = readings.noise_c, readings.interval_s
     value, rate, sigma = readings.smooth(time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
-        return Conditioned(temp_c, rate, np.full(len(temp_c), noise), noise)
+        return Conditioned(temp_c, rate, np.full(len(temp_c), noise), noise, interval_s)
     if lag_s == 0.0:
         # Noise that is alike over several rows counts as more of it.
         level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
-    return Conditioned(value, rate, sigma, noise)
+    return Conditioned(value, rate, sigma, noise, interval_s)
+
+
+def _apart(readings: Readings, wanted_s: Array, lines_c: Array) -> Conditioned:
+    """Return readings that lie apart at other times: without noise from corner to corner, lines between them.
+
+    A local fit over seconds would take a corner of the wire for a bend. ``lines_c`` are the lines between the readings.
+    """
+    time_s, temp_c = readings.time_s, readings.temp_c
+    corners = corner_gaps(time_s, temp_c)
+    smoothed, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
+    for rows in np.split(np.arange(len(temp_c)), np.flatnonzero(corners) + 1):
+        if len(rows) >= _SHORTEST and readings.interval_s <= _SMOOTHED_S and readings.noise_c > NEGLIGIBLE_C:
+            piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
+            smoothed[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
+    value, sigma = between(time_s, smoothed, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
+    rate = np.asarray(np.gradient(value, wanted_s))
+    if readings.noise_c > NEGLIGIBLE_C:
+        alike = readings.interval_s / float(np.median(np.diff(wanted_s)))
+        level_holds(wanted_s, lines_c, readings.noise_c * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
+    return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +145,8 @@ class Readings:
         Noise of one reading of the log.
     alike : float
         Over how many rows of the log it is correlated.
+    interval_s : float
+        Seconds between rows whose noise is independent.
     sigma_c : float
         What a block's noise counts as, correlation included.
     correlation : float
@@ -123,14 +157,16 @@ class Readings:
     temp_c: Array
     noise_c: float
     alike: float
+    interval_s: float
     sigma_c: float
     correlation: float
 
     @classmethod
     def of(cls, time_s: Array, temp_c: Array, *, lagged: bool) -> Readings:
         """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
+        interval_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
         if len(temp_c) < _SHORTEST:
-            return cls(time_s, temp_c, 0.0, 1.0, 0.0, 1.0)
+            return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0, 1.0)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise to a slope even where it is none to the value.
         least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
@@ -140,7 +176,7 @@ class Readings:
         )
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        return cls(times, means, noise, alike, sigma, correlation)
+        return cls(times, means, noise, alike, alike * interval_s, sigma, correlation)
 
     def smooth(self, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""

@@ -8,6 +8,7 @@ level over the last seconds may still rise within its noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -22,10 +23,10 @@ from torsight.actuator.record.conditioning import NEGLIGIBLE_C
 Array = NDArray[np.float64]
 
 _ALIKE_S: Final = 3.0
-_TOP_SHARE: Final = 0.35
-"""How well a top is known, in standard deviations of one sample: that of the mean over the eight samples within two
-seconds at four a second (1/√8), about what a top's local line is fitted to. On clean records the errors of tops have a
-mean square of 0.73 with it; 0.25 to 0.5 are as probable (benchmarks/discovery/tops.py)."""
+_TOP_KNOWN_S: Final = 2.0
+"""A top is known as well as the mean of the readings within so many seconds: of eight at four a second. On clean
+records the errors of tops have a mean square of 0.73 with that; half and twice are as probable
+(benchmarks/discovery/tops.py)."""
 _TOP_C: Final = 1.0
 _HOLD_S: Final = 4.0
 """The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
@@ -58,7 +59,9 @@ def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureE
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     interval_s = float(np.median(np.diff(drive.time_s)))
-    alike = gaussian_filter1d(rng.standard_normal((2, len(drive))), _ALIKE_S / interval_s, mode="nearest")
+    alike = gaussian_filter1d(
+        rng.standard_normal((2, len(drive))), max(_ALIKE_S, drive.reading_s) / interval_s, mode="nearest"
+    )
     smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
     with_tops = smooth.copy()
     for spring, error_c in _tops(drive):
@@ -79,7 +82,7 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
 
     Each is an error (n,) in °C of that spring's temperature.
     """
-    temps_c, size_c = (drive.temp_a_c, drive.temp_b_c), _TOP_SHARE * drive.noise_c
+    temps_c, size_c = (drive.temp_a_c, drive.temp_b_c), drive.noise_c * math.sqrt(drive.reading_s / _TOP_KNOWN_S)
     for label in np.unique(drive.cycles.half):
         rows = np.flatnonzero(drive.cycles.half == label)
         spring = int(drive.cycles.active[rows[0]])

@@ -188,6 +188,7 @@ class Played:
             rate_b_c_s=rates[1],
             temp_sigma_c=np.zeros(n),
             noise_c=0.0,
+            reading_s=float(np.median(np.diff(self.time_s))),
             cycles=HalfCycles((self.half % 2).astype(np.int8), self.half, springs),
             angle_rad=unknown,
             angle_sigma_rad=unknown,

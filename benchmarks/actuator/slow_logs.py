@@ -1,0 +1,90 @@
+"""Logs that are slower than the film: what is left of the wire's corners in the merged table, and in the angle.
+
+Run: python benchmarks/actuator/slow_logs.py [--seeds 3]
+
+Half-cycles of a known wire (ramps, holds, natural cooling; four rows a second) are logged every 1 to 10 s with noise of
+0.02 to 0.07 °C and put back on the rows by straight lines, as a merged table has them. Columns: rms and largest error
+of the temperature in mK, on the lines and as they are prepared; and rms error of the plain model's angle, in degrees,
+driven by the table (a record) and by the log alone (a later record), against the same wire without noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator import ActuatorModel, reference_spec
+from torsight.actuator.fitted import FittedModel
+from torsight.actuator.record.conditioning import condition
+from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.units import DEG
+
+Array = NDArray[np.float64]
+ROW_S = 0.25
+START_DEG = 177.6
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=3)
+    options = parser.parse_args()
+    print("interval        lines          prepared   record  later")
+    for interval_s in (1.0, 2.0, 3.0, 5.0, 10.0):
+        found = np.array([measured(interval_s, seed) for seed in range(options.seeds)])
+        rms, worst = np.sqrt(np.mean(found**2, axis=0)), found.max(axis=0)
+        columns = "   ".join(f"{rms[i]:6.1f} {worst[i + 1]:6.0f}" for i in (0, 2))
+        print(f"{interval_s:6.0f} s   {columns}   {rms[4]:6.2f} {rms[5]:6.2f}", flush=True)
+
+
+def measured(interval_s: float, seed: int) -> list[float]:
+    """Return the errors of one log."""
+    rng = np.random.default_rng(seed)
+    time_s, wires = programme(rng)
+    noise_c = float(rng.uniform(0.02, 0.07))
+    log_s = np.arange(rng.uniform(0.0, interval_s), time_s[-1], interval_s)
+    read = [np.round(np.interp(log_s, time_s, c) + noise_c * rng.standard_normal(len(log_s)), 2) for c in wires]
+    lines = [np.interp(time_s, log_s, c) for c in read]
+    errors = (lines[0] - wires[0], condition(time_s, lines[0]).temp_c - wires[0])
+    model = ActuatorModel(reference_spec())
+    fitted = FittedModel(model, model.nominal())
+    true = angle_deg(model, time_s, wires)
+    record = angle_deg(model, time_s, lines) - true
+    later = fitted.predict(TemperatureLog(log_s, *read), start_angle_rad=START_DEG * DEG).angle_rad / DEG
+    later -= np.interp(log_s, time_s, true)
+    figures = [1e3 * value for error in errors for value in (rms(error), float(np.max(np.abs(error))))]
+    return [*figures, rms(record), rms(later)]
+
+
+def angle_deg(model: ActuatorModel, time_s: Array, temps_c: list[Array]) -> Array:
+    """Return the model's angle, driven by a table."""
+    still = np.full(len(time_s), START_DEG * DEG)
+    drive = model.prepare(SyncedTable(time_s, still, np.full(len(time_s), 1e-3), temps_c[0], temps_c[1]))
+    return np.asarray(model.simulate(drive).angle_rad / DEG)
+
+
+def programme(rng: np.random.Generator) -> tuple[Array, list[Array]]:
+    """Return rows and both wires' temperatures: four half-cycles, each heated at its own rate, held and let cool."""
+    time_s = np.arange(0.0, 1600.0, ROW_S)
+    wires = [np.full(len(time_s), 23.0), np.full(len(time_s), 23.0)]
+    for number in range(4):
+        begin_s, rate, top_c = 400.0 * number + 20.0, rng.uniform(0.2, 0.8), rng.uniform(60.0, 78.0)
+        up_s = (top_c - 23.0) / rate
+        cool_s = begin_s + up_s + rng.uniform(0.0, 15.0)
+        heated = 23.0 + rate * np.clip(time_s - begin_s, 0.0, up_s)
+        gone = 23.0 + (top_c - 23.0) * np.exp(-np.maximum(time_s - cool_s, 0.0) / rng.uniform(25.0, 45.0))
+        own = np.where(time_s < cool_s, heated, gone)
+        within = (time_s >= 400.0 * number) & (time_s < 400.0 * (number + 1))
+        wires[number % 2][within] = own[within]
+    return time_s, wires
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""A log that is slower than the film: its readings come back out of the merged table, and the corners between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.actuator.test_conditioning import wire
+from torsight.actuator import ActuatorModel, reference_spec
+from torsight.actuator.fitted import FittedModel
+from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.slow_log import own_readings
+from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG
+
+ROWS_S = np.arange(0.0, 890.0, 0.25)
+
+
+def logged(interval_s, noise_c, *, late_s=0.1):
+    """Return times and temperatures of a log's readings, the last one after the last row."""
+    time_s = np.arange(late_s - interval_s, 890.0 + interval_s, interval_s)
+    noise = noise_c * np.random.default_rng(4).standard_normal(len(time_s))
+    return time_s, np.round(wire(np.maximum(time_s, 0.0)) + noise, 2)
+
+
+@pytest.mark.parametrize("interval_s", [0.7, 2.0, 5.0])
+def test_readings_come_back_out_of_a_table(interval_s):
+    time_s, read = logged(interval_s, 0.05)
+    found_s, found_c = own_readings(ROWS_S, np.round(np.interp(ROWS_S, time_s, read), 5))
+    # The table's first and last row lie between readings.
+    nearest = time_s[np.abs(time_s[:, None] - found_s[None, 1:-1]).argmin(axis=0)]
+    assert np.quantile(np.abs(found_s[1:-1] - nearest), 0.95) < 0.02
+    assert found_c == pytest.approx(np.interp(found_s, time_s, read), abs=1e-4)
+
+
+@pytest.mark.parametrize("noise_c", [0.0, 0.05])
+def test_rows_that_are_readings_stay(noise_c):
+    noise = noise_c * np.random.default_rng(1).standard_normal(len(ROWS_S))
+    assert own_readings(ROWS_S, np.round(wire(ROWS_S) + noise, 2)) is None
+
+
+@pytest.mark.parametrize(("interval_s", "within_c"), [(2.0, 0.15), (5.0, 0.3)])
+def test_the_top_between_two_readings_is_found(interval_s, within_c):
+    # The wire's top of 72 °C lies in the middle between two readings, from which the lines cut off half of its descent.
+    late_s = (475.0 - 0.5 * interval_s) % interval_s
+    time_s, read = logged(interval_s, 0.02, late_s=late_s)
+    lines = np.interp(ROWS_S, time_s, read)
+    near = np.abs(ROWS_S - 475.0) < interval_s
+    cut = np.max(np.abs(lines - wire(ROWS_S))[near])
+    left = np.max(np.abs(condition(ROWS_S, lines).temp_c - wire(ROWS_S))[near])
+    assert left < within_c < 0.5 * cut
+
+
+def test_a_slow_log_is_predicted_as_a_fast_one():
+    model = ActuatorModel(reference_spec())
+    fitted = FittedModel(model, model.nominal())
+
+    def predicted(time_s):
+        # An incomplete heating whose top lies between two readings of the slow log.
+        temp_c = 23.0 + 0.2 * np.clip(time_s - 20.0, 0.0, 172.5)
+        cold = np.maximum(time_s - 192.5, 0.0)
+        temp_c = 23.0 + (temp_c - 23.0) * np.exp(-cold / 40.0)
+        log = TemperatureLog(time_s, temp_c, np.full(len(time_s), 23.0))
+        return fitted.predict(log, start_angle_rad=177.6 * DEG).angle_rad / DEG
+
+    slow_s = np.arange(0.0, 600.0, 5.0)
+    fast = predicted(np.arange(0.0, 595.5, 0.25))[::20]
+    assert predicted(slow_s) == pytest.approx(fast, abs=2.0)
+    assert np.ptp(fast) > 100.0
