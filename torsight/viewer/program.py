@@ -88,9 +88,17 @@ class Viewer:
     def __init__(self, arguments: Sequence[str], *, port: int) -> None:
         self.port = port
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
+        # It makes folders for temporary files, and leaves them where it ends early: as without a graphics driver.
+        self._folder = tempfile.TemporaryDirectory(prefix="torsight-viewer-")
+        environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
         command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port), *arguments]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, text=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            text=True,
+            env=environment,
         )
         step_back(self.process.pid)
 
@@ -119,7 +127,7 @@ class Viewer:
         return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
-        """End it, wait for it, and forget what it said."""
+        """End it, wait for it, and forget what it said and left in its temporary folder."""
         if self.running:
             self.process.terminate()
             try:
@@ -128,3 +136,4 @@ class Viewer:
                 self.process.kill()
         self.process.wait()
         self._said.close()
+        self._folder.cleanup()
