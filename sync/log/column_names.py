@@ -323,7 +323,8 @@ def columns_note(columns: Mapping[str, LogColumn]) -> str | None:
     words = []
     for role, column in columns.items():
         unit = "" if column.unit is None or not is_converted(column) else f", {column.unit.name} converted"
-        words.append(f"{_spoken(role).removeprefix('the ')} from '{column.name}'{unit}")
+        name = f"'{column.name}'" if column.name else "the first column, which has no name and is taken as seconds"
+        words.append(f"{_spoken(role).removeprefix('the ')} from {name}{unit}")
     where = "; guessed from the names, --columns or [temperature] columns say otherwise" if guessed else ""
     return f"columns of the log: {', '.join(words)}{where}"
 

@@ -83,14 +83,17 @@ def step_back(process: int = 0) -> None:
 
 
 class Viewer:
-    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader."""
+    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader.
 
-    def __init__(self, arguments: Sequence[str], *, port: int) -> None:
+    One that ``stays`` outlives this program, and takes care of its own temporary folders.
+    """
+
+    def __init__(self, arguments: Sequence[str], *, port: int, stays: bool = False) -> None:
         self.port = port
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
         # It makes folders for temporary files, and leaves them where it ends early: as without a graphics driver.
-        self._folder = tempfile.TemporaryDirectory(prefix="torsight-viewer-")
-        environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
+        self._folder = None if stays else tempfile.TemporaryDirectory(prefix="torsight-viewer-")
+        places = {} if self._folder is None else dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
         command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port), *arguments]
         self.process = subprocess.Popen(
             command,
@@ -98,7 +101,7 @@ class Viewer:
             stdout=subprocess.DEVNULL,
             stderr=self._said,
             text=True,
-            env=environment,
+            env=os.environ | places,
         )
         step_back(self.process.pid)
 
@@ -136,4 +139,5 @@ class Viewer:
                 self.process.kill()
         self.process.wait()
         self._said.close()
-        self._folder.cleanup()
+        if self._folder is not None:
+            self._folder.cleanup()
