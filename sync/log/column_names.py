@@ -127,7 +127,11 @@ def chosen_columns(
         sharing = [role for role, other in names.items() if other == name]
         if len(sharing) > 1:
             raise ConfigError(
-                f"'{sharing[0]}' and '{sharing[1]}' name one column", where=where, value=repr(name), do="name one each"
+                f"'{sharing[0]}' and '{sharing[1]}' name one column",
+                where=where,
+                value=repr(name),
+                limit="a column for each",
+                do="name another for one of them; two columns of one name need names of their own in the log's header",
             )
     found: dict[str, Unit] = {}
     for role, text in spelled.items():
