@@ -17,13 +17,11 @@ from torsight.core.words.wording import effect_name, estimate, named, not_explai
 
 def effect_lines(discovery: Mapping[str, Any]) -> list[str]:
     """Return a line for each effect that was named, with its values: those made for people where there are any."""
-    fitted = set(discovery.get("parameters") or {})
-    lines = []
-    for effect in discovery.get("effects") or []:
-        own = dict(effect.get("parameters") or {})
-        made = {name: value for name, value in own.items() if name not in fitted}
-        lines.append(f"  {effect_name(str(effect['id']))}: {effect_values({'parameters': made or own})}")
-    return lines
+    fitted = discovery.get("parameters") or {}
+    return [
+        f"  {effect_name(str(effect['id']))}: {effect_values(effect, fitted)}"
+        for effect in discovery.get("effects") or []
+    ]
 
 
 def summary(folder: Path) -> list[str]:
