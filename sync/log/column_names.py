@@ -127,7 +127,11 @@ def chosen_columns(
         sharing = [role for role, other in names.items() if other == name]
         if len(sharing) > 1:
             raise ConfigError(
-                f"'{sharing[0]}' and '{sharing[1]}' name one column", where=where, value=repr(name), do="name one each"
+                f"'{sharing[0]}' and '{sharing[1]}' name one column",
+                where=where,
+                value=repr(name),
+                limit="a column for each",
+                do="name another for one of them; two columns of one name need names of their own in the log's header",
             )
     found: dict[str, Unit] = {}
     for role, text in spelled.items():
@@ -323,7 +327,8 @@ def columns_note(columns: Mapping[str, LogColumn]) -> str | None:
     words = []
     for role, column in columns.items():
         unit = "" if column.unit is None or not is_converted(column) else f", {column.unit.name} converted"
-        words.append(f"{_spoken(role).removeprefix('the ')} from '{column.name}'{unit}")
+        name = f"'{column.name}'" if column.name else "the first column, which has no name and is taken as seconds"
+        words.append(f"{_spoken(role).removeprefix('the ')} from {name}{unit}")
     where = "; guessed from the names, --columns or [temperature] columns say otherwise" if guessed else ""
     return f"columns of the log: {', '.join(words)}{where}"
 

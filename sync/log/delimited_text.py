@@ -21,6 +21,7 @@ from sync.log.repairs import Repair
 from torsight.core.errors import InputError
 from torsight.core.files.storage import empty_table, read_bytes, table_without_rows
 from torsight.core.frozen import Frozen
+from torsight.core.words.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +78,7 @@ def read_text_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> TextT
     lines = without_arrows(text.splitlines(), repairs)
     header = find_header(lines, chosen, path=path)
     if header.line:
-        repairs.append(Repair("preamble", header.line, f"{header.line} lines before the header were passed over"))
+        repairs.append(Repair("preamble", header.line, f"{counted(header.line, 'line')} before the header passed over"))
     first = header.line + 1
     rows = lines[first:]
     if header.delimiter == BLANKS:

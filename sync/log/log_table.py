@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sync.log.column_names import (
     CONTRACT,
@@ -103,16 +104,21 @@ def _time(
     stamps = read_stamps(values, where=f"{path}, column {name}", first_line=first_line)
     if not stamps.numeric:
         return stamps.time_s, stamps.zero, stamps.note
-    if not column.name:
+    if not column.name and column.unit is None and _counts_rows(stamps.time_s):
         # What a table library writes there is the number of the row.
         raise InputError(
             "has no column 'time_s'",
             where=f"{path}, line {first_line - 1}",
-            value="a first column without a name, with numbers",
-            do="give the column of times a name",
+            value="a first column without a name that counts the rows",
+            do="give the column of times a name; if these are seconds, say so: --units time=s",
         )
     factor = 1.0 if column.unit is None else column.unit.factor
     return (stamps.time_s if factor == 1.0 else stamps.time_s * factor), None, None
+
+
+def _counts_rows(stamps: NDArray[np.float64]) -> bool:
+    """Return whether numbers are those of the rows: whole ones, each by one larger than that before."""
+    return bool(np.isfinite(stamps).all() and (np.diff(stamps) == 1.0).all() and stamps[0] in (0.0, 1.0))
 
 
 def _converted(values: pd.Series[Any], column: LogColumn) -> Any:

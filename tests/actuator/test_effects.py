@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import re
 from functools import cache
 
 import numpy as np
@@ -14,6 +16,7 @@ from torsight.actuator.effects import always_fitted, chosen_effects, load_effect
 from torsight.actuator.effects.stiffening import extra_torque
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
+from torsight.actuator.quantities import OF_THE_ACTUATOR, with_title
 from torsight.actuator.spec import ActuatorSpec, reference_spec
 from torsight.core.errors import ConfigError
 from torsight.core.records import TemperatureLog
@@ -280,3 +283,22 @@ def test_grease_that_thins_has_a_power_below_one():
     fit = fitted_to(made, ("viscous_friction",))
     assert fit.values["viscous_power"] == pytest.approx(0.7, abs=0.05)
     assert fit.values["viscous_mnm_s_per_rad"] == pytest.approx(8.0, rel=0.1)
+
+
+@pytest.mark.parametrize("effect", DECLARED)
+def test_every_value_of_an_effect_has_a_title_and_the_symbol_of_its_equation(effect: str) -> None:
+    module = importlib.import_module(f"torsight.actuator.effects.{effect}")
+    text = re.sub(r"[{}]", "", module.__doc__ or "")
+    for one in (*DECLARED[effect].parameters, *DECLARED[effect].derived):
+        assert one.title
+        assert re.search(rf"(?<![^\W\d_]){re.escape(one.symbol)}(?!\w)", text), (one.name, one.symbol)
+        assert with_title(one.name).endswith(f" {one.symbol}")
+
+
+def test_a_symbol_of_what_is_always_fitted_means_nothing_else() -> None:
+    always = {effect.id for effect in always_fitted()}
+    own = [one.symbol for name in sorted(always) for one in DECLARED[name].parameters]
+    found = [one.symbol for one in OF_THE_ACTUATOR.values()] + own
+    assert len(set(found)) == len(found)
+    others = (effect for name, effect in DECLARED.items() if name not in always)
+    assert not {one.symbol for effect in others for one in (*effect.parameters, *effect.derived)} & set(found)

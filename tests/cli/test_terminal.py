@@ -1,4 +1,4 @@
-"""On a terminal: bars with the time left, on standard error. In a pipe: quiet but for the last lines. Completion."""
+"""On a terminal: bars with the time left, on standard error. In a pipe: a line now and then. Completion."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.tracker.films import Rig, write_film
+from torsight.cli.console import Lines
 
 TORSIGHT = [sys.executable, "-m", "torsight.cli.main"]
 ROOT = Path(__file__).parents[2]
@@ -58,6 +59,16 @@ def test_a_pipe_sees_the_last_line_only(film: Path, tmp_path: Path) -> None:
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1
     assert "12 of 12 frames" in done.stderr
+
+
+def test_a_file_gets_a_line_of_long_work_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
+    clock = iter([0.0, 9.0, 11.0, 12.0, 22.0])
+    lines = Lines(now=lambda: next(clock))
+    for done in range(3):
+        lines.report("tracking", done, 4.0)
+    lines.report("discovery", 7.0, None)
+    said = capsys.readouterr().err.splitlines()
+    assert [line.split() for line in said] == [["11", "s", "tracking,", "25", "%"], ["22", "s", "discovery"]]
 
 
 def complete(shell: str, **about: str) -> str:

@@ -7,7 +7,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import is_dataclass, replace
+from dataclasses import FrozenInstanceError, is_dataclass, replace
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import numpy as np
@@ -55,6 +56,44 @@ TRACKS = MarkerTracks(
 )
 START_RAD = 3.0
 TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
+
+
+def test_a_notebook_that_would_show_no_picture_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    with mpl.rc_context({"backend": "agg"}):
+        LOG.plot()
+        monkeypatch.setitem(
+            sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()))
+        )
+        with pytest.warns(UserWarning, match=r"'agg', which shows nothing in a notebook.*%matplotlib inline"):
+            LOG.plot()
+        _, axes = plt.subplots()
+        LOG.plot(axes)
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (reference_spec(), "ActuatorSpec(reference rig, 15 values, 9 with an uncertainty)"),
+        (ActuatorModel(reference_spec()), "ActuatorModel(reference rig, no effects, 10 free parameters)"),
+        (
+            ActuatorModel(reference_spec(), ["sensor_lag"]),
+            "ActuatorModel(reference rig, sensor_lag, 12 free parameters)",
+        ),
+        (ActuatorModel(reference_spec()).prepare(TABLE), "Drive(30 rows over 14.5 s, 1 half-cycle, 23.5 to 38.5 °C)"),
+    ],
+)
+def test_what_a_fit_is_made_of_is_one_short_line(made: object, words: str) -> None:
+    assert repr(made) == words
+
+
+@pytest.mark.parametrize("made", [reference_spec(), LOG, TAU, ANGLES], ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize("name", ["theta_p_rad", "value"])
+def test_a_frozen_object_says_so_and_what_to_do(made: object, name: str) -> None:
+    with pytest.raises(FrozenInstanceError, match=rf"'{name}' of a frozen {type(made).__name__}.*replace"):
+        setattr(made, name, 1.0)
+    with pytest.raises(FrozenInstanceError, match="replace"):
+        delattr(made, name)
 
 
 @pytest.fixture(scope="session")

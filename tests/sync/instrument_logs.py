@@ -30,6 +30,21 @@ def pico_6() -> bytes:
     return "\r\n".join([',"Temp A Last (C)","Temp B Last (C)"', *rows, ""]).encode()
 
 
+def pico_6_elapsed() -> bytes:
+    """PicoLog 6 with elapsed times: a first column without a name, in seconds."""
+    rows = _rows(lambda t, a, b: f"{t:.3f},{a:.2f},{b:.2f}")
+    return "\r\n".join([',"Temp A Ave. (°C)","Temp B Ave. (°C)"', *rows, ""]).encode()
+
+
+def pico_6_numbered() -> bytes:
+    """PicoLog 6 gone through a table library, which puts the number of the row before each."""
+    rows = [
+        f"{number},{t:.3f},{a:.2f},{b:.2f}"
+        for number, (t, a, b) in enumerate(zip(TIME_S, TEMP_A_C, TEMP_B_C, strict=True))
+    ]
+    return "\n".join([",Time (s),Temp A Ave. (°C),Temp B Ave. (°C)", *rows, ""]).encode()
+
+
 def pico_5() -> bytes:
     """PicoLog 5 in a country with decimal commas: a row of units below the names, tabs between."""
     rows = _rows(lambda t, a, b: f"{1000 * t:.0f}\t{a:.2f}\t{b:.2f}".replace(".", ","))

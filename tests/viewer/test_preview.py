@@ -35,7 +35,7 @@ class Container:
         self.real.close()
     def add_stream(self, codec, **options):
         self.stream = self.real.add_stream(codec, **options)
-        return self.stream if codec == "libx264" else Stream()
+        return self.stream if codec != "libsvtav1" else Stream()
     def mux(self, packets):
         self.real.mux(packets)
 
@@ -115,6 +115,22 @@ def test_an_encoder_that_hangs_ends_itself_and_the_next_one_does_the_work(
     monkeypatch.setattr(film_preview, "_CODECS", ("libsvtav1", "libsvtav1"))
     with pytest.raises(NoResultError, match=r"could not be encoded.*0\.3 s.*--resume"):
         write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
+
+
+def test_root_s_own_packages_may_be_closed_to_everybody_else(tmp_path: Path) -> None:
+    import av
+
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o700)
+    (closed / "av").symlink_to(Path(av.__file__).parent, target_is_directory=True)
+    words = [str(tmp_path / "preview.mp4"), "libx264", "160", "120", "25", "60"]
+    pictures = (encoding.PICTURE + bytes(160 * 120)) * 3 + encoding.END
+    command = [sys.executable, "-P", encoding.__file__, *words]
+    done = subprocess.run(
+        command, input=pictures, capture_output=True, check=False, env=os.environ | {"PYTHONPATH": str(closed)}
+    )
+    assert (done.returncode, done.stdout) == (0, b"")
+    assert len(levels_in(tmp_path / "preview.mp4")) == 3
 
 
 def test_a_full_disk_is_told_as_one(film: Path) -> None:

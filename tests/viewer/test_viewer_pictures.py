@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 
 import cv2
@@ -89,8 +90,12 @@ def test_without_a_driver_the_command_says_what_to_install(
     monkeypatch.setenv("VK_ICD_FILENAMES", str(tmp_path / "none.json"))
     monkeypatch.setenv("VK_DRIVER_FILES", str(tmp_path / "none.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr(tempfile, "tempdir", None)
     with pytest.raises(SystemExit) as ended:
         main(["view", str(run), "--pictures", str(tmp_path / "out")])
+    assert not list((tmp_path / "temporary").iterdir())
     said = capsys.readouterr().err
     assert ended.value.code == 3
     assert "the viewer cannot draw here" in said

@@ -20,6 +20,8 @@ from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.words.shown import span
+from torsight.core.words.wording import counted, number
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
@@ -90,7 +92,7 @@ class Sensors:
         return self._known[lag_s]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Drive:
     """Conditioned temperatures, half-cycles, measured angle and start of one record.
 
@@ -149,6 +151,13 @@ class Drive:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def __repr__(self) -> str:
+        lasts_s = float(np.ptp(self.time_s)) if len(self) else 0.0
+        return (
+            f"Drive({counted(len(self), 'row')} over {number(lasts_s)} s, "
+            f"{counted(len(self.cycles.springs), 'half-cycle')}, {span([self.temp_a_c, self.temp_b_c], '°C')})"
+        )
 
     @property
     def rows(self) -> Array:

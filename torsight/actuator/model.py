@@ -26,6 +26,7 @@ from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG, MNM
 from torsight.core.words.plausible import require_units
 from torsight.core.words.shown import Shown, draw_series, span
+from torsight.core.words.wording import counted
 
 Array = NDArray[np.float64]
 PhaseLaw = Literal["liang_rogers", "tanaka"]
@@ -96,7 +97,7 @@ class Simulation(Shown):
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ActuatorModel:
     """The quasi-static model, plain or with effects.
 
@@ -119,6 +120,10 @@ class ActuatorModel:
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     laws: tuple[LawForm, ...] = ()
+
+    def __repr__(self) -> str:
+        parts = ", ".join([*self.effects, *(form.id for form in self.laws)]) or "no effects"
+        return f"ActuatorModel({self.spec.source}, {parts}, {counted(len(self.parameters), 'free parameter')})"
 
     @cached_property
     def chosen(self) -> tuple[Effect, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
@@ -100,6 +100,11 @@ def in_symbols(words: str, symbol: Callable[[str], str] = plain_symbol) -> str:
     return re.sub(pattern, lambda found: symbol(found.group()), words)
 
 
-def effect_values(effect: Mapping[str, Any]) -> str:
-    """Return the values of an effect of ``discovery.json`` on one line: title, symbol, value with its interval."""
-    return "; ".join(f"{with_title(name)} {estimate(one)}" for name, one in (effect.get("parameters") or {}).items())
+def effect_values(effect: Mapping[str, Any], fitted: Container[str] = ()) -> str:
+    """Return the values of an effect of ``discovery.json`` on one line: title, symbol, value with its interval.
+
+    Where some were made for people of the ``fitted`` ones (amplitude and phase of a sine and a cosine), those alone.
+    """
+    own = dict(effect.get("parameters") or {})
+    made = {name: one for name, one in own.items() if name not in fitted} or own
+    return "; ".join(f"{with_title(name)} {estimate(one)}" for name, one in made.items())

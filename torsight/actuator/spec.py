@@ -75,7 +75,7 @@ _ORDERS: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ActuatorSpec(Frozen):
     """Characterised values of both springs and the rig, with their uncertainties.
 
@@ -107,6 +107,9 @@ class ActuatorSpec(Frozen):
         check_order(self.values, where=self.source)
         if any(name.startswith(SPRING_B) for name in self.values):
             check_order(values_of_b(self.values), where=f"{self.source}, [spring_b]")
+
+    def __repr__(self) -> str:
+        return f"ActuatorSpec({self.source}, {len(self.values)} values, {len(self.uncertainty)} with an uncertainty)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all values as parameters: free where they carry an uncertainty, and the friction torque always.

@@ -1,19 +1,42 @@
-"""What the terminal shows: progress bars with the time left where someone watches, only the last lines where not."""
+"""What the terminal shows: progress bars with the time left where someone watches, a line now and then where not."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from typing import Final
 
 from torsight.core.progress import Progress
+
+PATIENCE_S: Final = 10.0
+"""A file gets a line of progress so often: who looks into it waits no longer than that for a sign of life, and the
+minutes of a demo are a dozen lines."""
+
+
+class Lines:
+    """Progress as lines of a file or a pipe: what takes no longer than :data:`PATIENCE_S` writes none."""
+
+    def __init__(self, *, now: Callable[[], float] = time.monotonic) -> None:
+        self._now = now
+        self._began_s = self._said_s = now()
+
+    def report(self, step: str, done: float, total: float | None) -> None:
+        """Say how far a step is, where nothing has been said for a while."""
+        now_s = self._now()
+        if now_s - self._said_s < PATIENCE_S:
+            return
+        self._said_s = now_s
+        share = f", {100.0 * done / total:.0f} %" if total else ""
+        say(f"{now_s - self._began_s:6.0f} s  {step}{share}")
 
 
 @contextlib.contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """Give a progress callable that draws bars with the time left on a terminal and is quiet elsewhere."""
+    """Give a progress callable that draws bars with the time left on a terminal, and writes lines elsewhere."""
     if not sys.stderr.isatty():
-        yield lambda _step, _done, _total: None
+        yield Lines().report
         return
     from torsight.cli.bars import Bars
 

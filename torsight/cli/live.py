@@ -183,7 +183,7 @@ def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[
             say(f"In a browser      {browser_address(browser_port, feed.address)}")
         elif window and has_display():
             arguments = ["--connect", feed.address, "--memory-limit", WINDOW_MEMORY]
-            screens.append(Viewer(arguments, port=free_port()))
+            screens.append(Viewer(arguments, port=free_port(), stays=True))
         elif window:
             say("No display here   --serve shows it in a browser, --no-viewer leaves this out")
         say(f"For any viewer    rerun {feed.address}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import FrozenInstanceError, fields
 from typing import Any, NoReturn
 
 
@@ -38,10 +38,32 @@ def read_only(mapping: Mapping[Any, Any]) -> ReadOnly:
     return ReadOnly({key: read_only(value) if isinstance(value, Mapping) else value for key, value in mapping.items()})
 
 
+def refuse_plainly(cls: type) -> None:
+    """Let a frozen dataclass with slots say what it is and what to do, whatever name is set.
+
+    Such a class is made twice, the second time with what ``dataclass`` has put into it; its own refusal then speaks of
+    ``super()`` where a name is no field.
+    """
+
+    def refuse(self: object, name: str, *_value: object) -> NoReturn:
+        msg = (
+            f"cannot change '{name}' of a frozen {type(self).__name__}: make another one with "
+            "dataclasses.replace(it, field=value)"
+        )
+        raise FrozenInstanceError(msg)
+
+    if "__dataclass_fields__" in vars(cls) and "__setattr__" in vars(cls):
+        cls.__setattr__ = cls.__delattr__ = refuse  # type: ignore[method-assign,assignment]
+
+
 class Frozen:
     """Base of frozen dataclasses: their mappings are copied when they are made, and cannot be changed afterwards."""
 
     __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        refuse_plainly(cls)
 
     def __post_init__(self) -> None:
         for one in fields(self):  # type: ignore[arg-type]

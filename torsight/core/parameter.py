@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Final
 
+from torsight.core.frozen import Frozen
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -53,7 +55,7 @@ REACH: Final = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Frozen):
     """A fitted value with its standard deviation and 95 % interval, all in ``unit``.
 
     ``sigma`` is NaN and the interval infinite where the record says nothing about the parameter.

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import io
 import json
 import os
 import signal
@@ -36,6 +37,19 @@ GONE: Final = 3
 """Exit code when the sender ended without an end."""
 
 
+def _load_everything(av: Any) -> None:
+    """Encode a picture into memory, so that what PyAV imports on first use is there.
+
+    Root's own environment may lie in a folder that nobody else may read.
+    """
+    with av.open(io.BytesIO(), "w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=1)
+        stream.width, stream.height, stream.pix_fmt = 16, 16, "yuv420p"
+        picture = np.full((24, 16), 128, np.uint8)
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="yuv420p")))
+        container.mux(stream.encode())
+
+
 def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s: float) -> int:
     """Encode what comes on standard input and return the exit code."""
     import av
@@ -51,6 +65,7 @@ def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with Path(target).open("wb") as file:
         if hasattr(os, "geteuid") and os.geteuid() == 0:
+            _load_everything(av)
             os.seteuid(NOBODY)
         with av.open(file, "w", format="mp4") as container:
             stream: Any = container.add_stream(codec, rate=rate_hz, options=OPTIONS[codec])

@@ -85,19 +85,23 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
     NoResultError
         When no encoder comes to its end.
     """
+    said = ""
     for codec in _CODECS:
-        with contextlib.suppress(_StuckError):
+        try:
             return _encoded(film, path, codec=codec, frame_count=frame_count, progress=progress)
+        except _StuckError as error:
+            said = str(error)
     raise NoResultError(
         "the film's small copy for the viewer could not be encoded",
         where=str(film),
+        value=said or None,
         limit=f"{STUCK_S:g} s for one picture",
         do="is this computer very busy? what was measured is there: the same command with --resume tries it again",
     )
 
 
 class _StuckError(Exception):
-    """An encoder that ended itself, or was ended, before its work was done."""
+    """An encoder that ended itself, or was ended, before its work was done; with what it said."""
 
 
 def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, progress: Progress) -> Preview:
@@ -137,8 +141,7 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
             with contextlib.suppress(BrokenPipeError):
                 pictures.close()
     if encoder.returncode != 0:
-        trouble_of(told)
-        raise _StuckError
+        raise _StuckError(trouble_of(told))
     return Preview(path, np.array(chosen, dtype=np.int64), width / source.size_px[0], (width, height))
 
 

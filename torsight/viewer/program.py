@@ -83,14 +83,25 @@ def step_back(process: int = 0) -> None:
 
 
 class Viewer:
-    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader."""
+    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader.
 
-    def __init__(self, arguments: Sequence[str], *, port: int) -> None:
+    One that ``stays`` outlives this program, and takes care of its own temporary folders.
+    """
+
+    def __init__(self, arguments: Sequence[str], *, port: int, stays: bool = False) -> None:
         self.port = port
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
+        # It makes folders for temporary files, and leaves them where it ends early: as without a graphics driver.
+        self._folder = None if stays else tempfile.TemporaryDirectory(prefix="torsight-viewer-")
+        places = {} if self._folder is None else dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
         command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port), *arguments]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, text=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            text=True,
+            env=os.environ | places,
         )
         step_back(self.process.pid)
 
@@ -119,7 +130,7 @@ class Viewer:
         return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
-        """End it, wait for it, and forget what it said."""
+        """End it, wait for it, and forget what it said and left in its temporary folder."""
         if self.running:
             self.process.terminate()
             try:
@@ -128,3 +139,5 @@ class Viewer:
                 self.process.kill()
         self.process.wait()
         self._said.close()
+        if self._folder is not None:
+            self._folder.cleanup()

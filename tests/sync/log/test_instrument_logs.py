@@ -24,6 +24,8 @@ def made_up(header, rows=30, *, sep=",", line=lambda i: [f"{0.5 * i:g}", f"{24 +
     ("export", "columns", "within_c"),
     [
         (logs.pico_6, None, 1e-9),
+        (logs.pico_6_elapsed, None, 1e-9),
+        (logs.pico_6_numbered, None, 1e-9),
         (logs.pico_5, None, 1e-9),
         (logs.keysight_usb, CHANNELS, 1e-9),
         # Written to 0.0001 °F.
@@ -65,6 +67,14 @@ def test_what_was_guessed_and_converted_is_said(tmp_path):
     }
     assert read(tmp_path, logs.keysight_usb(), columns=CHANNELS).notes == ()
     assert read(tmp_path, logs.numpy_text()).notes == ()
+
+
+def test_a_first_column_without_a_name_is_the_time_unless_it_counts_the_rows(tmp_path):
+    assert "taken as seconds" in read(tmp_path, logs.pico_6_elapsed()).notes[0]
+    counted = made_up(",Temp A,Temp B", line=lambda i: [f"{i}", f"{24 + 0.5 * i:g}", "24.5"])
+    with pytest.raises(InputError, match=r"no column 'time_s'.*counts the rows.*--units time=s"):
+        read(tmp_path, counted)
+    assert read(tmp_path, counted, units={"time": "s"}).log.time_s[-1] == 29.0
 
 
 def test_wall_clock_stamps_say_when_the_log_began(tmp_path):
@@ -156,7 +166,6 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
         ("Time (ms),Temp A,Temp B", {"units": {"time": "s"}}, "said to be in ms and in s"),
         ("time_s,temp_a_c (K),temp_b_c", {}, "said to be in °C and in K"),
         ("Time,Temp A Last,Temp A Ave.,Temp B", {}, "more than one column may be the temperature of spring A"),
-        (",Temp A,Temp B", {}, "no column 'time_s'.*without a name"),
     ],
 )
 def test_headers_that_cannot_be_used(tmp_path, header, said, message):

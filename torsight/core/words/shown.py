@@ -6,23 +6,33 @@ degrees, °C, mN·m.
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Mapping
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from torsight.core.errors import ConfigError
+from torsight.core.frozen import refuse_plainly
 from torsight.core.words.wording import number
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_FOR_FILES: Final = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+"""Backends of matplotlib that have no window."""
 
 
 class Shown:
     """Base of results: ``repr``, ``summary``, ``_repr_html_``, ``to_frame`` and ``plot``."""
 
     __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        refuse_plainly(cls)
 
     def facts(self) -> dict[str, str]:
         """Return what a person should see first: name and value, in words, most important first."""
@@ -77,6 +87,7 @@ class Shown:
         """
         if axes is None:
             axes = _own_axes()
+            _warn_of_a_notebook_that_shows_nothing()
         self._draw(axes)
         return axes
 
@@ -93,6 +104,19 @@ def _own_axes() -> Any:
             where="MPLBACKEND, or the notebook",
             do="install it (in a notebook: matplotlib-inline), set MPLBACKEND=agg, or give plot() the axes of a figure",
         ) from error
+
+
+def _warn_of_a_notebook_that_shows_nothing() -> None:
+    """Warn where a notebook's cell will show no picture, since matplotlib was told to draw for files alone."""
+    import matplotlib as mpl
+
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if getattr(shell, "kernel", None) is not None and str(mpl.get_backend()).lower() in _FOR_FILES:
+        warnings.warn(
+            f"matplotlib's backend is '{mpl.get_backend()}', which shows nothing in a notebook: run "
+            "'%matplotlib inline' in a cell, or take MPLBACKEND out of the environment",
+            stacklevel=3,
+        )
 
 
 def span(values: Any, unit: str) -> str:

@@ -127,10 +127,7 @@ def unexplained(times: float) -> str:
     """Return the sentence that says so where more than twice the noise floor is left; else nothing."""
     if times <= EXPLAINED:
         return ""
-    return (
-        f"This record is not explained: what is left is {number(times)} times the noise floor, each independent "
-        "reading counted once."
-    )
+    return f"This record is not explained: what is left is {number(times)} times the noise floor."
 
 
 def not_explained(discovery: Mapping[str, Any]) -> str:

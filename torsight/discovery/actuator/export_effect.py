@@ -60,7 +60,18 @@ EFFECT: Final = Effect(
     family="measured",
     acts_on="{stage}",
     title="{title}",
-    parameters=(Parameter(name="{name}_share", value=1.0, unit="", lower=0.0, upper=5.0, null=0.0),),
+    parameters=(
+        Parameter(
+            name="{name}_share",
+            value=1.0,
+            unit="",
+            lower=0.0,
+            upper=5.0,
+            null=0.0,
+            symbol="s",
+            title="share of the measured law",
+        ),
+    ),
     apply=apply,
     laws=("{law}",),
 )

@@ -21,6 +21,7 @@ from torsight.core.words.wording import (
     listed,
     not_explained,
     number,
+    times_floor,
     variable_name,
 )
 from torsight.report.figures.planned import segments, worth
@@ -72,6 +73,12 @@ def lead(results: RunResults) -> str:
     if after is None:
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
     seen = "the error on half-cycles that the fit did not see"
+    if not_explained(discovery):
+        # The headline's figure is not the ratio of the two that stand here.
+        ends += (
+            f" What is left is {number(times_floor(discovery))} times that where each independent reading counts once: "
+            "a rest is one, however long."
+        )
     return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
 
 

@@ -50,11 +50,16 @@ def _row(
         "title": quantity(name).title,
         "unit": shown.get("unit") or "",
         "prior": "" if prior is None else prior.words(),
-        "plain": "" if plain is None else estimate({**plain, "unit": ""}),
-        "after": "" if after is None else estimate({**after, "unit": ""}),
+        "plain": "" if plain is None else _interval(plain),
+        "after": "" if after is None else _interval(after),
         "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
         "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
     }
+
+
+def _interval(value: Mapping[str, Any]) -> str:
+    """Return a value with its interval; the head of the table says that it is one of 95 %, and the unit."""
+    return estimate({**value, "unit": ""}).replace("95 %: ", "")
 
 
 def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
