@@ -77,7 +77,7 @@ def test_a_model_with_many_valleys_is_fitted() -> None:
     begun = prepare(problem).problem
     values = {p.name: p.value for p in begun.parameters}
     assert list(values.values()) == pytest.approx([6.0, 0.3], rel=0.005)
-    # The whole record is missed by 1.4 rad with values that are wrong by 4e-6; what is left has to be noise all the same.
+    # With values that are wrong by 4e-6 the whole record is missed by 1.4 rad; what is left has to be noise.
     assert np.nanstd(begun.predict(values, ()) - begun.observed) < 0.03
 
 
@@ -87,8 +87,9 @@ def test_what_a_tumbling_pendulum_lacks_is_found() -> None:
     assert found.drivers == (("rate", 1.0),)
     assert [curve.id for curve in found.laws] == ["friction"]
     assert any("begin anew every" in note for note in found.warnings)
-    # Some noise of the readings at both ends of a stretch, 0.01 each.
-    assert off_rad < 0.05
+    # Lines between nodes h = 2.1 rad/s apart leave h²/8 · max f'' = 0.2 rad/s² of the friction, which move the angle by
+    # up to 0.09 rad in 0.94 s; the plain model is off by 0.7.
+    assert off_rad < 0.09
 
 
 def test_a_bounce_is_an_event() -> None:
