@@ -92,7 +92,7 @@ def lacks(seed: int) -> tuple[Findings, float]:
     model = ode(lacking, states=("angle", "rate"), output="angle", inputs="force", initial=(0.5, 0.0))
     free = [parameter("pull", 4.0, lower=0.0), parameter("drag", 1.0, lower=0.0)]
     pair = [record(seed + k, 2.5, hidden(seed)) for k in range(2)]
-    laws = [law("friction", driver="rate")]
+    laws = [law("friction", driver="rate", nodes=20)]
     found = find_missing(model_problem(model, pair[0], free, laws, output="angle", drivers=[]))
     return found, float(np.std(found.predict(pair[1])["angle"] - pair[1]["angle"]))
 

@@ -8,6 +8,7 @@ relaxed linearly, less would be left than from the declared start. That costs a 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,7 +19,7 @@ from scipy.stats import qmc
 from torsight.core.parameter import Parameter
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import linear_change
+from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
@@ -210,14 +211,31 @@ def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
 
 
 def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
-    """Return a candidate with the further starts that promise more than its own."""
+    """Return a candidate with the further starts that promise more than its own, and the scales that belong to them.
+
+    What is missing may have pulled the base parameters off to where the candidate does nothing: it is fitted from where
+    they were declared, too, and that start then holds their values as well.
+    """
     if one.propose is not None:
         return one
     points = [{p.name: p.value for p in one.parameters}, *_spread(list(one.parameters), _POINTS)]
     found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
     own, *costs = [_relaxed_cost(fitter, base, _left(fitter, at)) for at in found]
     better = sorted((cost, i) for i, cost in enumerate(costs, start=1) if cost < _BETTER * own)[:_STARTS]
-    return replace(one, starts=(*one.starts, *(points[i] for _, i in better)))
+    starts: list[Mapping[str, float]] = [points[i] for _, i in better]
+    if not follows(problem, fitter, base):
+        least, declared = min([own, *costs, base.cost]), {p.name: p.value for p in problem.parameters}
+        scouts = [{**declared, **point} for point in (points[0], *starts)]
+        afar = fitter.fit((one.id,), scouts, keep=1, below=_BETTER * least)
+        starts = [afar.values] * (afar.cost < _BETTER * least) + starts
+    first = starts[0] if starts else points[0]
+    # A value that is nearer to its null than one step of the declared scale cannot be told from it.
+    scales = {
+        p.name: float(np.clip(_scale(p.at(first[p.name])), STEP_SHARE * _scale(p), _scale(p)))
+        for p in one.parameters
+        if p.name not in one.scales
+    }
+    return replace(one, starts=(*starts, *one.starts), scales={**one.scales, **scales})
 
 
 def _relaxed_cost(fitter: Fitter, base: Fit, left: Array) -> float:
