@@ -20,7 +20,7 @@ from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.compiled.quicken import quickened
 from torsight.discovery.own.model import given
-from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.check import check_problem, check_same
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
@@ -136,6 +136,8 @@ def _search(
     problem, notes = prepared.problem, [*notes, *prepared.warnings]
     # Points that were only looked at may lie outside of what the model can do.
     looked, before = len(evaluator.failures), evaluator.failed
+    start = {p.name: p.value for p in problem.parameters}
+    begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
     chosen = found.decision.chosen
     notes += [*_missed(declared, found), *_noise_given(problem, found)]
@@ -151,6 +153,8 @@ def _search(
             f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
             f"first: {failures[0].told()}"
         )
+    # A model may keep something from call to call that shows only after many of them.
+    check_same(problem, start, begun)
     traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
 

@@ -93,7 +93,7 @@ class Solver:
     restart_s : float
         Time after which states that are measured begin anew from what was measured, the others going on: what is
         predicted, and compared, is the course from one such moment to the next. For models in which small errors grow
-        over a record.
+        over a record; where it is not given, the search finds it for a model that cannot be followed without.
     """
 
     method: str = "LSODA"
