@@ -86,6 +86,14 @@ def test_a_slow_sensor_is_the_same_from_any_start() -> None:
     assert answers == [("unknown", ("sensor_lag",), ["time_s", "u"])] * 3
 
 
+def test_a_value_that_ends_at_its_bound_is_told() -> None:
+    for upper in (8.0, 60.0):
+        lag = candidate("sensor_lag", parameter("lag_s", 4.0, lower=0.0, upper=upper, null=0.0))
+        found = find_missing(sensor(sensor_record(lag_s=LAG_S), candidates=[lag, *sensor_candidates()[1:]]))
+        assert "sensor_lag" in found.effects
+        assert warned(found, "'lag_s' ends at its bound 8:") == (upper < LAG_S)
+
+
 class Tanks:
     """Two tanks, the upper of which runs over into the lower one; the model does not know it and starts far off."""
 

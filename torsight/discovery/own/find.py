@@ -140,7 +140,7 @@ def _search(
     begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
     chosen = found.decision.chosen
-    notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found)]
     extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
     curves = extended.curves(values, chosen.members)
     notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
@@ -187,6 +187,18 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
                 "what is smaller; without sigma it is measured"
             )
     return told
+
+
+def _at_bounds(found: engine.Findings) -> list[str]:
+    """Return a warning for every value of a named effect that ends at one of its bounds."""
+    chosen = found.decision.chosen
+    named = [p for effect in chosen.effects for p in chosen.fitter.candidates[effect].parameters]
+    return [
+        f"'{p.name}' ends at its bound {chosen.fit.values[p.name]:.4g}: where that is no limit of the rig itself, "
+        "widen it; where it is far from what the rig can have, the form is another one"
+        for p in named
+        if chosen.fit.values[p.name] in (p.lower, p.upper)
+    ]
 
 
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
