@@ -166,7 +166,7 @@ ODD: dict[str, Bad] = {
     ),
     "run: a light without times": Bad(RUN, written("experiment.toml", NO_LIGHT), 3, "time_s"),
     "run: a seed between two numbers": Bad(
-        RUN, written("experiment.toml", EXPERIMENT + "[discovery]\nseed = 1.5\n"), 2, "no whole number"
+        RUN, written("experiment.toml", EXPERIMENT + "[discover]\nseed = 1.5\n"), 2, "no whole number"
     ),
     "run: markers twice": Bad(
         RUN,

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from sync import LogReading, find_clock
+from sync.clock.clock_priors import PRIORS
 from tests.cli.bad_inputs import ACTUATOR, make_world
 from tests.tracker.films import Rig, write_film
 from torsight.actuator.spec import reference_spec
 from torsight.cli.checkup import separable
+from torsight.cli.checkup.clock import Filming, predict_clock
 from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by
@@ -19,6 +23,10 @@ from torsight.cli.checkup.rig import distinct_rates, half_cycles_of, limits_of
 from torsight.cli.doctor import told
 from torsight.cli.main import main
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.records import TemperatureLog
+from torsight.core.tracks import StickAngles
+from torsight.synthetic import make_record
+from torsight.synthetic.scene import demo_scene
 
 ROOM_C = 23.0
 
@@ -108,6 +116,73 @@ def test_what_every_fit_has_takes_up_its_share_of_an_effect(tmp_path: Path, monk
     # Least squares over more columns leaves no more of anything.
     assert all(beside[name] <= left * (1.0 + 1e-6) for name, left in alone.items())
     assert any(beside[name] < 0.9 * left for name, left in alone.items())
+
+
+def clock_told(log: Path, settings: dict[str, object], **about: object) -> tuple[Finding, dict]:
+    check = check_log(log)
+    assert check.reading is not None
+    (finding,), content = predict_clock(check.reading, settings, filming=Filming(**about), spec=reference_spec())  # type: ignore[arg-type]
+    return finding, content
+
+
+@pytest.mark.parametrize(("scene", "level"), [(demo_scene(), "fine"), ({"motion": {"kind": "rig"}}, "limits")])
+def test_the_clock_is_foretold_as_well_as_sync_finds_it_on_the_rig_of_another_integrator(
+    scene: Any, level: str
+) -> None:
+    record = make_record(scene, rate_hz=15.0)
+    table, count = record.table, len(record.table)
+    log = TemperatureLog(table.time_s, table.temp_a_c, table.temp_b_c)
+    known = np.ones(count, np.bool_)
+    angles = StickAngles(np.arange(count), table.time_s, table.angle_rad, table.angle_sigma_rad, known, known)
+    found = find_clock(angles, LogReading(log)).clock
+    (finding,), told = predict_clock(LogReading(log), {}, spec=reference_spec(), filming=Filming(15.0, 0.0, 0.06))
+    assert finding.level == level
+    # The rig moves by another integrator: the widths agree, not the digits.
+    assert told["offset_ci95_s"] == pytest.approx(np.ptp(found.offset_ci95_s) / 2.0, rel=0.3)
+    assert told["drift_ci95_ppm"] == pytest.approx(np.ptp(found.drift_ci95_ppm) / 2.0, rel=0.3)
+    (read,), own = predict_clock(LogReading(log), {}, angles=angles, filming=Filming())
+    assert own["offset_ci95_s"] == np.ptp(found.offset_ci95_s) / 2.0
+    assert "motion against temperature" in read.text
+
+
+def test_a_clock_that_one_rate_leaves_open_is_told_with_what_to_do(tmp_path: Path) -> None:
+    slow = write_log(tmp_path / "slow.csv", four((0.2,) * 4), length_s=2500.0, step_s=0.5)
+    finding, content = clock_told(slow, {})
+    assert finding.level == "limits"
+    assert content["offset_ci95_s"] > 0.5
+    assert "two clearly different rates" in finding.do
+    given, known = clock_told(slow, {"offset_s": 3.0})
+    assert given.level == "fine"
+    assert known["offset_ci95_s"] == 0.0
+
+
+def test_an_event_that_both_see_is_known_to_a_frame_and_a_row(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", four((0.2,) * 4), length_s=2500.0, step_s=0.5)
+    refused, _ = clock_told(log, {"led": [10, 10]})
+    assert refused.level == "stops"
+    assert "heat_a" in refused.text
+    rows = np.loadtxt(log, delimiter=",", skiprows=1)
+    heats = np.diff(rows[:, 1], prepend=ROOM_C) > 0.0
+    header = "time_s,temp_a_c,temp_b_c,heat_a"
+    np.savetxt(log, np.column_stack([rows, heats]), fmt="%.4f", delimiter=",", header=header, comments="")
+    finding, content = clock_told(log, {"led": [10, 10]}, rate_fps=25.0)
+    assert "shared event" in finding.text
+    # Each change falls into an interval of a row (0.5 s) and a frame (0.04 s), whose stamps err by a millisecond.
+    assert 0.0 < content["offset_ci95_s"] <= 0.5 * (0.5 + 0.04) + 2.0 * PRIORS.led_jitter_s
+
+
+def test_what_a_new_folder_lacks_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["init", str(tmp_path / "rig")])
+    capsys.readouterr()
+    code, answer, err = doctor(str(tmp_path / "rig"), capsys=capsys)
+    assert code == 3
+    stops = [item["text"] for item in answer["result"]["findings"] if item["level"] == "stops"]
+    assert [name for name in ("film.mp4", "temps.csv") if any(name in text for text in stops)] == [
+        "film.mp4",
+        "temps.csv",
+    ]
+    assert "film.mp4" in err
 
 
 def test_a_programme_that_never_moves_anything_is_to_be_done_again(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ path = "temps.csv"
 offset_s = 3.0
 [actuator]
 file = "actuator.toml"
-[discovery]
+[discover]
 seed = 4
 """
 
@@ -100,6 +100,7 @@ def test_a_stereo_pair(folder: Path) -> None:
             ConfigError,
             r"\[temperature\], columns: unknown key 'tiem'.*did you mean 'time'",
         ),
+        ("[discover]", "[discovery]", ConfigError, r"found '?\[discovery\].*write \[discover\]"),
         (
             'path = "temps.csv"',
             'path = "temps.csv"\nunits = { a = "ms" }',
@@ -121,7 +122,7 @@ def test_records_to_be_explained_together(folder: Path) -> None:
     assert earlier in named.inputs()
     again = experiment_from(named.to_configuration(), where="provenance.json", folder=Path())
     assert again.together == named.together
-    campaign = read_experiment(_write(folder, WHOLE.replace("[discovery]", "[discover]") + "together = true\n"))
+    campaign = read_experiment(_write(folder, WHOLE + "together = true\n"))
     assert campaign.together is True
     assert campaign.seed == 4
 

@@ -27,9 +27,8 @@ def test_more_than_twice_the_floor_of_6_hundredths_is_said_first(
 ) -> None:
     found = lines(tmp_path, left_deg)
     text = "\n".join(found)
-    assert found[0].startswith(
-        "Range of motion" if explained else "Attention         This record is not explained: 0.12°"
-    )
+    doubt = "Attention         This record is not explained: what is left is 2.02 times the noise floor"
+    assert found[0].startswith("Range of motion" if explained else doubt)
     assert text.count("not explained") == (not explained)
     assert "Missing           The model lacks an effect: sensor lag." in found
     assert f"Law               {made_up_law().sentence}" in found

@@ -92,7 +92,7 @@ shift_px = [1.0, 2.0]
 """
 PROVENANCE = """{"schema": 1, "command": "torsight run", "versions": {"python": "3.11"}, "inputs": {"film.avi": "9f"},
 "configuration": {"video": {"path": "film.avi"}, "temperature": {"path": "temps.csv"},
-"actuator": {"file": "actuator.toml"}, "output": {"dir": "results"}, "discovery": {"seed": 0}}, "seed": 0}"""
+"actuator": {"file": "actuator.toml"}, "output": {"dir": "results"}, "discover": {"seed": 0}}, "seed": 0}"""
 DISCOVERY = """{"schema": 1, "verdict": "identified", "effects": [{"id": "sensor_lag", "family": "temperature",
 "parameters": {"lag_s": {"value": 4.0, "sigma": 0.1, "ci95": [3.8, 4.2], "unit": "s"}}, "probability": 0.99}],
 "alternatives": [], "drivers": [{"variable": "temp_rate_c_s", "share": 0.7}], "held_out": [1],

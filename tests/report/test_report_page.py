@@ -89,7 +89,8 @@ def test_it_says_the_numbers_of_the_results(run: Path) -> None:
 def test_the_pull_is_the_distance_in_standard_deviations_of_the_characterisation(run: Path) -> None:
     text = text_of(run)
     # (38.9 − 36) / 0.4 = 7.25 and (36.2 − 36) / 0.4 = 0.5
-    row = re.search(r'<tr><td class="symbol"><i>A</i><sub>s</sub></td>.*?</tr>', text, flags=re.DOTALL)
+    begins = '<tr><th scope="row"><span class="symbol"><i>A</i><sub>s</sub></span>'
+    row = re.search(f"{begins}.*?</tr>", text, flags=re.DOTALL)
     assert row is not None
     assert re.search(r'class="figure far">\+7\.2', row.group())
     assert re.search(r'class="figure">\+0\.5', row.group())

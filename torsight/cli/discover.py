@@ -46,7 +46,9 @@ def discover(
 
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
+    from torsight.actuator.quantities import in_symbols
     from torsight.cli.console import progress_bar, say
+    from torsight.cli.summary import effect_lines
     from torsight.core.files.storage import read_json
     from torsight.core.words.wording import verdict_sentence
     from torsight.report import write_report
@@ -59,7 +61,10 @@ def discover(
 
         export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
-    say(f"Missing           {verdict_sentence(content)}")
+    verdict = verdict_sentence(content)
+    say(f"Missing           {verdict}")
+    for line in effect_lines(content):
+        say(line)
     for law in report.laws:
         say(f"Law               {law.sentence}")
     say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
@@ -67,8 +72,8 @@ def discover(
         say(f"  {record['file']}: {_unseen(record)}")
     if report.next_experiment is not None:
         say(f"Next experiment   {report.next_experiment.text}")
-    for note in report.notes:
-        say(f"Note              {note}")
+    for note in (note for note in report.notes if note not in verdict):
+        say(f"Note              {in_symbols(note)}")
     say(f"Report            {out / 'report.html'}")
     if export_effect is not None:
         say(f"Effect            {export_effect}")

@@ -22,7 +22,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "sync": ("offset_s", "drift_ppm", "max_gap_s", "led_events", "led"),
     "actuator": ("file",),
     "output": ("dir",),
-    "discovery": ("seed", "together"),
+    "discover": ("seed", "together"),
 }
 """Tables of ``EXPERIMENT.toml`` and their keys."""
 
@@ -112,11 +112,11 @@ class Experiment(Frozen):
             "sync": dict(self.sync),
             "actuator": {"file": str(self.actuator)},
             "output": {"dir": str(self.output)},
-            "discovery": {"seed": self.seed},
+            "discover": {"seed": self.seed},
         }
         if self.together:
             others = self.together
-            content["discovery"]["together"] = others if isinstance(others, bool) else [str(path) for path in others]
+            content["discover"]["together"] = others if isinstance(others, bool) else [str(path) for path in others]
         if self.timestamps is not None:
             video["timestamps"] = str(self.timestamps)
         if self.fps is not None:
@@ -124,8 +124,10 @@ class Experiment(Frozen):
         return {name: table for name, table in content.items() if table}
 
 
-def read_experiment(path: Path) -> Experiment:
+def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Experiment:
     """Read ``EXPERIMENT.toml``, or that of a folder; relative paths are relative to it.
+
+    With ``absent`` files that are missing are no error: each is put there, to be told with all others.
 
     Raises
     ------
@@ -135,7 +137,7 @@ def read_experiment(path: Path) -> Experiment:
         When the file, or a file that it names, is missing.
     """
     path = experiment_file(path)
-    return experiment_from(read_toml(path), where=str(path), folder=path.parent)
+    return experiment_from(read_toml(path), where=str(path), folder=path.parent, absent=absent)
 
 
 def experiment_file(path: Path) -> Path:
@@ -144,9 +146,43 @@ def experiment_file(path: Path) -> Path:
     return inside if inside.is_file() else path
 
 
-def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> Experiment:
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Files that an experiment names, relative to its folder; one that is missing goes to ``absent``, or is refused."""
+
+    folder: Path
+    absent: list[InputError] | None
+
+    def existing(self, path: Path, at: str) -> Path:
+        """Return a path that is named at a place of the experiment file."""
+        if not path.exists():
+            error = missing_file(path)
+            told = InputError(error.what, where=error.where, do=f"{error.do}; it is named in {at}")
+            if self.absent is None:
+                raise told
+            self.absent.append(told)
+        return path
+
+    def named(self, table: Mapping[str, Any], key: str, *, where: str) -> Path | None:
+        """Return the file that a key of a table names; None where it names none."""
+        return (
+            self.existing(self.folder / get_text(table, key, where=where), f"{where} {key}") if key in table else None
+        )
+
+
+def experiment_from(
+    content: Mapping[str, Any], *, where: str, folder: Path, absent: list[InputError] | None = None
+) -> Experiment:
     """Build an experiment from the content of its file; see :func:`read_experiment`."""
-    content = _named_as_ever(content)
+    if "discovery" in content:
+        # What this table was called in templates and provenance files before.
+        raise ConfigError(
+            "the table for discovery is named as the command",
+            where=where,
+            value="[discovery]",
+            limit="[discover]",
+            do="write [discover]",
+        )
     check_keys(content, tuple(KEYS), where=where)
     tables = {
         name: get_table(content, name, where=where, required=name in ("temperature", "actuator")) for name in KEYS
@@ -163,10 +199,10 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
             do="name the film in [video] path, or angles that are there already in [angle] file",
         )
 
+    files = _Files(folder, absent)
+
     def named(table: str, key: str) -> Path | None:
-        if key not in tables[table]:
-            return None
-        return _existing(folder / get_text(tables[table], key, where=places[table]), named=f"{places[table]} {key}")
+        return files.named(tables[table], key, where=places[table])
 
     temperature, actuator = named("temperature", "path"), named("actuator", "file")
     if temperature is None or actuator is None:
@@ -178,14 +214,14 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
     left: str | None = None
     right: str | None = None
     if angle is None:
-        left, right = _films(tables["video"], where=places["video"], folder=folder)
+        left, right = _films(tables["video"], files, where=places["video"])
     elif "film" in tables["angle"]:
-        left, _ = _films({"path": tables["angle"]["film"]}, where=places["angle"], folder=folder)
+        left, _ = _films({"path": tables["angle"]["film"]}, files, where=places["angle"])
     fps = tables["video"].get("fps")
     sync = dict(tables["sync"])
     if "led_events" in sync:
         name = get_text(sync, "led_events", where=places["sync"])
-        sync["led_events"] = str(_existing(folder / name, named=f"{places['sync']} led_events"))
+        sync["led_events"] = str(files.existing(folder / name, f"{places['sync']} led_events"))
     return Experiment(
         video=left,
         video_right=right,
@@ -198,18 +234,11 @@ def experiment_from(content: Mapping[str, Any], *, where: str, folder: Path) -> 
         actuator=actuator,
         sync=sync,
         output=folder / get_text(tables["output"], "dir", where=places["output"], default="results"),
-        seed=get_whole(tables["discovery"], "seed", where=places["discovery"], default=0, lower=0, upper=2**53),
-        together=_together(tables["discovery"], where=places["discovery"], folder=folder),
+        seed=get_whole(tables["discover"], "seed", where=places["discover"], default=0, lower=0, upper=2**53),
+        together=_together(tables["discover"], files, where=places["discover"]),
         angle=angle,
         **_log_columns(tables["temperature"], where=places["temperature"]),
     )
-
-
-def _named_as_ever(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the content with the table ``[discover]``, named as the command, under its usual name."""
-    if "discover" not in content or "discovery" in content:
-        return content
-    return {"discovery" if name == "discover" else name: table for name, table in content.items()}
 
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
@@ -226,7 +255,7 @@ def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
         raise ConfigError("has both a file and its content", where=where, value=", ".join(markers), limit="one of them")
 
 
-def _together(table: Mapping[str, Any], *, where: str, folder: Path) -> bool | tuple[Path, ...]:
+def _together(table: Mapping[str, Any], files: _Files, *, where: str) -> bool | tuple[Path, ...]:
     """Return whether, or with which other records, the rig is explained."""
     value = table.get("together", False)
     if isinstance(value, bool):
@@ -238,10 +267,10 @@ def _together(table: Mapping[str, Any], *, where: str, folder: Path) -> bool | t
             value=repr(value),
             limit="true (with the others of a campaign), or a list of merged.csv files",
         )
-    return tuple(_existing(folder / name, named=f"{where} together") for name in value)
+    return tuple(files.existing(files.folder / name, f"{where} together") for name in value)
 
 
-def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, str | None]:
+def _films(table: Mapping[str, Any], files: _Files, *, where: str) -> tuple[str, str | None]:
     value = table.get("path")
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or len(names) not in (1, 2) or not all(isinstance(name, str) for name in names):
@@ -253,15 +282,8 @@ def _films(table: Mapping[str, Any], *, where: str, folder: Path) -> tuple[str, 
         )
     found: list[str] = []
     for name in names:
-        path = folder / name
+        path = files.folder / name
         if not is_glob(path.name):
-            _existing(path, named=f"{where} path")
+            files.existing(path, f"{where} path")
         found.append(str(path))
     return found[0], found[1] if len(found) == 2 else None
-
-
-def _existing(path: Path, *, named: str) -> Path:
-    if path.exists():
-        return path
-    error = missing_file(path)
-    raise InputError(error.what, where=error.where, do=f"{error.do}; it is named in {named}")

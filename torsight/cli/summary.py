@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from torsight.actuator.quantities import effect_values
 from torsight.core.files.storage import read_json
 from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.words.wording import estimate, named, not_explained
+from torsight.core.words.wording import effect_name, estimate, named, not_explained
+
+
+def effect_lines(discovery: Mapping[str, Any]) -> list[str]:
+    """Return a line for each effect that was named, with its values."""
+    effects = discovery.get("effects") or []
+    return [f"  {effect_name(str(effect['id']))}: {effect_values(effect)}" for effect in effects]
 
 
 def summary(folder: Path) -> list[str]:
@@ -27,6 +36,7 @@ def summary(folder: Path) -> list[str]:
         ),
         f"Friction torque   {estimate(discovery['parameters']['tau_c_mnm'])}",
         f"Missing           {named(discovery)}",
+        *effect_lines(discovery),
     ]
     lines += [f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")]
     before, after = discovery["before"]["rmse_held_out_deg"], discovery["after"]["rmse_held_out_deg"]

@@ -28,6 +28,8 @@ class Parameter:
         Value at which an effect's parameter leaves the plain model unchanged.
     fixed : bool
         True where the value is taken as exact.
+    symbol, title : str
+        As an equation has it, with an underscore before an index, and in a few words; empty where neither is stated.
     """
 
     name: str
@@ -38,6 +40,8 @@ class Parameter:
     sigma: float | None = None
     null: float | None = None
     fixed: bool = False
+    symbol: str = ""
+    title: str = ""
 
     def at(self, value: float) -> Parameter:
         """Return the same parameter with another value."""

@@ -22,6 +22,7 @@ from torsight.core.records import SyncedTable
 from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
+from torsight.core.words.wording import unexplained
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -35,7 +36,6 @@ from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
-from torsight.discovery.settings import Settings
 
 Array = NDArray[np.float64]
 
@@ -373,10 +373,8 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
     if far:
         listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
         notes.append(f"The record contradicts characterised values: {listed}; check the actuator file")
-    if findings.decision.over_floor > Settings().explained:
-        notes.append(
-            f"What is left is {findings.decision.over_floor:.1f} times the noise floor: the record is not explained"
-        )
+    if doubt := unexplained(findings.decision.over_floor):
+        notes.append(doubt)
     if findings.decision.chosen.members:
         pulled = [pull for pull in plain_pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
         if pulled:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.words.shown import Shown, draw_series
-from torsight.core.words.wording import effect_name, estimate, number, verdict_sentence
+from torsight.core.words.wording import effect_name, number, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
 
@@ -160,9 +161,7 @@ class DiscoveryReport(Frozen, Shown):
         """Return the verdict, the effects with their values, what a missing one depends on, and the errors."""
         facts = {"verdict": verdict_sentence(self.to_json())}
         for effect in self.effects:
-            facts[effect_name(effect.id)] = ", ".join(
-                f"{name} {estimate(value.to_json())}" for name, value in effect.parameters.items()
-            )
+            facts[effect_name(effect.id)] = effect_values(effect.to_json())
         before, after = self.before.rmse_held_out_deg, self.after.rmse_held_out_deg
         facts["error on held-out half-cycles"] = f"{number(before)}° (plain model), {number(after)}° (this one)"
         return facts

@@ -21,8 +21,6 @@ class Settings:
         Probability that something is missing from which it is said.
     credible : float
         Share of the probability whose sets are reported as explanations.
-    explained : float
-        What is left after an explanation, in noise floors, up to which it is called explained.
     form_share : float
         Share of what a free law explains that a usual form of it must explain, too, to give the law its name.
     most : int
@@ -34,7 +32,6 @@ class Settings:
     missing: float = 0.5
     certain: float = 0.99
     credible: float = 0.95
-    explained: float = 2.0
     form_share: float = 0.97
     most: int = 3
     beam: int = 2
@@ -43,7 +40,7 @@ class Settings:
         for name in ("missing", "certain", "credible", "form_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise ConfigError(f"{name} is no probability", value=getattr(self, name), limit="between 0 and 1")
-        for name in ("explained", "most", "beam"):
+        for name in ("most", "beam"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} is too small", value=getattr(self, name), limit="1 or more")
 

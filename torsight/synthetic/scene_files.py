@@ -180,7 +180,7 @@ def _experiment(scene: Scene) -> dict[str, Any]:
     content["temperature"] = {"path": "temps.csv"}
     content["actuator"] = {"file": "actuator.toml"}
     content["output"] = {"dir": "results"}
-    content["discovery"] = {"seed": scene.output.seed}
+    content["discover"] = {"seed": scene.output.seed}
     return content
 
 

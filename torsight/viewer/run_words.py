@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from torsight.actuator.quantities import effect_values
 from torsight.core.files.results import RunResults, column
-from torsight.core.words.symbols import plain_symbol
 from torsight.core.words.wording import effect_name, estimate, fixed, number, verdict_sentence
 
 WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "timestamps", "jump", "bump", "light")
@@ -103,10 +103,8 @@ def summary_document(results: RunResults) -> str:
     if friction is not None:
         rows.append(("Friction torque", estimate(friction)))
     for effect in (discovery or {}).get("effects") or []:
-        own = (effect.get("parameters") or {}).items()
-        values = "; ".join(f"{plain_symbol(name)} {estimate(value)}" for name, value in own)
         title = str(effect.get("title") or effect_name(str(effect["id"])))
-        rows.append((f"{title[:1].upper()}{title[1:]}", values))
+        rows.append((f"{title[:1].upper()}{title[1:]}", effect_values(effect)))
     rows += [("Law", str(law["sentence"])) for law in (discovery or {}).get("laws") or [] if law.get("sentence")]
     rows += _motion(results)
     return "\n".join([*lines, *(f"- **{name}** {words}" for name, words in rows), ""])

@@ -46,13 +46,31 @@ def test_what_the_film_makes_of_the_floor_is_told_from_what_the_temperatures_mak
 
 
 def test_a_record_that_is_not_explained_is_the_first_thing_said_and_not_to_be_trusted(run: Path) -> None:
+    # The noise floor is 0.06°.
     found = steps(run, after=AFTER | {"rmse_held_out_deg": 0.44})
     assert found["Can"].good is False
     assert "the record is not explained" in found["Can"].answer
-    assert "The model, not the measurement: 0.44° rms are left, 7.3 times" in found["What"].answer
+    assert "The model, not the measurement: 7.33 times the noise floor is left" in found["What"].answer
     (first,) = re.findall(r"<h1>(.*?)</h1>", words_of(run))
-    assert first.startswith("This record is not explained: 0.44° rms are left, 7.3 times the noise floor.")
+    assert first.startswith("This record is not explained: what is left is 7.33 times the noise floor")
     assert first.index("not explained") < first.index("sensor lag")
+
+
+@pytest.mark.parametrize(("left", "unseen_deg"), [(2.04, 0.11), (1.9, 0.14), (0.9, 0.08)])
+def test_headline_badge_trust_and_limit_ask_one_measure_what_is_explained(
+    run: Path, left: float, unseen_deg: float
+) -> None:
+    # What the engine says is left, and the error on unseen half-cycles, may lie on either side of twice the floor.
+    found = steps(run, evidence={"over_floor_after": left}, after=AFTER | {"rmse_held_out_deg": unseen_deg})
+    text, doubted = words_of(run), left > 2.0
+    (badge,) = re.findall(r'<span class="verdict[^"]*">(.*?)</span>', text)
+    (headline,) = re.findall(r"<h1>(.*?)</h1>", text)
+    assert ("not explained" in headline) is doubted
+    assert ("not explained" in badge) is doubted
+    assert found["Can"].good is not doubted
+    assert ("not explained" in found["Can"].answer) is doubted
+    assert found["What"].answer.startswith("The model") is doubted
+    assert found["What"].answer.startswith("How well this record fixes the values") is (left == 1.9)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +110,9 @@ def test_the_interval_of_a_value_that_only_the_characterisation_knows_needs_that
     found = steps(run, after=AFTER)["Which"]
     half = sigma["E_A_gpa"]
     assert half is not None
-    assert Markup("<b><i>τ</i><sub>c</sub></b>: <i>E</i><sub>A</sub> characterised to ±") in found.answer
+    assert (
+        Markup("<b>friction torque <i>τ</i><sub>c</sub></b>: <i>E</i><sub>A</sub> characterised to ±") in found.answer
+    )
     assert f"instead of ±{half:.1f}" in found.answer
 
 
@@ -113,8 +133,11 @@ def test_two_effects_are_both_told_with_their_values_on_the_first_screen(run: Pa
     steps(run, after=AFTER, effects=[lag, friction], parameters={**discovery()["parameters"], **own})  # type: ignore[dict-item]
     text = words_of(run)
     (first_screen,) = re.findall(r'<ul class="tiles">.*?</ul>', text, flags=re.DOTALL)
-    assert "the sensor follows the wire late: lag 4.020 s (95 %: 3.922 to 4.118)" in first_screen
-    assert "friction changes once per turn: amplitude 0.420 (95 %: 0.400 to 0.440)" in first_screen
+    assert (
+        "the sensor follows the wire late: lag of the sensor <i>τ</i><sub>T</sub> 4.020 s (95 %: 3.922 to 4.118)"
+        in first_screen
+    )
+    assert "friction changes once per turn: amplitude of the wave <i>a</i> 0.420 (95 %: 0.400 to 0.440)" in first_screen
     # Names of the files stand nowhere but where a file is named.
     said = re.sub(r'href="[^"]*"|id="[^"]*"|title="[^"]*"', "", text)
     assert not re.search(r"\b(lag_s|friction_sine|phase_rad|tau_c_mnm|E_A_gpa|temp_rate_c_s|position_friction)\b", said)

@@ -41,12 +41,16 @@ class Derived:
         From the values of the effect's parameters.
     period : float or None
         Period of an angle: its interval is taken around the value, not across the fold.
+    symbol, title : str
+        As the equation has it, and in a few words.
     """
 
     name: str
     unit: str
     value: Callable[[Values], float]
     period: float | None = None
+    symbol: str = ""
+    title: str = ""
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -1,10 +1,10 @@
 r"""The clocks of camera and temperature logger were put together, but not exactly.
 
-.. math:: T(t) → T(t) + δ \, dT/dt
+.. math:: T(t) → T(t) + δ_r \, dT/dt
 
-T temperature in the log (°C), t film time (s), δ by how much the log is still ahead (s). No effect of the rig: every
+T temperature in the log (°C), t film time (s), δ_r by how much the log is still ahead (s). No effect of the rig: every
 record has a remainder of its own, and where none is allowed, small effects of the temperatures' rate have to make up
-for it. So the discovery always fits δ beside the characterised values and never names it; an error of the clocks that
+for it. So the discovery always fits δ_r beside the characterised values and never names it; an error of the clocks that
 is larger is a clock offset. Later records have clocks of their own. Source: computers that a network keeps on one time
 agree within tens of milliseconds (Mills, RFC 5905).
 """
@@ -29,7 +29,19 @@ EFFECT: Final = Effect(
     family="remainder",
     acts_on="temperature",
     title="what is left between the clocks of camera and temperature log",
-    parameters=(Parameter(name="clock_remainder_s", value=0.0, unit="s", lower=-0.3, upper=0.3, sigma=0.03, null=0.0),),
+    parameters=(
+        Parameter(
+            name="clock_remainder_s",
+            value=0.0,
+            unit="s",
+            lower=-0.3,
+            upper=0.3,
+            sigma=0.03,
+            null=0.0,
+            symbol="δ_r",
+            title="remainder of the clocks' offset",
+        ),
+    ),
     apply=apply,
     # After the sensors' lag, which reads the log anew.
     order=1,

@@ -2,9 +2,10 @@ r"""Disk or markers are off the axis, or the camera is tilted.
 
 .. math:: φ_{read} = φ + e \sin(φ + φ_0) + t \sin(2 φ + φ_t)
 
-e error once per turn (°), t error twice per turn (°; a camera tilted by ψ makes ψ²/4), as sine and cosine parts in the
-fit. Predicted residual: a function of the angle alone, the same in both directions; none that changes at rest. Source:
-eccentricity and tilt error of angle encoders, e.g. Slocum, Precision Machine Design (1992), ch. 4.
+e error once per turn (°), t error twice per turn (°; a camera tilted by ψ makes ψ²/4); the fit moves their sine and
+cosine parts, e_s and e_c, t_s and t_c. Predicted residual: a function of the angle alone, the same in both directions;
+none that changes at rest. Source: eccentricity and tilt error of angle encoders, e.g. Slocum, Precision Machine Design
+(1992), ch. 4.
 """
 
 from __future__ import annotations
@@ -22,6 +23,10 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 _NAMES: Final = ("eccentric_sine_deg", "eccentric_cosine_deg", "tilt_sine_deg", "tilt_cosine_deg")
+_SYMBOLS: Final = (
+    *(("e_s", "sine part of the error once per turn"), ("e_c", "cosine part of the error once per turn")),
+    *(("t_s", "sine part of the error twice per turn"), ("t_c", "cosine part of the error twice per turn")),
+)
 
 
 def read_angle(phi_rad: Array, *, once: tuple[float, float], twice: tuple[float, float]) -> Array:
@@ -38,8 +43,11 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 
 def _phase(first: str, second: str) -> Derived:
-    name = "phase_rad" if first.startswith("eccentric") else "tilt_phase_rad"
-    return Derived(name, "rad", lambda v: math.atan2(v[second], v[first]), period=math.tau)
+    name, symbol, times = (
+        ("phase_rad", "φ_0", "once") if first.startswith("eccentric") else ("tilt_phase_rad", "φ_t", "twice")
+    )
+    title = f"phase of the error {times} per turn"
+    return Derived(name, "rad", lambda v: math.atan2(v[second], v[first]), math.tau, symbol=symbol, title=title)
 
 
 EFFECT: Final = Effect(
@@ -48,15 +56,36 @@ EFFECT: Final = Effect(
     acts_on="reading",
     title="disk or markers off the axis, or a tilted camera",
     parameters=tuple(
-        Parameter(name=name, value=0.3 if name == _NAMES[0] else 0.0, unit="°", lower=-30.0, upper=30.0, null=0.0)
-        for name in _NAMES
+        Parameter(
+            name=name,
+            value=0.3 if name == _NAMES[0] else 0.0,
+            unit="°",
+            lower=-30.0,
+            upper=30.0,
+            null=0.0,
+            symbol=symbol,
+            title=title,
+        )
+        for name, (symbol, title) in zip(_NAMES, _SYMBOLS, strict=True)
     ),
     apply=apply,
     starts=({"eccentric_sine_deg": 0.0, "eccentric_cosine_deg": 0.3},),
     derived=(
-        Derived("amplitude_deg", "°", lambda v: math.hypot(v[_NAMES[0]], v[_NAMES[1]])),
+        Derived(
+            "amplitude_deg",
+            "°",
+            lambda v: math.hypot(v[_NAMES[0]], v[_NAMES[1]]),
+            symbol="e",
+            title="error once per turn",
+        ),
         _phase(_NAMES[0], _NAMES[1]),
-        Derived("tilt_amplitude_deg", "°", lambda v: math.hypot(v[_NAMES[2]], v[_NAMES[3]])),
+        Derived(
+            "tilt_amplitude_deg",
+            "°",
+            lambda v: math.hypot(v[_NAMES[2]], v[_NAMES[3]]),
+            symbol="t",
+            title="error twice per turn",
+        ),
         _phase(_NAMES[2], _NAMES[3]),
     ),
     laws=("reading_angle_deg",),

@@ -51,8 +51,19 @@ EFFECT: Final = Effect(
     acts_on="torque",
     title="a stop at one end",
     parameters=(
-        Parameter(name="stop_mnm_per_rad", value=3.0, unit="mN·m/rad", lower=0.0, upper=200.0, null=0.0),
-        Parameter(name="stop_deg", value=160.0, unit="°", lower=-400.0, upper=400.0),
+        Parameter(
+            name="stop_mnm_per_rad",
+            value=3.0,
+            unit="mN·m/rad",
+            lower=0.0,
+            upper=200.0,
+            null=0.0,
+            symbol="k",
+            title="stiffness of the stop",
+        ),
+        Parameter(
+            name="stop_deg", value=160.0, unit="°", lower=-400.0, upper=400.0, symbol="φ_s", title="place of the stop"
+        ),
     ),
     apply=apply,
     starts_from=starts_from,

@@ -26,6 +26,17 @@ EFFECT: Final = Effect(
     family="heat",
     acts_on="temperature",
     title="latent heat",
-    parameters=(Parameter(name="latent_c_s", value=30.0, unit="°C s", lower=0.0, upper=2000.0, null=0.0),),
+    parameters=(
+        Parameter(
+            name="latent_c_s",
+            value=30.0,
+            unit="°C s",
+            lower=0.0,
+            upper=2000.0,
+            null=0.0,
+            symbol="ℓ",
+            title="temperature per rate of transformation",
+        ),
+    ),
     apply=apply,
 )

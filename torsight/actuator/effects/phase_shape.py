@@ -1,12 +1,12 @@
 r"""The phase law's form is an approximation.
 
-.. math:: u → u + b \, u (1 − u)
+.. math:: u → u + b_h \, u (1 − u), \qquad u → u + b_c \, u (1 − u)
 
 u place in the law's window, 0 at its start and 1 at its end; b by how much the transformation runs ahead of the law in
-its middle (below 0: behind), apart for heating and cooling. No effect of the rig: every wire has a form of its own, and
-where only the cosine is allowed, other values and effects have to make up for it. So the discovery always fits b beside
-the characterised values, within a percent or two, and never names it. Source: Liang and Rogers, J. Intell. Mater. Syst.
-Struct. 1 (1990) 207, who choose the cosine for its shape.
+its middle (below 0: behind), b_h on heating and b_c on cooling. No effect of the rig: every wire has a form of its own,
+and where only the cosine is allowed, other values and effects have to make up for it. So the discovery always fits b
+beside the characterised values, within a percent or two, and never names it. Source: Liang and Rogers, J. Intell.
+Mater. Syst. Struct. 1 (1990) 207, who choose the cosine for its shape.
 """
 
 from __future__ import annotations
@@ -29,8 +29,28 @@ EFFECT: Final = Effect(
     acts_on="phase",
     title="the form of the phase law",
     parameters=(
-        Parameter(name="heating_bend", value=0.0, unit="", lower=-0.3, upper=0.3, sigma=0.01, null=0.0),
-        Parameter(name="cooling_bend", value=0.0, unit="", lower=-0.3, upper=0.3, sigma=0.01, null=0.0),
+        Parameter(
+            name="heating_bend",
+            value=0.0,
+            unit="",
+            lower=-0.3,
+            upper=0.3,
+            sigma=0.01,
+            null=0.0,
+            symbol="b_h",
+            title="bend of the phase law on heating",
+        ),
+        Parameter(
+            name="cooling_bend",
+            value=0.0,
+            unit="",
+            lower=-0.3,
+            upper=0.3,
+            sigma=0.01,
+            null=0.0,
+            symbol="b_c",
+            title="bend of the phase law on cooling",
+        ),
     ),
     apply=apply,
 )

@@ -1,9 +1,9 @@
 r"""Friction changes once per turn: an eccentric shaft or thread.
 
-.. math:: τ_f = τ_c (1 + a (\sin ψ + h \sin 3ψ)), \qquad ψ = φ + φ_0, \quad a \sin ψ = s \sin φ + c \cos φ
+.. math:: τ_f = τ_c (1 + a (\sin ψ + h \sin 3ψ)), \qquad ψ = φ + φ_0, \quad a \sin ψ = a_s \sin φ + a_c \cos φ
 
 a amplitude as a share of τ_c, φ_0 phase (rad), h third harmonic: above zero the wave is flat at its extremes (a thread
-that binds over a part of the turn), below it is pointed. The fit moves s and c, which are well conditioned, and the
+that binds over a part of the turn), below it is pointed. The fit moves a_s and a_c, which are well conditioned, and the
 amplitude and phase are reported. Predicted residual: once per turn in angle, its sign follows the direction of motion.
 Source: position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083.
 """
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 def friction_factor(phi_rad: Array, *, sine: float, cosine: float, third_harmonic: float = 0.0) -> Array:
-    """Return 1 + a (sin ψ + h sin 3ψ) with a sin ψ = s sin φ + c cos φ, never below zero."""
+    """Return 1 + a (sin ψ + h sin 3ψ) with a sin ψ = a_s sin φ + a_c cos φ, never below zero."""
     wave = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
     square = sine**2 + cosine**2
     if square > 0.0:
@@ -49,9 +49,36 @@ EFFECT: Final = Effect(
     acts_on="friction",
     title="friction changes once per turn",
     parameters=(
-        Parameter(name="friction_sine", value=0.2, unit="", lower=-1.5, upper=1.5, null=0.0),
-        Parameter(name="friction_cosine", value=0.0, unit="", lower=-1.5, upper=1.5, null=0.0),
-        Parameter(name="friction_third_harmonic", value=0.0, unit="", lower=-0.4, upper=0.4, sigma=0.1),
+        Parameter(
+            name="friction_sine",
+            value=0.2,
+            unit="",
+            lower=-1.5,
+            upper=1.5,
+            null=0.0,
+            symbol="a_s",
+            title="sine part of the friction's wave",
+        ),
+        Parameter(
+            name="friction_cosine",
+            value=0.0,
+            unit="",
+            lower=-1.5,
+            upper=1.5,
+            null=0.0,
+            symbol="a_c",
+            title="cosine part of the friction's wave",
+        ),
+        Parameter(
+            name="friction_third_harmonic",
+            value=0.0,
+            unit="",
+            lower=-0.4,
+            upper=0.4,
+            sigma=0.1,
+            symbol="h",
+            title="third harmonic of the wave",
+        ),
     ),
     apply=apply,
     starts=(
@@ -60,8 +87,21 @@ EFFECT: Final = Effect(
         {"friction_sine": 0.0, "friction_cosine": -0.2},
     ),
     derived=(
-        Derived("amplitude", "", lambda v: math.hypot(v["friction_sine"], v["friction_cosine"])),
-        Derived("phase_rad", "rad", lambda v: math.atan2(v["friction_cosine"], v["friction_sine"]), period=math.tau),
+        Derived(
+            "amplitude",
+            "",
+            lambda v: math.hypot(v["friction_sine"], v["friction_cosine"]),
+            symbol="a",
+            title="amplitude of the wave",
+        ),
+        Derived(
+            "phase_rad",
+            "rad",
+            lambda v: math.atan2(v["friction_cosine"], v["friction_sine"]),
+            period=math.tau,
+            symbol="φ_0",
+            title="phase of the wave",
+        ),
     ),
     laws=("friction_angle_deg",),
 )

@@ -1,10 +1,10 @@
 r"""The sensor follows the wire late.
 
-.. math:: (1 − s) τ \, dT_m(t)/dt = T(t − s τ) − T_m(t)
+.. math:: (1 − q_T) τ_T \, dT_m(t)/dt = T(t − q_T τ_T) − T_m(t)
 
-T_m measured, T wire temperature (°C), τ lag of the sensor (s), by which it is late on a ramp; s share of it that comes
-as a pure delay: 0 for one time constant; two equal ones act like s = 1 − 1/√2, three like s = 1 − 1/√3 (same mean and
-spread of the answer to a pulse). The wire's temperature comes out of the same local fits
+T_m measured, T wire temperature (°C), τ_T lag of the sensor (s), by which it is late on a ramp; q_T share of it that
+comes as a pure delay: 0 for one time constant; two equal ones act like q_T = 1 − 1/√2, three like q_T = 1 − 1/√3 (same
+mean and spread of the answer to a pulse). The wire's temperature comes out of the same local fits
 that take the noise out (:mod:`torsight.actuator.record.conditioning`): the noise is not differentiated. Predicted
 residual: of opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source:
 first-order contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
@@ -37,8 +37,19 @@ EFFECT: Final = Effect(
     acts_on="temperature",
     title="the sensor follows the wire late",
     parameters=(
-        Parameter(name="lag_s", value=3.0, unit="s", lower=0.0, upper=60.0, null=0.0),
-        Parameter(name="lag_delay_share", value=0.0, unit="", lower=0.0, upper=0.6, sigma=0.15),
+        Parameter(
+            name="lag_s", value=3.0, unit="s", lower=0.0, upper=60.0, null=0.0, symbol="τ_T", title="lag of the sensor"
+        ),
+        Parameter(
+            name="lag_delay_share",
+            value=0.0,
+            unit="",
+            lower=0.0,
+            upper=0.6,
+            sigma=0.15,
+            symbol="q_T",
+            title="share of the lag that is pure delay",
+        ),
     ),
     apply=apply,
     order=-1,

@@ -2,10 +2,10 @@ r"""What either spring can recover when it is heated first is not quite what its
 
 .. math:: θ_{L,1}^{A} = θ_L(θ_{max}^{A}) − δ_A, \qquad θ_{L,1}^{B} = θ_L(θ_{max}^{B}) − δ_B
 
-θ_{L,1} recoverable angle of a spring in its first half-cycle, δ by how much it is less than what the home rule gives
-(°); from its second half-cycle on every spring has been wound within the record. No effect of the rig: what came before
-the record is not in the record, and what bends in time would take up an error here. So the discovery always fits δ
-beside the characterised values and never names it. Source: the paper, section 4.2 (home position).
+θ_{L,1} recoverable angle of a spring in its first half-cycle, δ_A and δ_B by how much it is less than what the home
+rule gives (°); from its second half-cycle on every spring has been wound within the record. No effect of the rig: what
+came before the record is not in the record, and what bends in time would take up an error here. So the discovery always
+fits them beside the characterised values and never names it. Source: the paper, section 4.2 (home position).
 """
 
 from __future__ import annotations
@@ -42,8 +42,18 @@ EFFECT: Final = Effect(
     acts_on="phase",
     title="what the springs could recover before the record",
     parameters=tuple(
-        Parameter(name=name, value=0.0, unit="°", lower=-60.0, upper=60.0, sigma=_SIGMA_DEG, null=0.0)
-        for name in ("start_loss_a_deg", "start_loss_b_deg")
+        Parameter(
+            name=f"start_loss_{spring}_deg",
+            value=0.0,
+            unit="°",
+            lower=-60.0,
+            upper=60.0,
+            sigma=_SIGMA_DEG,
+            null=0.0,
+            symbol=f"δ_{spring.upper()}",
+            title=f"recoverable angle that spring {spring.upper()} lacks at first",
+        )
+        for spring in "ab"
     ),
     apply=apply,
 )

@@ -29,8 +29,26 @@ EFFECT: Final = Effect(
     acts_on="friction",
     title="friction that grows at rest",
     parameters=(
-        Parameter(name="static_excess", value=0.3, unit="", lower=0.0, upper=5.0, null=0.0),
-        Parameter(name="static_time_s", value=60.0, unit="s", lower=1.0, upper=600.0, sigma=60.0),
+        Parameter(
+            name="static_excess",
+            value=0.3,
+            unit="",
+            lower=0.0,
+            upper=5.0,
+            null=0.0,
+            symbol="e",
+            title="excess of friction after a long rest",
+        ),
+        Parameter(
+            name="static_time_s",
+            value=60.0,
+            unit="s",
+            lower=1.0,
+            upper=600.0,
+            sigma=60.0,
+            symbol="t_0",
+            title="time in which it grows",
+        ),
     ),
     apply=apply,
     # Motion begins with a jump: from far off the residual hardly says which way the excess should go.

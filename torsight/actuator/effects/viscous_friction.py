@@ -1,8 +1,8 @@
 r"""Grease: friction grows with speed.
 
-.. math:: τ_f = τ_c + b ω_0 (|\dot φ| / ω_0)^n, \qquad ω_0 = 1 rad/s
+.. math:: τ_f = τ_c + b ω_0 (|\dot φ| / ω_0)^m, \qquad ω_0 = 1 rad/s
 
-b viscous coefficient at 1 rad/s (mN·m·s/rad), n power (1: a Newtonian oil; greases thin as they are sheared, below 1).
+b viscous coefficient at 1 rad/s (mN·m·s/rad), m power (1: a Newtonian oil; greases thin as they are sheared, below 1).
 Predicted residual: grows with the speed, its sign follows the direction; gone a while after the temperature rests.
 Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083; power-law fluids
 (Ostwald and de Waele).
@@ -30,8 +30,26 @@ EFFECT: Final = Effect(
     acts_on="friction",
     title="friction grows with speed",
     parameters=(
-        Parameter(name="viscous_mnm_s_per_rad", value=3.0, unit="mN·m·s/rad", lower=0.0, upper=2000.0, null=0.0),
-        Parameter(name="viscous_power", value=1.0, unit="", lower=0.3, upper=1.5, sigma=0.2),
+        Parameter(
+            name="viscous_mnm_s_per_rad",
+            value=3.0,
+            unit="mN·m·s/rad",
+            lower=0.0,
+            upper=2000.0,
+            null=0.0,
+            symbol="b",
+            title="viscous coefficient",
+        ),
+        Parameter(
+            name="viscous_power",
+            value=1.0,
+            unit="",
+            lower=0.3,
+            upper=1.5,
+            sigma=0.2,
+            symbol="m",
+            title="power of the speed",
+        ),
     ),
     apply=apply,
     starts=({"viscous_mnm_s_per_rad": 20.0},),

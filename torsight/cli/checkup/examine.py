@@ -11,12 +11,13 @@ import numpy as np
 
 from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
+from torsight.cli.checkup.clock import Filming, predict_clock
 from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import FEW, Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment_file import experiment_file, read_experiment
-from torsight.core.errors import ConfigError, TorsightError
+from torsight.core.errors import ConfigError, InputError, TorsightError
 from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.files.tables import read_angles
@@ -56,6 +57,8 @@ class Inputs:
         Table ``[sync]`` of the experiment.
     columns, units : mapping of str to str
         Names and units of the log's columns.
+    absent : list of InputError
+        Files that the experiment names and that are not there.
     """
 
     films: list[str] = field(default_factory=list)
@@ -69,6 +72,7 @@ class Inputs:
     settings: Mapping[str, Any] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    absent: list[InputError] = field(default_factory=list)
 
 
 def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
@@ -114,16 +118,23 @@ def _kind(path: Path) -> str:
 
 
 def _of_experiment(path: Path) -> Inputs:
-    experiment = read_experiment(path)
+    absent: list[InputError] = []
+    experiment = read_experiment(path, absent=absent)
     films = [name for name in (experiment.video, experiment.video_right) if name is not None]
+    found = {error.where for error in absent}
+
+    def there(file: Path | None) -> Path | None:
+        return None if file is None or str(file) in found else file
+
     return Inputs(
-        films=films if experiment.angle is None else [],
-        angle=experiment.angle,
-        timestamps=experiment.timestamps,
-        log=experiment.temperature,
-        actuator=experiment.actuator,
-        camera=experiment.camera,
-        markers=experiment.markers_file or experiment.markers or None,
+        absent=absent,
+        films=[] if experiment.angle is not None or found & set(films) else films,
+        angle=there(experiment.angle),
+        timestamps=there(experiment.timestamps),
+        log=there(experiment.temperature),
+        actuator=there(experiment.actuator),
+        camera=there(experiment.camera),
+        markers=there(experiment.markers_file) or experiment.markers or None,
         fps=experiment.fps,
         settings=experiment.sync,
         columns=experiment.columns,
@@ -133,7 +144,7 @@ def _of_experiment(path: Path) -> Inputs:
 
 def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Finding], dict[str, Any]]:
     """Look at everything that is given; return the findings and the measured figures."""
-    findings: list[Finding] = []
+    findings: list[Finding] = [refusal("experiment", error) for error in inputs.absent]
     content: dict[str, Any] = {}
     camera = _read(findings, "camera", inputs.camera, read_camera)
     hints = _read(findings, "markers", inputs.markers, read_markers)
@@ -173,7 +184,19 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
         content["film_right" if number else "film"] = check.content
         if number == 0:
             findings += _look_at_overlap(check.duration_s, log, inputs.settings, rate_fps=check.content.get("rate_fps"))
+    if log.reading is not None and (spec is not None or angles is not None):
+        more, content["clock"] = predict_clock(
+            log.reading, inputs.settings, spec=spec, angles=angles, filming=_filming(content.get("film", {}))
+        )
+        findings += more
     return findings, content
+
+
+def _filming(film: Mapping[str, Any]) -> Filming:
+    """Return what the film's check found of it."""
+    sigma_deg = film.get("tracked", {}).get("noise", {}).get("angle_sigma_deg", {}).get("median")
+    found = {"rate_fps": film.get("rate_fps"), "duration_s": film.get("duration_s"), "sigma_deg": sigma_deg}
+    return Filming(**{name: value for name, value in found.items() if value})
 
 
 def _read(findings: list[Finding], about: str, source: Any, reader: Any) -> Any:

@@ -22,7 +22,8 @@ class Finding:
     Attributes
     ----------
     about : str
-        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``experiment``, ``record`` or ``installation``.
+        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``clock``, ``experiment``, ``record`` or
+        ``installation``.
     level : str
         One of :data:`LEVELS`.
     text : str

@@ -153,14 +153,14 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
     """Say whether the springs heat and cool as far as the model needs, and how many half-cycles there are."""
     findings: list[Finding] = []
     moving = [cycle for cycle in cycles if cycle.peak_c > limits.onset_c]
-    peaks = ", ".join(f"{cycle.spring.upper()} {cycle.peak_c:.1f}" for cycle in cycles)
+    peaks = ", ".join(f"{cycle.peak_c:.1f} °C ({cycle.spring.upper()})" for cycle in cycles)
     if not moving:
-        text = f"no heating reaches {limits.onset_c:.1f} °C, where the actuator begins to move (peaks: {peaks} °C)."
+        text = f"no heating reaches {limits.onset_c:.1f} °C, where the actuator begins to move (peaks: {peaks})."
         return [Finding("log", "stops", text, f"heat to {limits.full_c:.0f} °C and more")]
     full = [cycle for cycle in cycles if cycle.peak_c >= limits.full_c]
     text = (
-        f"{counted(len(cycles), 'half-cycle')}, peaks {peaks} °C; the transformation is complete "
-        f"({limits.full_c:.1f} °C) in {len(full)}, not in {len(moving) - len(full)}."
+        f"{counted(len(cycles), 'half-cycle')} with peaks of {peaks}; {len(full)} of the {len(moving)} that move "
+        f"anything reach {limits.full_c:.1f} °C, where the transformation is complete."
     )
     level = "limits" if not full else "fine"
     advice = f"heat at least once to {limits.full_c:.0f} °C" if not full else ""

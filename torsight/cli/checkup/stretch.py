@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -166,9 +167,11 @@ def _look_at_account(told: Sequence[Mapping[str, Any]], about: str) -> list[Find
     seen: set[str] = set()
     for words in (words for one in reversed(told) for words in one["advice"]):
         text, _, advice = words.partition(": ")
-        if text in seen:
+        # Two stretches say the same with other figures: those of the one where most moves stand for both.
+        same = re.sub(r"[\d.]+", "", text)
+        if same in seen:
             continue
-        seen.add(text)
+        seen.add(same)
         level = "limits" if "frames have no angle" in words or "light was off" in words else "note"
         findings.append(Finding(about, level, text.rstrip(".") + ".", advice.rstrip("."), sigma["median"]))
     return findings

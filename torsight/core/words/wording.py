@@ -22,6 +22,10 @@ VARIABLES: Final = {
 """What a missing effect can depend on, in words."""
 
 
+_NAMES: Final = {"r_phase": "R-phase", "end_stop": "one end stop", "end_stops": "two end stops"}
+"""Effects whose id does not read as words."""
+
+
 def variable_name(identifier: str) -> str:
     """Return a driver of ``discovery.json`` as words."""
     return VARIABLES.get(identifier, effect_name(identifier))
@@ -32,7 +36,7 @@ def effect_name(identifier: str) -> str:
     for driver, words in VARIABLES.items():
         if identifier.endswith(f"_{driver}"):
             return f"{identifier.removesuffix(f'_{driver}').replace('_', ' ')} over {words}"
-    return identifier.replace("_", " ")
+    return _NAMES.get(identifier, identifier.replace("_", " "))
 
 
 def counted(count: int, name: str) -> str:
@@ -94,7 +98,7 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
 
 
 EXPLAINED: Final = 2.0
-"""How many noise floors may be left: below that, a held-out error is the floor and what the fit is uncertain by."""
+"""How many noise floors may be left: up to that, what is left is the floor and what the fit is uncertain by."""
 
 
 def error_left(discovery: Mapping[str, Any]) -> float | None:
@@ -105,18 +109,34 @@ def error_left(discovery: Mapping[str, Any]) -> float | None:
     return None if found is None or not math.isfinite(found) else float(found)
 
 
-def not_explained(discovery: Mapping[str, Any]) -> str:
-    """Return a sentence that says so where the answer leaves more than twice the noise floor; else nothing.
+def times_floor(discovery: Mapping[str, Any]) -> float | None:
+    """Return what the answer leaves, in noise floors: the one measure of whether a record is explained.
 
-    The floor counts what noise of the temperatures does where an incomplete heating ends (``over_floor_after``).
+    The engine's own (``over_floor_after``): a rest counts as one reading, neighbours that are correlated as one, and
+    the temperature at which an incomplete heating ends is as uncertain as its readings. The error on half-cycles that
+    were not seen is another thing: it holds how well the values are known, too. It stands in where a file has no other.
     """
+    times = (discovery.get("evidence") or {}).get("over_floor_after")
+    if times is not None:
+        return float(times)
     left, floor = error_left(discovery), discovery.get("noise_floor_deg")
-    if left is None or not floor:
-        return ""
-    times = (discovery.get("evidence") or {}).get("over_floor_after", left / floor)
+    return None if left is None or not floor else left / float(floor)
+
+
+def unexplained(times: float) -> str:
+    """Return the sentence that says so where more than twice the noise floor is left; else nothing."""
     if times <= EXPLAINED:
         return ""
-    return f"This record is not explained: {number(left, 2)}° rms are left, {number(times, 2)} times the noise floor."
+    return (
+        f"This record is not explained: what is left is {number(times)} times the noise floor, each independent "
+        "reading counted once."
+    )
+
+
+def not_explained(discovery: Mapping[str, Any]) -> str:
+    """Return :func:`unexplained` of a ``discovery.json``."""
+    times = times_floor(discovery)
+    return "" if times is None else unexplained(times)
 
 
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:

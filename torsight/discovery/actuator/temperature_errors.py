@@ -22,9 +22,10 @@ from torsight.actuator.record.conditioning import NEGLIGIBLE_C
 Array = NDArray[np.float64]
 
 _ALIKE_S: Final = 3.0
-_TOP_SHARE: Final = 0.5
-"""How well a top is known, in standard deviations of one sample: on clean records 0.25 to 0.5 are as probable
-(benchmarks/discovery/tops.py); behind a slow sensor a top is known less well."""
+_TOP_SHARE: Final = 0.35
+"""How well a top is known, in standard deviations of one sample: that of the mean over the eight samples within two
+seconds at four a second (1/√8), about what a top's local line is fitted to. On clean records the errors of tops have a
+mean square of 0.73 with it; 0.25 to 0.5 are as probable (benchmarks/discovery/tops.py)."""
 _TOP_C: Final = 1.0
 _HOLD_S: Final = 4.0
 """The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of

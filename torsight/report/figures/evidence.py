@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.actuator.quantities import plain_symbol
 from torsight.core.files.results import column
-from torsight.core.words.symbols import plain_symbol
 from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import pairs_of_bars

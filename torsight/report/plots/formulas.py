@@ -10,22 +10,27 @@ from pathlib import Path
 
 from markupsafe import Markup, escape
 
-from torsight.core.words.symbols import SYMBOLS, plain_symbol
+from torsight.actuator.quantities import in_symbols, plain_symbol, quantity
 from torsight.report.plots.still import bare, picture_data
 
 
 def symbol(name: str) -> Markup:
-    """Return a quantity's symbol as HTML, or its name in words without the unit where the paper has none."""
-    letters, _, index = SYMBOLS.get(name, "").partition("_")
+    """Return a quantity's symbol as HTML, or its name in words without the unit where it has none."""
+    letters, _, index = quantity(name).symbol.partition("_")
     if not letters:
         return escape(plain_symbol(name))
     return Markup("<i>{}</i>").format(letters) + (Markup("<sub>{}</sub>").format(index) if index else "")
 
 
+def titled(name: str) -> Markup:
+    """Return a quantity's title with its symbol as HTML, or its name in words where it has none."""
+    found = quantity(name)
+    return Markup("{} {}").format(found.title, symbol(name)) if found.symbol and found.title else symbol(name)
+
+
 def with_symbols(words: str) -> Markup:
     """Return a sentence as HTML, with symbols in place of the files' names."""
-    pattern = r"\b(" + "|".join(sorted(SYMBOLS, key=len, reverse=True)) + r")\b"
-    return Markup(re.sub(pattern, lambda found: symbol(found.group()), escape(words)))  # noqa: S704 - escaped before
+    return Markup(in_symbols(escape(words), symbol))  # noqa: S704 - escaped before
 
 
 @cache

@@ -11,8 +11,8 @@ from markupsafe import Markup, escape
 from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults, column
 from torsight.core.units import DEG
-from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number
-from torsight.report.plots.formulas import symbol, with_symbols
+from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number, times_floor
+from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
 from torsight.report.sections.prior_pulls import priors
@@ -60,17 +60,21 @@ def _model(results: RunResults) -> FittedModel | None:
 def _limit(results: RunResults) -> str:
     discovery = results.discovery or {}
     left, floor = error_left(discovery), discovery.get("noise_floor_deg")
-    verdict = discovery.get("verdict")
     if left is None or not floor:
         return "The record's noise floor is not known, so nothing can be said."
+    if not_explained(discovery):
+        return (
+            f"The model, not the measurement: {number(times_floor(discovery))} times the noise floor is left. A longer "
+            "record will not narrow the intervals honestly before what is left is explained."
+        )
+    if discovery.get("verdict") == "ambiguous":
+        return "The programme: it moves the actuator alike under each of the explanations. Run the one proposed below."
     if left > EXPLAINED * floor:
         return (
-            f"The model, not the measurement: {number(left, 2)}° rms are left, {number(left / floor, 2)} times the "
-            f"noise floor of {number(floor, 2)}°. A longer record will not narrow the intervals honestly before "
-            "what is left is explained."
+            f"How well this record fixes the values: the fit leaves noise, but half-cycles that it did not see are off "
+            f"by {number(left, 2)}° rms, {number(left / floor, 2)} times the noise floor. More half-cycles help, and "
+            "complete heatings: where one ends too early, its temperature's error stays in the angle."
         )
-    if verdict == "ambiguous":
-        return "The programme: it moves the actuator alike under each of the explanations. Run the one proposed below."
     return f"Noise, not the model: {number(left, 2)}° rms are left, and no model can leave less than about " + _noise(
         results, float(floor)
     )
@@ -109,7 +113,7 @@ def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
     lines = []
     for target in targets:
         longer, sharper = best_measures(target, names, covariance, [sigma.get(name) for name in names])
-        lines.append(Markup("<b>{}</b>: {}").format(symbol(target), _halved(results, longer, sharper)))
+        lines.append(Markup("<b>{}</b>: {}").format(titled(target), _halved(results, longer, sharper)))
     if not lines:
         return []
     if not_explained(results.discovery or {}):
@@ -153,7 +157,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     """Say whether the model may be trusted for control: held-out error and predicted sigma against the range."""
     discovery = results.discovery or {}
     question = "Can the model be trusted for control?"
-    left, floor = error_left(discovery) or 0.0, discovery.get("noise_floor_deg") or 0.0
+    left = error_left(discovery) or 0.0
     angle = results.measured_angle_deg()
     range_deg = float(np.ptp(angle)) if len(angle) else 0.0
     if range_deg <= 0.0:
@@ -171,7 +175,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
         )
     against = [
         *(["no half-cycle could be held out"] if not held_out else []),
-        *(["the record is not explained"] if floor and left > EXPLAINED * floor else []),
+        *(["the record is not explained"] if not_explained(discovery) else []),
         *(["a measured law stands in for a cause that is not known"] if discovery.get("verdict") == "unknown" else []),
         *(["it is not known which explanation is right"] if discovery.get("verdict") == "ambiguous" else []),
         *(["the predicted sigma is too small"] if sigma is not None and share < _HONEST else []),

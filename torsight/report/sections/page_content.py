@@ -13,9 +13,18 @@ from markupsafe import Markup, escape
 
 from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
-from torsight.core.words.wording import effect_name, estimate, explanations, fixed, listed, number, variable_name
+from torsight.core.words.wording import (
+    effect_name,
+    estimate,
+    explanations,
+    fixed,
+    listed,
+    not_explained,
+    number,
+    variable_name,
+)
 from torsight.report.figures.planned import segments, worth
-from torsight.report.plots.formulas import equation_pictures, symbol
+from torsight.report.plots.formulas import equation_pictures, symbol, titled
 
 FILES: Final = {
     "angle.csv": "angle of every frame",
@@ -140,7 +149,7 @@ def _telling(effect: Mapping[str, Any], discovery: Mapping[str, Any]) -> Markup:
     """Return the value of an effect that says most to people: one made of the fitted values, else the first of them."""
     own = dict(effect.get("parameters") or {})
     made = {name: value for name, value in own.items() if name not in (discovery.get("parameters") or {})} or own
-    values = [Markup("{} {}").format(symbol(name), value_words(value)) for name, value in list(made.items())[:1]]
+    values = [Markup("{} {}").format(titled(name), value_words(value)) for name, value in list(made.items())[:1]]
     title = str(effect.get("title") or "")
     return Markup(": ").join([*([escape(title)] if title else []), *values])
 
@@ -190,7 +199,7 @@ def missing(results: RunResults) -> dict[str, Any]:
             "title": str(effect.get("title") or ""),
             "probability": effect.get("probability"),
             "parameters": [
-                (symbol(name), value_words(value)) for name, value in (effect.get("parameters") or {}).items()
+                (titled(name), value_words(value)) for name, value in (effect.get("parameters") or {}).items()
             ],
         }
         for effect in discovery.get("effects") or []
@@ -214,6 +223,7 @@ def missing(results: RunResults) -> dict[str, Any]:
     ]
     return {
         "verdict": discovery.get("verdict"),
+        "unexplained": bool(not_explained(discovery)),
         "effects": effects,
         "drivers": drivers,
         "explanations": explanations(discovery) if discovery.get("verdict") == "ambiguous" else [],

@@ -7,9 +7,10 @@ from typing import Any
 
 from markupsafe import Markup
 
+from torsight.actuator.quantities import quantity
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import estimate, fixed, number
-from torsight.report.plots.formulas import symbol
+from torsight.report.plots.formulas import symbol, titled
 from torsight.report.sections.page_content import score
 from torsight.report.sections.prior_pulls import Prior, priors
 
@@ -36,7 +37,7 @@ def parameter_table(results: RunResults) -> dict[str, Any]:
 
 def _exact(name: str, value: Mapping[str, Any]) -> Markup:
     words = f"{value.get('value') or 0.0:g} {value.get('unit') or ''}".strip()
-    return Markup("{} {}").format(symbol(name), words)
+    return Markup("{} {}").format(titled(name), words)
 
 
 def _row(
@@ -46,6 +47,7 @@ def _row(
     pulls = [None if prior is None else prior.pull(item) for item in (plain, after)]
     return {
         "name": symbol(name),
+        "title": quantity(name).title,
         "unit": shown.get("unit") or "",
         "prior": "" if prior is None else prior.words(),
         "plain": "" if plain is None else estimate({**plain, "unit": ""}),
@@ -66,4 +68,4 @@ def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
         ("case of the cooling", f"({fit.get('case')})"),
     ]
     angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
-    return lines + [(symbol(name), f"{fixed(fit.get(name), 1)}°") for name in angles]
+    return lines + [(titled(name), f"{fixed(fit.get(name), 1)}°") for name in angles]

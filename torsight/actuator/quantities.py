@@ -1,0 +1,105 @@
+"""Quantities as people write them, by the names of the files: ``E_A_gpa`` is E_A, the austenite's modulus, in GPa.
+
+Those of the actuator stand here, as the paper has them; every effect states symbol and title of its own parameters.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from torsight.core.words.wording import effect_name, estimate
+
+
+class Quantity(NamedTuple):
+    """A symbol, with an underscore before its index, and what it means in a few words; empty where nothing is known."""
+
+    symbol: str
+    title: str
+
+
+OF_THE_ACTUATOR: Final[Mapping[str, Quantity]] = MappingProxyType(
+    {
+        "E_A_gpa": Quantity("E_A", "modulus of austenite"),
+        "E_M_gpa": Quantity("E_M", "modulus of martensite below the critical angle"),
+        "E_S_gpa": Quantity("E_S", "modulus of martensite beyond the critical angle"),
+        "A_s_c": Quantity("A_s", "austenite start"),
+        "A_f_c": Quantity("A_f", "austenite finish"),
+        "M_s_c": Quantity("M_s", "martensite start"),
+        "M_f_c": Quantity("M_f", "martensite finish"),
+        "C_A_mpa_per_k": Quantity("C_A", "influence of stress on austenite"),
+        "C_M_mpa_per_k": Quantity("C_M", "influence of stress on martensite"),
+        "theta_cr_deg": Quantity("θ_cr", "critical angle"),
+        "theta_p_deg": Quantity("θ_P", "pre-deformation of both springs together"),
+        "theta_1_deg": Quantity("θ_1", "winding before heating"),
+        "theta_2_deg": Quantity("θ_2", "winding at the extremum"),
+        "theta_3_deg": Quantity("θ_3", "winding after cooling"),
+        "beta_cr_deg": Quantity("β_cr", "critical angle of the two cases"),
+        "tau_c_mnm": Quantity("τ_c", "friction torque"),
+        "zero_deg": Quantity("φ_z", "zero of the sticks"),
+        "wire_diameter_mm": Quantity("d", "wire diameter"),
+        "wire_length_mm": Quantity("L", "wire length"),
+        "mean_diameter_mm": Quantity("D", "mean coil diameter"),
+        "active_coils": Quantity("n", "active coils"),
+    }
+)
+"""The actuator's quantities, with the symbols of the paper."""
+
+_SUFFIXES: Final = re.compile(
+    r"_(deg_per_hour|mnm_per_rad3|mnm_per_rad|mnm_s_per_rad|mpa_per_k|deg_per_s|c_per_s|gpa|mpa|mnm|deg|rad|ppm|mm|px|s|c)$"
+)
+"""Units that the names of quantities end in."""
+_SPRING_B: Final = "spring_b_"
+_RECORD: Final = re.compile(r"_(\d+)$")
+
+
+@functools.cache
+def quantities() -> Mapping[str, Quantity]:
+    """Return the actuator's quantities and those of all effects, by the names of the files."""
+    from torsight.actuator.effects import load_effects
+
+    found = dict(OF_THE_ACTUATOR)
+    for effect in load_effects().values():
+        found |= {one.name: Quantity(one.symbol, one.title) for one in effect.parameters if one.symbol}
+        found |= {one.name: Quantity(one.symbol, one.title) for one in effect.derived if one.symbol}
+    return MappingProxyType(found)
+
+
+def quantity(name: str) -> Quantity:
+    """Return symbol and title of a value of the JSON outputs: also of spring B, or of a further record."""
+    known = quantities()
+    if name in known:
+        return known[name]
+    if name.startswith(_SPRING_B):
+        own = quantity(name.removeprefix(_SPRING_B))
+        return Quantity(own.symbol and f"{own.symbol},B", own.title and f"{own.title}, spring B")
+    record = _RECORD.search(name)
+    if record is not None:
+        own = quantity(name[: record.start()])
+        return Quantity(own.symbol, own.title and f"{own.title}, record {record.group(1)}")
+    return Quantity("", "")
+
+
+def plain_symbol(name: str) -> str:
+    """Return a quantity's symbol where only plain letters can stand, or its name in words without the unit."""
+    return quantity(name).symbol or effect_name(_SUFFIXES.sub("", name))
+
+
+def with_title(name: str) -> str:
+    """Return ``friction torque τ_c``, or the name in words where there is no symbol."""
+    found = quantity(name)
+    return f"{found.title} {found.symbol}" if found.symbol and found.title else plain_symbol(name)
+
+
+def in_symbols(words: str, symbol: Callable[[str], str] = plain_symbol) -> str:
+    """Return a sentence with symbols in place of the files' names."""
+    pattern = r"\b(?:" + "|".join(sorted(map(re.escape, quantities()), key=len, reverse=True)) + r")\b"
+    return re.sub(pattern, lambda found: symbol(found.group()), words)
+
+
+def effect_values(effect: Mapping[str, Any]) -> str:
+    """Return the values of an effect of ``discovery.json`` on one line: title, symbol, value with its interval."""
+    return "; ".join(f"{with_title(name)} {estimate(one)}" for name, one in (effect.get("parameters") or {}).items())

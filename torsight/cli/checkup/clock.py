@@ -1,0 +1,133 @@
+"""How well a run will know the offset between the film's clock and the log's, before there is a film.
+
+The film is made up: the model's angles for this log, with the camera's noise at the film's rate, or the angles that are
+there already. What ``sync`` finds on it is what it will find, so the doctor asks it: the heating rates, the log's noise
+and step, the sensor's lag and an event that both see count as they do in a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sync import LightEvents, LogReading, find_clock
+from torsight.actuator.drive import Drive
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import ActuatorSpec
+from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.log import driven_by
+from torsight.cli.checkup.rig import limits_of
+from torsight.core.errors import NoResultError, TorsightError
+from torsight.core.records import ClockMap, TemperatureLog
+from torsight.core.tracks import StickAngles
+from torsight.core.units import DEG
+from torsight.core.words.wording import number
+
+WIDE_S: Final = 1.0
+"""A wider interval limits: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
+_ADVICE: Final = (
+    "film a light that shows the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
+    "clearly different rates with one heating cut short"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Filming:
+    """What is known of the film: rate, length (0: as long as the log) and standard deviation of the angle.
+
+    Without a film it is an ordinary one: thirty frames a second, and an angle to a twentieth of a degree, which round
+    dots of a few pixels give.
+    """
+
+    rate_fps: float = 30.0
+    duration_s: float = 0.0
+    sigma_deg: float = 0.05
+
+
+def predict_clock(
+    reading: LogReading,
+    settings: Mapping[str, Any],
+    *,
+    spec: ActuatorSpec | None = None,
+    angles: StickAngles | None = None,
+    filming: Filming,
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Return what will be known of the clock, as findings and as figures.
+
+    Parameters
+    ----------
+    reading : LogReading
+        The log.
+    settings : mapping
+        Table ``[sync]`` of the experiment.
+    spec : ActuatorSpec, optional
+        The actuator, for the angles of a film that is not tracked yet.
+    angles : StickAngles, optional
+        Angles that are there already.
+    filming : Filming
+        How the made-up film is filmed.
+    """
+    offset_s, drift_ppm = settings.get("offset_s"), settings.get("drift_ppm")
+    if offset_s is not None:
+        text = f"the offset is given ({number(float(offset_s))} s) and taken as exact."
+        return [Finding("clock", "fine", text)], {"offset_s": float(offset_s), "offset_ci95_s": 0.0}
+    limits = None if spec is None else limits_of(spec)
+    try:
+        if angles is None:
+            if spec is None or limits is None:
+                return [], {}
+            angles = made_up_film(driven_by(reading, spec, limits, where="log"), spec, filming)
+        light = _made_up_light(reading.log, angles.time_s) if {"led", "led_events"} & set(settings) else None
+        clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
+    except NoResultError as error:
+        return [
+            Finding("clock", "limits", "motion and temperature would not tell the offset.", error.do or _ADVICE)
+        ], {}
+    except TorsightError as error:
+        return [refusal("clock", error)], {}
+    return [_said(clock)], {
+        "offset_ci95_s": float(np.ptp(clock.offset_ci95_s)) / 2.0,
+        "drift_ci95_ppm": float(np.ptp(clock.drift_ci95_ppm)) / 2.0,
+        "method": clock.method,
+    }
+
+
+def _said(clock: ClockMap) -> Finding:
+    """Return the finding of a clock's intervals."""
+    half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.offset_ci95_s, clock.drift_ci95_ppm))
+    text = (
+        f"the offset between film and log would be known to ±{number(half_s, 2)} s, their drift to "
+        f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
+    )
+    wide = 2.0 * half_s > WIDE_S
+    return Finding("clock", "limits" if wide else "fine", text, _ADVICE if wide else "")
+
+
+def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAngles:
+    """Return the angles of a film of the model, as long as the log, or of its middle where the film is shorter."""
+    angle_rad = ActuatorModel(spec).simulate(drive).angle_rad
+    first_s, last_s = float(drive.time_s[0]), float(drive.time_s[-1])
+    spare_s = max(0.0, last_s - first_s - filming.duration_s) if filming.duration_s else 0.0
+    time_s = np.arange(first_s + 0.5 * spare_s, last_s - 0.5 * spare_s, 1.0 / filming.rate_fps)
+    sigma_rad, count = filming.sigma_deg * DEG, len(time_s)
+    noise = sigma_rad * np.random.default_rng(0).standard_normal(count)
+    known = np.ones(count, np.bool_)
+    angle = np.interp(time_s, drive.time_s, angle_rad) + noise
+    return StickAngles(np.arange(count), time_s, angle, np.full(count, sigma_rad), known, known)
+
+
+def _made_up_light(log: TemperatureLog, frame_s: NDArray[np.float64]) -> LightEvents | None:
+    """Return the first frames that would show a change of the heating switch; None where the log has no switch."""
+    switch = log.heat_a if log.heat_a is not None else log.heat_b
+    if switch is None:
+        return LightEvents(frame_s[:1], np.ones(1, np.bool_))
+    on = np.asarray(switch) > 0.5
+    rows = np.flatnonzero(np.diff(on.astype(np.int8))) + 1
+    happened_s = 0.5 * (log.time_s[rows - 1] + log.time_s[rows])
+    frames = np.searchsorted(frame_s, happened_s)
+    seen = (frames > 0) & (frames < len(frame_s))
+    return LightEvents(frame_s[frames[seen]], on[rows][seen])
