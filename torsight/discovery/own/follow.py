@@ -33,7 +33,7 @@ _STRETCHES: Final = 64
 """Stretches of a record over which differential equations are fitted first ..."""
 _BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """... then longer and longer beginnings of it (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
-pendulum 13 are fitted, none without) ..."""
+pendulum 13 are fitted so, none without; 15 where measured states begin anew) ..."""
 _UNSURE: Final = 3.0
 """... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
 _LEAST_ROWS: Final = 4
@@ -100,7 +100,8 @@ def kept_s(problem: ModelProblem, stretched: Stretched) -> float:
     Infinite where such errors change the record in proportion: then it can be followed as a whole, once what is missing
     is there.
     """
-    noise = np.array([noise_of(problem.measured(), k) for k in range(len(problem.model.outputs))])
+    measured, least = problem.measured(), problem.resolution * problem.layout.scale
+    noise = np.array([max(noise_of(measured, k), float(least[k])) for k in range(len(least))])
     values = dict(zip([p.name for p in problem.parameters], stretched.solution.x.tolist(), strict=True))
     length_s, least_s = 2.0 * _span_s(problem), shortest_s(problem)
     bent, grown = _of_an_error(problem, stretched.ode, values, noise=noise, length_s=length_s)
