@@ -99,6 +99,20 @@ def test_a_model_that_is_not_deterministic_is_refused() -> None:
     refused("another answer to the same question", predict=lambda p, r: p.gain * r.u + p.offset + rng.normal())
 
 
+@pytest.mark.parametrize("words", ["KeyError: 'used up'", "another answer to the same question"])
+def test_a_model_that_changes_after_many_calls_is_refused(words: str) -> None:
+    calls = []
+
+    def tired(p: Any, record: Any) -> np.ndarray:
+        calls.append(1)
+        if len(calls) > 40 and "used up" in words:
+            raise KeyError("used up")
+        return p.gain * record.u + p.offset + 1e-3 * (len(calls) > 40)
+
+    with pytest.raises(InputError, match=words):
+        find_missing(problem(predict=tired))
+
+
 def test_null_values_that_are_none_are_refused() -> None:
     bent = candidate("bent", parameter("size", 0.1, null=0.0), parameter("place", 1.0))
     refused(

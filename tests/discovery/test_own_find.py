@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy import signal
 
 from tests.discovery.own_models import (
     LAG_S,
@@ -68,6 +69,85 @@ def test_a_slow_sensor_is_found_though_its_fit_begins_far_off() -> None:
 
 def _missed(u: np.ndarray, place: float) -> np.ndarray:
     return np.exp(-0.5 * ((u - place) / 0.25) ** 2)
+
+
+def test_a_slow_sensor_is_the_same_from_any_start() -> None:
+    """At 80 s it does what a creeping offset does; what it is like is judged where it fits, at 3 s."""
+    rng, t, answers = np.random.default_rng(0), 0.1 * np.arange(3000), []
+    u = np.repeat(rng.uniform(-1.0, 1.0, 100), 30)
+    y = 1.0 + 2.0 * signal.lsim(([1.0], [3.0, 1.0]), u, t, interp=False)[1] + rng.normal(0.0, 0.02, 3000)
+    free = [*sensor_parameters(), *(parameter(name, 0.0, fixed=True) for name in ("cubic", "drift"))]
+    for start in (0.02, 80.0):
+        lag = candidate("sensor_lag", parameter("lag_s", start, lower=0.0, upper=100.0, null=0.0))
+        found = find_missing(model_problem(read_sensor, {"time_s": t, "u": u, "y": y}, free, lag, output="y"))
+        answers.append((found.verdict, found.effects, [name for name, _ in found.drivers]))
+        # The model begins where the signal is, and the record does not: for a while they are apart.
+        assert found.parameters["lag_s"].value == pytest.approx(3.0, rel=0.01)
+    assert answers == [("unknown", ("sensor_lag",), ["time_s", "u"])] * 2
+
+
+def test_a_value_that_ends_at_its_bound_is_told() -> None:
+    for upper in (8.0, 60.0):
+        lag = candidate("sensor_lag", parameter("lag_s", 4.0, lower=0.0, upper=upper, null=0.0))
+        found = find_missing(sensor(sensor_record(lag_s=LAG_S), candidates=[lag, *sensor_candidates()[1:]]))
+        assert "sensor_lag" in found.effects
+        assert warned(found, "'lag_s' ends at its bound 8:") == (upper < LAG_S)
+
+
+class Tanks:
+    """Two tanks, the upper of which runs over into the lower one; the model does not know it and starts far off."""
+
+    ROWS = 1000
+
+    @staticmethod
+    def level(p: Any, record: Any) -> np.ndarray:
+        """Return the level of the lower tank by Euler's rule."""
+        upper, lower, found = p.upper_0, p.lower_0, []
+        for pumped in record.pump.tolist():
+            found.append(lower)
+            through, over = p.out_1 * max(upper, 0.0) ** 0.5, p.spill * max(upper - p.rim, 0.0)
+            upper = upper + p.gain * pumped - through - over
+            lower = lower + through + p.into * over - p.out_2 * max(lower, 0.0) ** 0.5
+        return np.array(found)
+
+    @classmethod
+    def record(cls, seed: int) -> dict[str, np.ndarray]:
+        """Return a record by Heun's rule, four steps a row."""
+        rng, level, found = np.random.default_rng(seed), np.array([4.0, 4.0]), []
+        pump = np.repeat(rng.uniform(0.0, 4.0, cls.ROWS // 25), 25)
+
+        def rates(x: np.ndarray, pumped: float) -> np.ndarray:
+            over, through = 0.2 * max(x[0] - 9.0, 0.0), 0.06 * np.sqrt(max(x[0], 0.0))
+            return np.array([0.09 * pumped - through - over, through + over - 0.055 * np.sqrt(max(x[1], 0.0))])
+
+        for pumped in pump:
+            found.append(level[1])
+            for _ in range(4):
+                first = rates(level, pumped)
+                level = level + 0.125 * (first + rates(level + 0.25 * first, pumped))
+        return {
+            "time_s": np.arange(float(cls.ROWS)),
+            "pump": pump,
+            "y": np.array(found) + rng.normal(0.0, 0.02, cls.ROWS),
+        }
+
+
+def test_what_is_missing_is_found_though_it_has_pulled_the_model_off() -> None:
+    """The plain model's best fit has an upper tank that never fills: there an overflow does nothing."""
+    free = [parameter(name, 0.15, lower=0.001, upper=2.0) for name in ("gain", "out_1", "out_2")]
+    begin = [parameter(name, 5.0, lower=0.0, upper=20.0) for name in ("upper_0", "lower_0")]
+    spill = parameter("spill", 0.1, null=0.0, lower=0.0, upper=5.0)
+    over = [spill, parameter("rim", 7.0, lower=3.0, upper=15.0), parameter("into", 0.5, lower=0.0, upper=1.0)]
+    names = [one.name for one in begin]
+    asked = model_problem(
+        Tanks.level, Tanks.record(1), [*free, *begin], candidate("overflow", *over), output="y", initial=names
+    )
+    found = find_missing(asked)
+    later = Tanks.record(2)
+    assert found.effects == ("overflow",)
+    assert found.parameters["rim"].value == pytest.approx(9.0, rel=0.02)
+    # Noise is 0.02, and steps of a whole second are off by as much again.
+    assert np.std(found.predict(later)["y"] - later["y"]) < 0.04
 
 
 def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:

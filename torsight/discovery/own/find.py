@@ -20,7 +20,7 @@ from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.compiled.quicken import quickened
 from torsight.discovery.own.model import given
-from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.check import check_problem, check_same
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.prepare import prepare
@@ -136,9 +136,11 @@ def _search(
     problem, notes = prepared.problem, [*notes, *prepared.warnings]
     # Points that were only looked at may lie outside of what the model can do.
     looked, before = len(evaluator.failures), evaluator.failed
+    start = {p.name: p.value for p in problem.parameters}
+    begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
     chosen = found.decision.chosen
-    notes += [*_missed(declared, found), *_noise_given(problem, found)]
+    notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found)]
     extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
     curves = extended.curves(values, chosen.members)
     notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
@@ -151,6 +153,8 @@ def _search(
             f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
             f"first: {failures[0].told()}"
         )
+    # A model may keep something from call to call that shows only after many of them.
+    check_same(problem, start, begun)
     traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
 
@@ -183,6 +187,18 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
                 "what is smaller; without sigma it is measured"
             )
     return told
+
+
+def _at_bounds(found: engine.Findings) -> list[str]:
+    """Return a warning for every value of a named effect that ends at one of its bounds."""
+    chosen = found.decision.chosen
+    named = [p for effect in chosen.effects for p in chosen.fitter.candidates[effect].parameters]
+    return [
+        f"'{p.name}' ends at its bound {chosen.fit.values[p.name]:.4g}: where that is no limit of the rig itself, "
+        "widen it; where it is far from what the rig can have, the form is another one"
+        for p in named
+        if chosen.fit.values[p.name] in (p.lower, p.upper)
+    ]
 
 
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:

@@ -8,6 +8,7 @@ relaxed linearly, less would be left than from the declared start. That costs a 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,16 +17,13 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
-from torsight.core.series import scatter
-from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter, in_parallel, space_of
+from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
-from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, linear_change, solve
+from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
-from torsight.discovery.own.model.evaluate import Evaluator
-from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches
 from torsight.discovery.own.model.problem import ModelProblem
 
 Array = NDArray[np.float64]
@@ -34,15 +32,6 @@ _POINTS: Final = 12
 """Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
 _STARTS: Final = 2
 """... of which so many, the best ones, are starts of a fit beside the declared one."""
-_STRETCHES: Final = 64
-"""Stretches of a record over which differential equations are fitted first ..."""
-_BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
-"""... then longer and longer beginnings of it (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
-pendulum 13 are fitted, none without) ..."""
-_UNSURE: Final = 3.0
-"""... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
-_LEAST_ROWS: Final = 4
-"""Rows from one end of a stretch to the other, at least: its states have to show in them."""
 _BETTER: Final = 0.95
 """Share of the cost from the declared start below which another point is worth a fit."""
 _MUCH_BETTER: Final = 0.8
@@ -73,7 +62,17 @@ def prepare(problem: ModelProblem) -> Prepared:
     """Return a problem whose fits begin where they should, and whose initial states are known as such."""
     stretches = Stretches.of(problem)
     fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
-    base, warnings = _base(problem, fitter)
+    base, warnings, stretched = _base(problem, fitter)
+    if stretched is not None and not follows(problem, fitter, base):
+        length_s = kept_s(problem, stretched)
+        if math.isfinite(length_s):
+            again = prepare(begun_anew(problem, stretched, length_s))
+            note = (
+                "small errors grow in this model, and as it is it cannot follow the whole record: the states that are "
+                f"measured begin anew every {length_s:.3g}, and what is compared is the course in between; another "
+                "time is given by ode(…, solver=Solver(restart_s=…))"
+            )
+            return replace(again, warnings=(note, *again.warnings))
     problem, told = _once(problem, fitter, base)
     told += _apart(problem, fitter, base)
     started = _started(problem, base)
@@ -89,72 +88,30 @@ def _floor(problem: ModelProblem) -> Array:
     return problem.sigma if problem.sigma[problem.valid].any() else np.full(len(problem.observed), problem.resolution)
 
 
-def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str]]:
-    """Fit the base model from its start and from the best of several points."""
+def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretched | None]:
+    """Fit the base model from its start, from the best of several points, and from what stretches have told."""
     own = fitter.base()
     free = [p for p in problem.parameters if p.sigma is None and (math.isfinite(p.upper - p.lower) or p.value != 0.0)]
     if not free:
-        return own, []
+        return own, [], None
     start = {p.name: p.value for p in problem.parameters}
     points = [{**start, **point} for point in _spread(free, _POINTS)]
     left = [_left(fitter, at) for at in problem.predict_many(points, ())]
     looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_STARTS]
     others = in_parallel(looked.tolist(), lambda place: fitter.fit((), [points[place]], keep=1))
-    best = min([own, *others, *_by_stretches(problem, fitter, own)], key=lambda fit: fit.cost)
+    stretched = over_stretches(problem, fitter, own)
+    led = [] if stretched is None else [led_on(problem, fitter, stretched)]
+    best = min([own, *others, *led], key=lambda fit: fit.cost)
     if best.cost >= _MUCH_BETTER * own.cost:
-        return min([own, best], key=lambda fit: fit.cost), []
+        return min([own, best], key=lambda fit: fit.cost), [], stretched
     away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
     listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)
     root = math.sqrt(own.cost / best.cost)
     told = (
-        f"the fit of the model from its start leaves {root:.3g} times more than one from elsewhere ({listed}): the "
-        "better one is gone on with; starts nearer to it make the answer surer"
+        f"the fit of the model from its start leaves {root:.3g} times more than one from elsewhere"
+        f"{f' ({listed})' if listed else ''}: the better one is gone on with; starts nearer to it make the answer surer"
     )
-    return best, [told]
-
-
-def _by_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> list[Fit]:
-    """Return a fit of differential equations that begins where stretches and longer and longer beginnings have led.
-
-    Over a whole record the squares may have many valleys; over a stretch that begins at what was measured they have
-    few (multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981), and what
-    a beginning tells is near enough for twice of it. Where little more than noise is left, the record has been followed
-    already.
-    """
-    ode = problem.model.predict
-    left = np.where(fitter.weight.each > 0.0, fitter.residual(own), np.nan)
-    pieces = [left[place][np.isfinite(left[place])] for *_, place in problem.layout.places]
-    much = float(np.sqrt(np.nanmean(left**2))) > problem.over_floor * scatter(*pieces)
-    if not isinstance(ode, Ode) or not ode.measured or math.isfinite(ode.solver.restart_s) or not much:
-        return []
-    times = problem.times()
-    span, row = max(float(np.ptp(one)) for one in times), max(float(np.median(np.diff(one))) for one in times)
-    since = problem.layout.spread([one - one[0] for one in times])
-    space, names = fitter.space(()), [p.name for p in problem.parameters]
-
-    def solved(over: ModelProblem, x: Array, weight: Weight, within: Space) -> Solution:
-        at = AtPoint(over, names, ())
-        return solve(at, x, observed=problem.observed, weight=weight, space=within, max_iterations=20)
-
-    def left_open(at: Solution, weight: Weight) -> Array:
-        known = at.jacobian.T @ weight.times(at.jacobian) + np.diag(space.scale**-2.0)
-        return np.sqrt(np.diag(np.linalg.inv(known)))
-
-    solver = replace(ode.solver, restart_s=max(span / _STRETCHES, _LEAST_ROWS * row))
-    model = replace(problem.model, predict=replace(ode, solver=solver))
-    stretched = replace(problem, model=model, evaluator=Evaluator(model))
-    starts = (np.array(list(own.values.values())), np.array([p.value for p in problem.parameters]))
-    found = min((solved(stretched, x, fitter.weight, space) for x in starts), key=lambda one: one.cost)
-    problem.evaluator.calls += stretched.evaluator.calls
-    unsure = left_open(found, fitter.weight)
-    over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
-    for share in _BEGINNINGS:
-        # Derivatives are differences over what the fit before leaves open: over a longer time everything is steeper.
-        weight = fitter.weight.only(since <= share * span)
-        finer = np.minimum(space.scale, unsure / STEP_SHARE)
-        found = solved(problem, found.x, weight, replace(over if share < 1.0 else space, scale=finer))
-        unsure = np.minimum(unsure, left_open(found, weight))
-    return [Fit((), own.parameters, found)]
+    return best, [told], stretched
 
 
 def _left(fitter: Fitter, at: Array) -> Array:
@@ -254,14 +211,31 @@ def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
 
 
 def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
-    """Return a candidate with the further starts that promise more than its own."""
+    """Return a candidate with the further starts that promise more than its own, and the scales that belong to them.
+
+    What is missing may have pulled the base parameters off to where the candidate does nothing: it is fitted from where
+    they were declared, too, and that start then holds their values as well.
+    """
     if one.propose is not None:
         return one
     points = [{p.name: p.value for p in one.parameters}, *_spread(list(one.parameters), _POINTS)]
     found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
     own, *costs = [_relaxed_cost(fitter, base, _left(fitter, at)) for at in found]
     better = sorted((cost, i) for i, cost in enumerate(costs, start=1) if cost < _BETTER * own)[:_STARTS]
-    return replace(one, starts=(*one.starts, *(points[i] for _, i in better)))
+    starts: list[Mapping[str, float]] = [points[i] for _, i in better]
+    if not follows(problem, fitter, base):
+        least, declared = min([own, *costs, base.cost]), {p.name: p.value for p in problem.parameters}
+        scouts = [{**declared, **point} for point in (points[0], *starts)]
+        afar = fitter.fit((one.id,), scouts, keep=1, below=_BETTER * least)
+        starts = [afar.values] * (afar.cost < _BETTER * least) + starts
+    first = starts[0] if starts else points[0]
+    # A value that is nearer to its null than one step of the declared scale cannot be told from it.
+    scales = {
+        p.name: float(np.clip(_scale(p.at(first[p.name])), STEP_SHARE * _scale(p), _scale(p)))
+        for p in one.parameters
+        if p.name not in one.scales
+    }
+    return replace(one, starts=(*starts, *one.starts), scales={**one.scales, **scales})
 
 
 def _relaxed_cost(fitter: Fitter, base: Fit, left: Array) -> float:

@@ -210,7 +210,8 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
 def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Return the candidates, each with the laws of which it is a usual form, where none are declared for it.
 
-    It is one where the law can do nearly all that the candidate does at its start and the base model cannot do itself.
+    It is one where the law can do nearly all that the candidate does, at the start that promises most, and the base
+    model cannot do itself.
     """
     valid = problem.valid
     own = base.solution.jacobian[valid]
@@ -218,7 +219,9 @@ def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate
     columns = {law.id: np.column_stack([own, _columns(problem, law, base.values)[valid]]) for law in problem.laws}
     made = []
     for one in candidates:
-        at_start = problem.predict({**base.values, **{p.name: p.value for p in one.parameters}}, (one.id,))
+        start = (*one.starts, *one.starting_points())[0]
+        own_values = one.own({**{p.name: p.value for p in one.parameters}, **start})
+        at_start = problem.predict({**base.values, **own_values}, (one.id,))
         change = (at_start - base.solution.prediction)[valid]
         beyond = _left(own, change)
         found = [

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +26,7 @@ from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.answer.predicted import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.records import Record, Table, column_of, read_records, time_column, time_of
@@ -203,8 +205,20 @@ class SavedModel:
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
-        told = tuple(beyond([done], self._curves(values)))
-        return PredictedOutputs(made, self.outputs, own.label_, told)
+        told = [*beyond([done], self._curves(values)), *self._alone(own)]
+        return PredictedOutputs(made, self.outputs, own.label_, tuple(told))
+
+    def _alone(self, record: Record) -> list[str]:
+        """Return a warning where states that were to begin anew cannot, because the record does not hold them."""
+        ode, length_s = self.declared.predict, self._restart_s
+        lacking = [name for name in ode.measured if name not in record] if isinstance(ode, Ode) else []
+        if length_s is None or not lacking:
+            return []
+        told = (
+            f"small errors grow in this model, and the record holds no {', '.join(lacking)} that could begin anew "
+            f"every {length_s:.3g}: after some times this long it is no more than a possible course"
+        )
+        return [told]
 
     def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Array:
         """Return the variance (rows, outputs) of what laws do where they were never measured.
@@ -298,7 +312,14 @@ class SavedModel:
             "noise": dict(zip(self.outputs, self.noise, strict=True)),
             "ports": list(self.ports),
             "laws": [law.to_json() for law in self.laws],
+            "restart_s": self._restart_s,
         }
+
+    @property
+    def _restart_s(self) -> float | None:
+        """Time after which measured states begin anew; None where they never do."""
+        ode = self.declared.predict
+        return ode.solver.restart_s if isinstance(ode, Ode) and math.isfinite(ode.solver.restart_s) else None
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any], declared: Declared, *, where: str) -> SavedModel:
@@ -313,6 +334,8 @@ class SavedModel:
             outputs, effects, initial, names, ports = (
                 tuple(str(name) for name in content[key]) for key in ("outputs", "effects", "initial", "names", "ports")
             )
+            if isinstance(declared.predict, Ode) and content.get("restart_s") is not None:
+                declared = replace(declared, predict=declared.predict.begun_anew(float(content["restart_s"])))
             made = cls(
                 declared,
                 effects,

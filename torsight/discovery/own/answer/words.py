@@ -141,11 +141,11 @@ def what_next(found: Findings) -> list[str]:
             if found.drivers
             else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
-        model = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
-        if isinstance(model, Ode) and model.measured and math.isinf(model.solver.restart_s):
+        ode = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
+        if isinstance(ode, Ode) and not ode.measured:
             told += (
-                " If small errors grow over a record, let the measured states begin anew on the way: "
-                "ode(…, solver=Solver(restart_s=…))."
+                " If small errors grow over a record, name a state that is measured itself as the output: it can then "
+                "begin anew on the way."
             )
         return [told]
     return []

@@ -102,9 +102,24 @@ def _check_model(problem: ModelProblem) -> list[str]:
     told = []
     for one in problem.candidates:
         told += _check_candidate(problem, one, start, plain, least)
-    again = _afresh(problem, start)
-    if any(np.any(a != b) for a, b in zip(plain, again, strict=True)):
-        apart = max(float(np.max(np.abs(a - b))) for a, b in zip(plain, again, strict=True))
+    check_same(problem, start, plain)
+    _check_unchanged(problem, before)
+    told += _unheard(problem, start, plain, least)
+    return told
+
+
+def check_same(problem: ModelProblem, values: dict[str, float], before: list[Array]) -> None:
+    """Refuse a model that for values that it was called with before gives anything else, called anew.
+
+    Raises
+    ------
+    InputError
+        Naming by how much; where the model fails now, its own failure.
+    """
+    problem.evaluator.forget()
+    again = _called(problem, values, ())
+    if any(np.any(a != b) for a, b in zip(before, again, strict=True)):
+        apart = max(float(np.max(np.abs(a - b))) for a, b in zip(before, again, strict=True))
         raise InputError(
             "gives another answer to the same question",
             where=place_of(problem.model.predict),
@@ -113,9 +128,6 @@ def _check_model(problem: ModelProblem) -> list[str]:
             do="draw no random numbers in it (or from a generator that the call itself makes with a fixed seed), and "
             "keep nothing from one call to the next",
         )
-    _check_unchanged(problem, before)
-    told += _unheard(problem, start, plain, least)
-    return told
 
 
 def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]]) -> None:
@@ -134,12 +146,6 @@ def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[s
         if one.failure is not None:
             raise one.failure.error(place_of(problem.model.predict))
     return problem.outputs(values, effects)
-
-
-def _afresh(problem: ModelProblem, values: dict[str, float]) -> list[Array]:
-    """Call once more what is kept already."""
-    problem.evaluator.forget()
-    return _called(problem, values, ())
 
 
 def _check_candidate(

@@ -338,26 +338,39 @@ class Evaluator:
                 self.failures.append(done.failure)
         future.set_result(done)
 
+    def change(self, model: Model) -> None:
+        """Call another model from now on, in processes where the one before was."""
+        self.forget()
+        self.model, called_there = model, self._pool is not None
+        self._end()
+        if called_there:
+            self._begin_processes(self._pickled(wanted=None))
+
     @contextlib.contextmanager
     def processes(self, *, wanted: bool | None = None) -> Iterator[bool]:
         """Call the model in processes within the block, where that pays (or is wanted); give whether.
 
         Until the first of them has begun the model is called here, and it stays here where none can begin.
         """
-        pickled = self._pickled(wanted=wanted)
+        self._begin_processes(self._pickled(wanted=wanted))
+        if wanted and self._ready is not None:
+            self._ready.result()
+        try:
+            yield self._pool is not None
+        finally:
+            self._end()
+
+    def _begin_processes(self, pickled: bytes | None) -> None:
         if pickled is None:
-            yield False
             return
         from joblib.externals.loky import ProcessPoolExecutor
 
         pool = ProcessPoolExecutor(max_workers=WORKERS, initializer=_receive, initargs=(pickled, _file_of(self.model)))
         self._pool, self._ready = pool, pool.submit(_has_begun)
-        if wanted:
-            self._ready.result()
-        try:
-            yield True
-        finally:
-            self._pool = None
+
+    def _end(self) -> None:
+        pool, self._pool, self._ready = self._pool, None, None
+        if pool is not None:
             # Nothing is asked of them any more; one that is still beginning is not waited for.
             pool.shutdown(wait=True, kill_workers=True)
 

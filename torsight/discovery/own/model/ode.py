@@ -93,7 +93,7 @@ class Solver:
     restart_s : float
         Time after which states that are measured begin anew from what was measured, the others going on: what is
         predicted, and compared, is the course from one such moment to the next. For models in which small errors grow
-        over a record.
+        over a record; where it is not given, the search finds it for a model that cannot be followed without.
     """
 
     method: str = "LSODA"
@@ -133,14 +133,15 @@ class Ode:
     def __call__(self, p: Any, record: Record) -> Any:
         """Return the outputs for a record."""
         time = time_of(record, self.time)
-        start = self._start(p, record)
+        start = self.start(p, record)
         states = self._states(p, record, time, start)
         if callable(self.output):
             named = {name: states[:, k] for k, name in enumerate(self.states)}
             return self.output(_Named(named), record, p)
         return {name: states[:, self.states.index(name)] for name in self.output}
 
-    def _start(self, p: Any, record: Record) -> Array:
+    def start(self, p: Any, record: Record) -> Array:
+        """Return how the states (states,) begin in a record."""
         made = []
         for name in self.states:
             one = self.initial.get(name, name)
@@ -177,6 +178,10 @@ class Ode:
 
         events = [(one.when, one.then, one.direction) for one in self.events]
         return replace(self, stepper=stepper_of(self.rhs, events))
+
+    def begun_anew(self, length_s: float) -> Ode:
+        """Return the same with states that are measured beginning anew after every such time."""
+        return replace(self, solver=replace(self.solver, restart_s=length_s))
 
     @property
     def measured(self) -> tuple[str, ...]:

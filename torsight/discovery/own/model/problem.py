@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
 there."""
-_OVER_GIVEN: Final = 3.0
+OVER_GIVEN: Final = 3.0
 """Times a noise that was given from which a residual that no law explains means that something is missing: three
 standard deviations ..."""
 _OVER_ESTIMATED: Final = 10.0
@@ -206,7 +206,7 @@ class ModelProblem(OptionalMembers):
     @property
     def over_floor(self) -> float:
         """How many times the floor a residual exceeds before something must be missing."""
-        return _OVER_GIVEN if self.sigma_known else _OVER_ESTIMATED
+        return OVER_GIVEN if self.sigma_known else _OVER_ESTIMATED
 
     @property
     def failures(self) -> tuple[Failure, ...]:

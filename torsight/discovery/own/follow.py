@@ -1,0 +1,169 @@
+"""Differential equations in which small errors grow: how a fit follows a record, and where it cannot.
+
+Over a whole record the squares may have many valleys; over a stretch that begins at what was measured they have few
+(multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981), and what a
+beginning tells is near enough for twice of it. A model that lacks something cannot be led on in this way where small
+errors grow: what it lacks acts on the states, which from some time on have nothing to do with the record's. What such a
+record tells lies in the course over times in which the error of a reading stays as small as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import scatter
+from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter
+from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, solve
+from torsight.discovery.inference.weight import Weight
+from torsight.discovery.own.model.evaluate import Evaluator, Model, call
+from torsight.discovery.own.model.layout import noise_of
+from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.model.problem import OVER_GIVEN, ModelProblem
+from torsight.discovery.own.model.values import Values
+from torsight.discovery.own.records import Record
+
+Array = NDArray[np.float64]
+
+_STRETCHES: Final = 64
+"""Stretches of a record over which differential equations are fitted first ..."""
+_BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
+"""... then longer and longer beginnings of it (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
+pendulum 13 are fitted so, none without; 15 where measured states begin anew) ..."""
+_UNSURE: Final = 3.0
+"""... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
+_LEAST_ROWS: Final = 4
+"""Rows from one end of a stretch to the other, at least: its states have to show in them."""
+_GROWN: Final = 2.0**0.5
+"""Growth of a reading's error, root mean square over the stretches that begin with it, up to which they are compared:
+then it adds to the residual's variance no more than twice that of the readings themselves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretched:
+    """The base model fitted over stretches that begin at what was measured, the others going on."""
+
+    ode: Ode
+    solution: Solution
+
+
+def follows(problem: ModelProblem, fitter: Fitter, fit: Fit) -> bool:
+    """Return whether a fit leaves little more than noise."""
+    left = np.where(fitter.weight.each > 0.0, fitter.residual(fit), np.nan)
+    pieces = [left[place][np.isfinite(left[place])] for *_, place in problem.layout.places]
+    return float(np.sqrt(np.nanmean(left**2))) <= OVER_GIVEN * scatter(*pieces)
+
+
+def over_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> Stretched | None:
+    """Return the fit over stretches; None where no states are measured, or the record has been followed already."""
+    ode = problem.model.predict
+    if not isinstance(ode, Ode) or not ode.measured or math.isfinite(ode.solver.restart_s):
+        return None
+    if follows(problem, fitter, own):
+        return None
+    over = replace(problem, model=_anew(problem.model, ode, shortest_s(problem)))
+    over = replace(over, evaluator=Evaluator(over.model))
+    starts = (np.array(list(own.values.values())), np.array([p.value for p in problem.parameters]))
+    space = fitter.space(())
+    found = min((_solved(over, x, fitter.weight, space) for x in starts), key=lambda one: one.cost)
+    problem.evaluator.calls += over.evaluator.calls
+    return Stretched(ode, found)
+
+
+def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
+    """Return the fit over the whole record that longer and longer beginnings of it have led to."""
+    times, space, found = problem.times(), fitter.space(()), stretched.solution
+    since = problem.layout.spread([one - one[0] for one in times])
+
+    def left_open(at: Solution, weight: Weight) -> Array:
+        known = at.jacobian.T @ weight.times(at.jacobian) + np.diag(space.scale**-2.0)
+        return np.sqrt(np.diag(np.linalg.inv(known)))
+
+    unsure = left_open(found, fitter.weight)
+    over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
+    for share in _BEGINNINGS:
+        # Derivatives are differences over what the fit before leaves open: over a longer time everything is steeper.
+        weight = fitter.weight.only(since <= share * _span_s(problem))
+        finer = np.minimum(space.scale, unsure / STEP_SHARE)
+        found = _solved(problem, found.x, weight, replace(over if share < 1.0 else space, scale=finer))
+        unsure = np.minimum(unsure, left_open(found, weight))
+    return Fit((), problem.parameters, found)
+
+
+def kept_s(problem: ModelProblem, stretched: Stretched) -> float:
+    """Return the longest time over which an error of a reading stays as small as it is, else the shortest stretch.
+
+    Infinite where such errors change the record in proportion: then it can be followed as a whole, once what is missing
+    is there.
+    """
+    measured, least = problem.measured(), problem.resolution * problem.layout.scale
+    noise = np.array([max(noise_of(measured, k), float(least[k])) for k in range(len(least))])
+    values = dict(zip([p.name for p in problem.parameters], stretched.solution.x.tolist(), strict=True))
+    length_s, least_s = 2.0 * _span_s(problem), shortest_s(problem)
+    bent, grown = _of_an_error(problem, stretched.ode, values, noise=noise, length_s=length_s)
+    if bent <= 1.0:
+        return math.inf
+    while grown > _GROWN and length_s > least_s:
+        length_s = max(length_s / 2.0, least_s)
+        grown = _of_an_error(problem, stretched.ode, values, noise=noise, length_s=length_s)[1]
+    return length_s
+
+
+def begun_anew(problem: ModelProblem, stretched: Stretched, length_s: float) -> ModelProblem:
+    """Return a problem in which states that are measured begin anew; its fits begin where stretches have led."""
+    names = [p.name for p in problem.parameters]
+    found = dict(zip(names, stretched.solution.x.tolist(), strict=True))
+    parameters = tuple(p if p.sigma is not None else p.at(found[p.name]) for p in problem.parameters)
+    model = _anew(problem.model, stretched.ode, length_s)
+    problem.evaluator.change(model)
+    return replace(problem, model=model, parameters=parameters)
+
+
+def _of_an_error(
+    problem: ModelProblem, ode: Ode, values: dict[str, float], *, noise: Array, length_s: float
+) -> tuple[float, float]:
+    """Return what an error of the noise's size in every reading does to stretches that begin with it, in that size.
+
+    Root mean square of what is not proportional to it, and of what is. Infinite where the model gives no numbers.
+    """
+    bent, grown, ode = [], [], ode.begun_anew(length_s)
+    outputs = problem.model.outputs
+    for record, given in zip(problem.model.records, problem.given(values, ()), strict=True):
+        sides = []
+        for side in (-1.0, 0.0, 1.0):
+            off = {name: side * own for name, own in zip(outputs, noise, strict=True)}
+            begun = dict(zip(ode.states, ode.start(Values(given), record).tolist(), strict=True))
+            begun |= {name: begun[name] + off[name] for name in ode.measured}
+            read = Record({**record, **{name: record[name] + own for name, own in off.items()}}, record.label_)
+            sides.append(
+                call(replace(problem.model, predict=replace(ode, initial=begun), records=(read,)), 0, given, {})
+            )
+        below, middle, above = (one.outputs for one in sides)
+        if below is None or middle is None or above is None:
+            return math.inf, math.inf
+        bent.append(np.mean(((above + below - 2.0 * middle) / 2.0 / noise) ** 2))
+        grown.append(np.mean(((above - below) / 2.0 / noise) ** 2))
+    return math.sqrt(np.mean(bent)), math.sqrt(np.mean(grown))
+
+
+def _anew(model: Model, ode: Ode, length_s: float) -> Model:
+    return replace(model, predict=ode.begun_anew(length_s))
+
+
+def _span_s(problem: ModelProblem) -> float:
+    return max(float(np.ptp(one)) for one in problem.times())
+
+
+def shortest_s(problem: ModelProblem) -> float:
+    """Return the time of the shortest stretches."""
+    row = max(float(np.median(np.diff(one))) for one in problem.times())
+    return max(_span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
+
+
+def _solved(over: ModelProblem, x: Array, weight: Weight, within: Space) -> Solution:
+    at = AtPoint(over, [p.name for p in over.parameters], ())
+    return solve(at, x, observed=over.observed, weight=weight, space=within, max_iterations=20)
