@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from linear_cases import machine, noise, signals
 
+from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import decide
@@ -48,6 +49,19 @@ def test_what_only_extends_an_answer_is_no_other_answer() -> None:
     # Each of the twenty beside either of the two has a little of the probability: together more than the rest.
     assert sum(p for members, p in decision.probability.items() if len(members) == 1) < settings.credible
     assert {decision.chosen.members, *(one.members for one in decision.rivals)} == {("coulomb",), ("twin",)}
+
+
+def test_a_form_that_is_no_better_than_nothing_gives_no_name() -> None:
+    """A base value that is pulled far off leaves as little as the law does, so that the form explains all there is."""
+    wave = np.sin(2.0 * np.pi * signals()["position"] / 0.3)
+    made = machine(0.5 * wave, seed=4, candidates={"spring": {"spring_n": signals()["position"]}})
+    held = Parameter(name="bow", value=0.0, unit="", sigma=0.02)
+    pulled = replace(made, columns={**made.columns, "bow": wave}, parameters=(*made.parameters, held))
+    search = Search(pulled, settings=Settings(), progress=silent)
+    decision = decide(search.run(), settings=Settings(), choices=search.choices, can_hold_out=False)
+    assert decision.chosen.members == ("position",)
+    assert decision.probability["spring",] < decision.probability[()]
+    assert not decision.named
 
 
 @dataclass(frozen=True, eq=False)

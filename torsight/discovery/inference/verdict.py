@@ -175,10 +175,11 @@ class _Judge:
         before = self._square(self._field.base)
         for item in chosen.laws:
             others = less(chosen.members, item.law.id)
-            forms = []
+            without, forms = self.probability.get(others, 0.0), []
             for candidate in self._field.base.fitter.problem.candidates:
                 members = tuple(sorted((*others, candidate.id)))
-                if item.law.id in candidate.laws and members in self._field.explanations:
+                # A form that is no better than nothing explains nothing.
+                if item.law.id in candidate.laws and self.probability.get(members, 0.0) > without:
                     forms.append((candidate.id, self._field.explanations[members]))
             if not forms:
                 continue
@@ -187,9 +188,9 @@ class _Judge:
                 found[item.law.id] = (name, best)
                 continue
             part = self._field.explanations.get(others)
-            without = before if part is None else self._square(part)
-            explained = without - self._square(best)
-            if explained >= self._settings.form_share * (without - self._square(chosen)):
+            missed = before if part is None else self._square(part)
+            explained = missed - self._square(best)
+            if explained >= self._settings.form_share * (missed - self._square(chosen)):
                 found[item.law.id] = (name, best)
         return found
 
