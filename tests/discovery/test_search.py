@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from linear_cases import machine, noise, signals
 
-from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import decide
@@ -51,17 +50,21 @@ def test_what_only_extends_an_answer_is_no_other_answer() -> None:
     assert {decision.chosen.members, *(one.members for one in decision.rivals)} == {("coulomb",), ("twin",)}
 
 
-def test_a_form_that_is_no_better_than_nothing_gives_no_name() -> None:
-    """A base value that is pulled far off leaves as little as the law does, so that the form explains all there is."""
-    wave = np.sin(2.0 * np.pi * signals()["position"] / 0.3)
-    made = machine(0.5 * wave, seed=4, candidates={"spring": {"spring_n": signals()["position"]}})
-    held = Parameter(name="bow", value=0.0, unit="", sigma=0.02)
-    pulled = replace(made, columns={**made.columns, "bow": wave}, parameters=(*made.parameters, held))
-    search = Search(pulled, settings=Settings(), progress=silent)
-    decision = decide(search.run(), settings=Settings(), choices=search.choices, can_hold_out=False)
-    assert decision.chosen.members == ("position",)
-    assert decision.probability["spring",] < decision.probability[()]
-    assert not decision.named
+def test_a_form_that_is_less_probable_than_nothing_gives_no_name() -> None:
+    """Its residual may be as small as the law's where only pulled values or errors of the inputs tell the two apart."""
+    made = machine(0.5 * signals()["position"], seed=7, candidates={"spring": {"spring_n": signals()["position"]}})
+    search = Search(made, settings=Settings(), progress=silent)
+    field, choices = search.run(), search.choices
+    law = next(one for members, one in field.explanations.items() if members == ("position",))
+    spring = field.explanations["spring",]
+    for change, named in ((-1.0, ["spring"]), (field.base.log_evidence - spring.log_evidence - 1.0, [])):
+        sets = {
+            **{members: one for members, one in field.explanations.items() if len(members) < 2},
+            law.members: replace(law, log_evidence=spring.log_evidence + 1.0),
+            spring.members: replace(spring, log_evidence=spring.log_evidence + change),
+        }
+        decision = decide(replace(field, explanations=sets), settings=Settings(), choices=choices, can_hold_out=False)
+        assert [name for name, _ in decision.named.values()] == named
 
 
 @dataclass(frozen=True, eq=False)
