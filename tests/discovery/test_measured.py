@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.scripts import script
-from torsight.discovery import Findings, find_missing
+from torsight.discovery import Findings, find_missing, law
 from torsight.discovery.linear_problem import LinearProblem, linear_problem
 
 pytestmark = pytest.mark.shared_data
@@ -77,6 +77,15 @@ def test_strain_of_an_alloy_over_stress_is_a_curve_that_saturates(shared_data: P
     assert found.forms_taken == ()
     before, after = found.errors["strain_pct"]
     assert after.rmse_held_out < 0.5 * before.rmse_held_out
+
+
+@pytest.mark.parametrize("nodes", [4, 24])
+def test_that_curve_hangs_on_no_number_of_nodes(shared_data: Path, monkeypatch: pytest.MonkeyPatch, nodes: int) -> None:
+    """The plain model's values are pulled off by the missing curve: from there alone no law of four nodes finds it."""
+    example = script("examples/sma_stress.py")
+    monkeypatch.setattr(example, "MORE", law("more_pct", driver="stress", nodes=nodes))
+    before, after = example.discover(shared_data / "sma_react" / "isobaric", candidates=()).errors["strain_pct"]
+    assert after.rmse_held_out < 0.7 * before.rmse_held_out
 
 
 def test_wire_under_constant_stress_moves_from_cycle_to_cycle(shared_data: Path) -> None:

@@ -237,7 +237,7 @@ class Search:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where what is missing has pulled the base values off, the second start comes down into the valley where the
-        priors are content.
+        priors are content. Where no value has a prior that would tell, the problem's other places are further starts.
         """
         problem, fit = parent.fitter.problem, parent.fit
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
@@ -248,6 +248,9 @@ class Search:
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
             means = {**fit.values, **nominal.values}
             found.append(measure_law(problem, law, means, effects=parent.members, likelihood=under, known=known))
+        elif all(parameter.sigma is None for parameter in problem.parameters):
+            starts = [{**fit.values, **place} for place in problem.elsewhere]
+            found += [measure_law(problem, law, one, effects=parent.members, likelihood=under) for one in starts]
         best = max(found, key=lambda measured: measured.log_evidence)
         return self._explained(problem, parent.laws, best, parent.members)
 

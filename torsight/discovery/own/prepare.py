@@ -80,7 +80,10 @@ def prepare(problem: ModelProblem) -> Prepared:
     if problem.ports:
         problem = with_nodes(problem, base.values)
     candidates = usual_forms(problem, base, candidates)
-    return Prepared(replace(problem, parameters=started, candidates=candidates), (*warnings, *told))
+    # What is missing may have pulled the values off: laws are measured from where they were declared, too.
+    elsewhere = ({p.name: p.value for p in problem.parameters if p.sigma is None},)
+    problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere)
+    return Prepared(problem, (*warnings, *told))
 
 
 def _floor(problem: ModelProblem) -> Array:

@@ -125,7 +125,7 @@ def law(
     driver_unit: str = "",
     low: float | None = None,
     high: float | None = None,
-    nodes: int = 10,
+    nodes: int = 20,
 ) -> LawPort:
     """Declare a port: ``predict`` gets a function under this name, and what the record needs there is measured.
 

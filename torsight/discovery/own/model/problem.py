@@ -65,7 +65,7 @@ class ModelProblem(OptionalMembers):
         Laws as declared.
     layout : Layout
         How records and outputs lie in the engine's row.
-    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms, once
+    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms, once, elsewhere
         As in the protocol.
     nodes, law_scales : mapping of str to (k,) float64, mapping of str to float
         Nodes of each declared law by its name, and the size of it that matters.
@@ -95,6 +95,7 @@ class ModelProblem(OptionalMembers):
     nodes: Mapping[str, Array] = field(default_factory=dict)
     law_scales: Mapping[str, float] = field(default_factory=dict)
     once: tuple[str, ...] = ()
+    elsewhere: tuple[Mapping[str, float], ...] = ()
     sigma_known: bool = False
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
