@@ -95,6 +95,20 @@ def test_an_explained_record_may_be_trusted_within_two_of_its_errors(run: Path) 
     assert f"{100.0 * 0.08 / np.ptp(angle.dropna()):.3f} % of the {np.ptp(angle.dropna()):.0f}° range" in control.answer
 
 
+@pytest.mark.parametrize("sigmas", [0.5, 3.0])
+def test_a_predicted_sigma_is_judged_by_what_is_left_on_the_record_s_own_clocks(run: Path, sigmas: float) -> None:
+    """A prediction is on its log's clock: where the camera's is elsewhere, the measured angles are no measure of it."""
+    model = ActuatorModel(reference_spec())
+    write_model(run / "model.json", FittedModel(model, model.nominal(), doubt=Doubt((), np.zeros((0, 0)), 0.5)))
+    curves = pd.read_csv(run / "curves.csv")
+    curves["residual_after_deg"] = sigmas * 0.5
+    curves.to_csv(run / "curves.csv", index=False)
+    control, good = steps(run, after=AFTER)["Can"], sigmas < 2.0
+    assert f"{100 if good else 0} % of the measured angles lie within two of it" in control.answer
+    assert ("the predicted sigma is too small" in control.answer) is not good
+    assert control.good is good
+
+
 def test_the_interval_of_a_value_that_only_the_characterisation_knows_needs_that_one(run: Path) -> None:
     model = ActuatorModel(reference_spec())
     names = tuple(parameter.name for parameter in model.parameters)

@@ -188,12 +188,15 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
 
 
 def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | None, float]:
-    """Return the median predicted sigma over the record (°), and the share of the samples within two sigmas."""
+    """Return the median predicted sigma over the record (°), and the share of the samples within two sigmas.
+
+    What the model leaves is that on the record's own clocks: a prediction is on those of its log.
+    """
     from torsight.core.records import TemperatureLog
     from torsight.discovery.prediction import predict_with_sigma
 
-    table = results.merged
-    if model is None or model.doubt is None or table is None:
+    table, curves = results.merged, results.curves
+    if model is None or model.doubt is None or table is None or curves is None:
         return None, 0.0
     angle = column(table, "angle_deg")
     known = np.flatnonzero(np.isfinite(angle))
@@ -206,7 +209,8 @@ def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | 
     except TorsightError:
         # A record that cannot drive a model by itself, such as one that was cut by hand.
         return None, 0.0
-    sigma, off = said.sigma_rad / DEG, np.abs(said.angle_rad / DEG - angle[first:])
+    sigma = np.interp(column(curves, "time_s"), columns["time_s"], said.sigma_rad / DEG)
+    off = np.abs(column(curves, "residual_after_deg"))
     both = np.isfinite(sigma) & np.isfinite(off)
     if not both.any():
         return None, 0.0
