@@ -224,8 +224,9 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
 
     Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
     """
+    temps = (log.temp_a_c, log.temp_b_c)
     interval_s = float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
-    if interval_s <= _FAR_APART_S:
+    if interval_s <= _FAR_APART_S or min(np.isfinite(temp_c).sum() for temp_c in temps) < 2:
         return log, np.arange(len(log))
     every = math.ceil(interval_s * ROW_RATE_HZ)
     rows = np.arange(len(log)) * every
@@ -242,7 +243,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
         return filled
 
     heat_a, heat_b = (None if heat is None else heat[held] for heat in (log.heat_a, log.heat_b))
-    return TemperatureLog(time_s, column(log.temp_a_c), column(log.temp_b_c), heat_a, heat_b), rows
+    return TemperatureLog(time_s, column(temps[0]), column(temps[1]), heat_a, heat_b), rows
 
 
 def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
