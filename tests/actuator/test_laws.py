@@ -9,7 +9,7 @@ import pytest
 from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log
-from torsight.actuator.laws import FAMILIES, laws_from, laws_of
+from torsight.actuator.laws import FAMILIES, between_nodes, laws_from, laws_of
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
 from torsight.actuator.spec import reference_spec
@@ -112,3 +112,17 @@ def test_a_damaged_law_is_named(key, value, laws):
     entry = {**law.form(law.kernels[0], 0.01).to_json(), key: value}
     with pytest.raises(ConfigError, match=r"law|choices|known|number|one of"):
         laws_from([entry], where="model.json, key laws")
+
+
+def test_a_wave_with_few_nodes_a_period_is_a_wave_between_them():
+    # Five waves per turn over a turn and a third, as many nodes as a law over the angle has.
+    nodes, angle_deg = np.linspace(-230.0, 236.0, 37), np.linspace(-200.0, 206.0, 3001)
+
+    def wave(at_deg):
+        return np.sin(5.0 * np.deg2rad(at_deg))
+
+    def off(law):
+        return np.max(np.abs(np.interp(angle_deg, *between_nodes(law, nodes, wave(nodes))) - wave(angle_deg)))
+
+    assert off("friction_angle_deg") < 0.05
+    assert off("friction_temp_active_c") > 0.1

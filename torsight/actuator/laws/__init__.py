@@ -9,7 +9,7 @@ shares of τ_c.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,25 @@ from torsight.actuator.laws.families import FAMILIES, Family
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_text
-from torsight.core.law import Law, LawForm
+from torsight.core.law import Law, LawForm, smooth_between
 
 Array = NDArray[np.float64]
+
+_WAVES: Final = ("angle_deg", "winding_deg")
 
 
 def apply_law(ports: Ports, form: LawForm, parameters: Array) -> Ports:
     """Return the ports with a law of the given parameters."""
-    values = form.values(parameters)
-    return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, form.nodes, values))
+    curve = between_nodes(form.id, form.nodes, form.values(parameters))
+    return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, *curve))
+
+
+def between_nodes(law: str, nodes: Array, values: Array) -> tuple[Array, Array]:
+    """Return places and values of a law with these values on its nodes (k,): between the places lines do.
+
+    Over angles a law may have waves with few nodes a period, which lines would cut.
+    """
+    return smooth_between(nodes, values) if FAMILIES[law].driver in _WAVES else (nodes, values)
 
 
 def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
@@ -92,4 +102,4 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
     return tuple(found)
 
 
-__all__ = ["FAMILIES", "Family", "apply_law", "laws_from", "laws_of"]
+__all__ = ["FAMILIES", "Family", "apply_law", "between_nodes", "laws_from", "laws_of"]

@@ -23,7 +23,7 @@ _TEMPLATE: Final = '''r"""{title}, as it was measured.
 
 .. math:: g(x) = s \\, g_0(x)
 
-x {driver}, g_0 the measured law ({unit}), linear between its nodes and held beyond them, s its share: 1 as measured, 0
+x {driver}, g_0 the measured law ({unit}), a curve through its nodes and held beyond them, s its share: 1 as measured, 0
 without it. {sentence}. Predicted residual: what the record showed from which it was measured.
 Source: a record of this rig, by torsight discover.
 """
@@ -35,7 +35,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.laws import FAMILIES
+from torsight.actuator.laws import FAMILIES, between_nodes
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 
@@ -51,8 +51,8 @@ LAW: Final = (
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let the law act at its port."""
-    share = values["{name}_share"]
-    return FAMILIES["{law}"].apply(ports, lambda driver: share * np.interp(driver, NODES, LAW))
+    curve = between_nodes("{law}", np.array(NODES), values["{name}_share"] * np.array(LAW))
+    return FAMILIES["{law}"].apply(ports, lambda driver: np.interp(driver, *curve))
 
 
 EFFECT: Final = Effect(

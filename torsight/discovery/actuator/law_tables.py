@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.laws import between_nodes
 from torsight.core.law import Law
 from torsight.core.words.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -76,7 +77,8 @@ def _law(
     else:
         counted = law.driver == "cycle"
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
-        curve, width = np.interp(driver, law.nodes, values), np.interp(driver, law.nodes, sigma)
+        curve, width = (np.interp(driver, *between_nodes(law.id, law.nodes, one)) for one in (values, sigma))
+        width = np.maximum(width, 0.0)
         scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     told = MeasuredLaw(

@@ -105,6 +105,7 @@ class _Judge:
         log = np.array([one.log_evidence - price * len(members) for members, one in sets.items()])
         weight = np.exp(log - log.max())
         self.probability = dict(zip(sets, (weight / weight.sum()).tolist(), strict=True))
+        self._log = dict(zip(sets, log.tolist(), strict=True))
 
     def places(self, members: Iterable[str]) -> Places:
         """Return where a set acts."""
@@ -175,11 +176,11 @@ class _Judge:
         before = self._square(self._field.base)
         for item in chosen.laws:
             others = less(chosen.members, item.law.id)
-            without, forms = self.probability.get(others, 0.0), []
+            without, forms = self._log.get(others, -np.inf), []
             for candidate in self._field.base.fitter.problem.candidates:
                 members = tuple(sorted((*others, candidate.id)))
                 # A form that is no better than nothing explains nothing.
-                if item.law.id in candidate.laws and self.probability.get(members, 0.0) > without:
+                if item.law.id in candidate.laws and self._log.get(members, -np.inf) > without:
                     forms.append((candidate.id, self._field.explanations[members]))
             if not forms:
                 continue
@@ -200,11 +201,11 @@ class _Judge:
         forms = {one.id: set(one.laws) for one in self._field.base.fitter.problem.candidates}
         for member, (name, where) in named.items():
             others = less(chosen.members, member)
-            least = (1.0 / self._settings.credible - 1.0) * self.probability[where.members]
+            least = self._log[where.members] - 0.5 * self._settings.apart
             for other, laws in forms.items():
                 members = tuple(sorted((*others, other)))
                 shared = other not in (name, *others) and bool(laws & {*forms[name], member})
-                if shared and members in sets and self.probability[members] >= least:
+                if shared and members in sets and self._log[members] >= least:
                     found.append(sets[members])
         return found
 
