@@ -1,7 +1,8 @@
 """How well the top temperatures of incomplete heatings are known, on clean records of the blind suite.
 
-Discovery takes the error of a top as a share of the logger's noise (``temperature_errors``). A share is right where the
-errors that the records ask for have mean square one, in its own standard deviations, and the evidence is largest.
+Discovery takes a top to be known as well as the mean of the readings within some seconds (``temperature_errors``). That
+time is right where the errors that the records ask for have mean square one, in their own standard deviations, and the
+evidence is largest.
 
     python benchmarks/discovery/tops.py --first 22
 """
@@ -25,7 +26,7 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
-SHARES = (0.18, 0.25, 0.35, 0.5, 0.7)
+SECONDS = (0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 def tops(record: blind.Record) -> tuple[list[float], float]:
@@ -40,20 +41,20 @@ def tops(record: blind.Record) -> tuple[list[float], float]:
 
 
 def main() -> None:
-    """Print a line for every share."""
+    """Print a line for every time."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=("work", "report"), default="work")
     parser.add_argument("--first", type=int, default=22, help="clean records")
     given = parser.parse_args()
     clean = [case for case in blind.suite(given.part) if case.kind == "clean"][: given.first]
     records = [blind.make_record(case) for case in clean]
-    print("share of the noise   tops   mean square error   log evidence")
+    print("seconds   tops   mean square error   log evidence")
     with one_thread():
-        for share in SHARES:
-            temperature_errors._TOP_SHARE = share  # noqa: SLF001 - what is measured here
+        for seconds in SECONDS:
+            temperature_errors._TOP_KNOWN_S = seconds  # noqa: SLF001 - what is measured here
             each = [tops(record) for record in records]
             squares = [square for found, _ in each for square in found]
-            print(f"{share:18.2f} {len(squares):6d} {np.mean(squares):19.2f} {sum(log for _, log in each):14.1f}")
+            print(f"{seconds:7.1f} {len(squares):6d} {np.mean(squares):19.2f} {sum(log for _, log in each):14.1f}")
 
 
 if __name__ == "__main__":
