@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
@@ -100,11 +100,18 @@ def in_symbols(words: str, symbol: Callable[[str], str] = plain_symbol) -> str:
     return re.sub(pattern, lambda found: symbol(found.group()), words)
 
 
-def effect_values(effect: Mapping[str, Any], fitted: Container[str] = ()) -> str:
-    """Return the values of an effect of ``discovery.json`` on one line: title, symbol, value with its interval.
+def for_people(effect: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those values of an effect of ``discovery.json`` that were made of others for people, else all of them.
 
-    Where some were made for people of the ``fitted`` ones (amplitude and phase of a sine and a cosine), those alone.
+    Amplitude and phase say more than a sine and a cosine.
     """
-    own = dict(effect.get("parameters") or {})
-    made = {name: one for name, one in own.items() if name not in fitted} or own
-    return "; ".join(f"{with_title(name)} {estimate(one)}" for name, one in made.items())
+    from torsight.actuator.effects import load_effects
+
+    own, known = dict(effect.get("parameters") or {}), load_effects().get(str(effect.get("id")))
+    derived = {one.name for one in known.derived} if known is not None else set()
+    return {name: one for name, one in own.items() if name in derived} or own
+
+
+def effect_values(effect: Mapping[str, Any]) -> str:
+    """Return the values of an effect of ``discovery.json`` on one line: title, symbol, value with its interval."""
+    return "; ".join(f"{with_title(name)} {estimate(one)}" for name, one in for_people(effect).items())

@@ -17,11 +17,8 @@ from torsight.core.words.wording import effect_name, estimate, named, not_explai
 
 def effect_lines(discovery: Mapping[str, Any]) -> list[str]:
     """Return a line for each effect that was named, with its values: those made for people where there are any."""
-    fitted = discovery.get("parameters") or {}
-    return [
-        f"  {effect_name(str(effect['id']))}: {effect_values(effect, fitted)}"
-        for effect in discovery.get("effects") or []
-    ]
+    effects = discovery.get("effects") or []
+    return [f"  {effect_name(str(effect['id']))}: {effect_values(effect)}" for effect in effects]
 
 
 def summary(folder: Path) -> list[str]:

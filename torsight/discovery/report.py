@@ -161,7 +161,7 @@ class DiscoveryReport(Frozen, Shown):
         """Return the verdict, the effects with their values, what a missing one depends on, and the errors."""
         facts = {"verdict": verdict_sentence(self.to_json())}
         for effect in self.effects:
-            facts[effect_name(effect.id)] = effect_values(effect.to_json(), self.parameters)
+            facts[effect_name(effect.id)] = effect_values(effect.to_json())
         before, after = self.before.rmse_held_out_deg, self.after.rmse_held_out_deg
         facts["error on held-out half-cycles"] = f"{number(before)}° (plain model), {number(after)}° (this one)"
         return facts

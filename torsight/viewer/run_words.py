@@ -104,7 +104,7 @@ def summary_document(results: RunResults) -> str:
         rows.append(("Friction torque", estimate(friction)))
     for effect in (discovery or {}).get("effects") or []:
         title = str(effect.get("title") or effect_name(str(effect["id"])))
-        values = effect_values(effect, (discovery or {}).get("parameters") or {})
+        values = effect_values(effect)
         rows.append((f"{title[:1].upper()}{title[1:]}", values))
     rows += [("Law", str(law["sentence"])) for law in (discovery or {}).get("laws") or [] if law.get("sentence")]
     rows += _motion(results)

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from torsight.actuator.effects import load_effects
-from torsight.actuator.quantities import OF_THE_ACTUATOR, plain_symbol
+from torsight.actuator.quantities import OF_THE_ACTUATOR, for_people, plain_symbol
 from torsight.actuator.spec import reference_spec
 from torsight.report.plots.formulas import equation, equation_picture, symbol, with_symbols
 
@@ -54,3 +54,10 @@ def test_what_cannot_be_set_is_left_to_its_source() -> None:
     assert equation_picture(r"\nosuchcommand{x}") == ""
     assert equation("no_such_effect") == ()
     assert equation("../spec") == ()
+
+
+def test_of_an_effect_those_values_are_told_that_were_made_for_people() -> None:
+    # Whether the effect itself was fitted, or a law in its place that carries its name.
+    values = {name: {"value": 0.3, "ci95": [0.2, 0.4], "unit": ""} for name in ("friction_sine", "amplitude")}
+    assert list(for_people({"id": "position_friction", "parameters": values})) == ["amplitude"]
+    assert list(for_people({"id": "of_another_library", "parameters": values})) == ["friction_sine", "amplitude"]

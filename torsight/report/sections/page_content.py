@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from markupsafe import Markup, escape
 
+from torsight.actuator.quantities import for_people
 from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import (
@@ -147,16 +148,15 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
         depends = f"; it depends on {listed(drivers)}" if drivers else ""
         return Tile("Missing effect", "no known one", "", f"a measured law stands in{depends}")
     names = listed([effect_name(str(effect["id"])) for effect in effects])
-    values = [_telling(effect, discovery) for effect in effects]
+    values = [_telling(effect) for effect in effects]
     label = "Missing effect" if len(effects) == 1 else "Missing effects"
     return Tile(label, names, "", Markup("<br>").join(value for value in values if value))
 
 
-def _telling(effect: Mapping[str, Any], discovery: Mapping[str, Any]) -> Markup:
+def _telling(effect: Mapping[str, Any]) -> Markup:
     """Return the value of an effect that says most to people: one made of the fitted values, else the first of them."""
-    own = dict(effect.get("parameters") or {})
-    made = {name: value for name, value in own.items() if name not in (discovery.get("parameters") or {})} or own
-    values = [Markup("{} {}").format(titled(name), value_words(value)) for name, value in list(made.items())[:1]]
+    made = list(for_people(effect).items())[:1]
+    values = [Markup("{} {}").format(titled(name), value_words(value)) for name, value in made]
     title = str(effect.get("title") or "")
     return Markup(": ").join([*([escape(title)] if title else []), *values])
 
