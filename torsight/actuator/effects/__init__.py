@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import math
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -51,6 +52,23 @@ class Derived:
     period: float | None = None
     symbol: str = ""
     title: str = ""
+
+
+def amplitude_and_phase(
+    sine: str,
+    cosine: str,
+    *,
+    unit: str,
+    names: tuple[str, str],
+    symbols: tuple[str, str],
+    titles: tuple[str, str],
+) -> tuple[Derived, Derived]:
+    """Return amplitude and phase of a wave from its sine and its cosine part, each with name, symbol and title."""
+    (amplitude, phase), (size, angle), (of_size, of_angle) = names, symbols, titles
+    return (
+        Derived(amplitude, unit, lambda v: math.hypot(v[sine], v[cosine]), symbol=size, title=of_size),
+        Derived(phase, "rad", lambda v: math.atan2(v[cosine], v[sine]), math.tau, symbol=angle, title=of_angle),
+    )
 
 
 @dataclass(frozen=True, slots=True, repr=False)

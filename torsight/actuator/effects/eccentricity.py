@@ -10,13 +10,12 @@ none that changes at rest. Source: eccentricity and tilt error of angle encoders
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.effects import Derived, Effect, Values
+from torsight.actuator.effects import Effect, Values, amplitude_and_phase
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
@@ -42,14 +41,6 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_reading(lambda phi_rad, _time_s: read_angle(phi_rad, once=once, twice=twice))
 
 
-def _phase(first: str, second: str) -> Derived:
-    name, symbol, times = (
-        ("phase_rad", "φ_0", "once") if first.startswith("eccentric") else ("tilt_phase_rad", "φ_t", "twice")
-    )
-    title = f"phase of the error {times} per turn"
-    return Derived(name, "rad", lambda v: math.atan2(v[second], v[first]), math.tau, symbol=symbol, title=title)
-
-
 EFFECT: Final = Effect(
     id="eccentricity",
     family="camera",
@@ -71,22 +62,20 @@ EFFECT: Final = Effect(
     apply=apply,
     starts=({"eccentric_sine_deg": 0.0, "eccentric_cosine_deg": 0.3},),
     derived=(
-        Derived(
-            "amplitude_deg",
-            "°",
-            lambda v: math.hypot(v[_NAMES[0]], v[_NAMES[1]]),
-            symbol="e",
-            title="error once per turn",
+        *amplitude_and_phase(
+            *_NAMES[:2],
+            unit="°",
+            names=("amplitude_deg", "phase_rad"),
+            symbols=("e", "φ_0"),
+            titles=("error once per turn", "phase of the error once per turn"),
         ),
-        _phase(_NAMES[0], _NAMES[1]),
-        Derived(
-            "tilt_amplitude_deg",
-            "°",
-            lambda v: math.hypot(v[_NAMES[2]], v[_NAMES[3]]),
-            symbol="t",
-            title="error twice per turn",
+        *amplitude_and_phase(
+            *_NAMES[2:],
+            unit="°",
+            names=("tilt_amplitude_deg", "tilt_phase_rad"),
+            symbols=("t", "φ_t"),
+            titles=("error twice per turn", "phase of the error twice per turn"),
         ),
-        _phase(_NAMES[2], _NAMES[3]),
     ),
     laws=("reading_angle_deg",),
 )

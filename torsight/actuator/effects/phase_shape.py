@@ -28,29 +28,19 @@ EFFECT: Final = Effect(
     family="form",
     acts_on="phase",
     title="the form of the phase law",
-    parameters=(
+    parameters=tuple(
         Parameter(
-            name="heating_bend",
+            name=f"{way}_bend",
             value=0.0,
             unit="",
             lower=-0.3,
             upper=0.3,
             sigma=0.01,
             null=0.0,
-            symbol="b_h",
-            title="bend of the phase law on heating",
-        ),
-        Parameter(
-            name="cooling_bend",
-            value=0.0,
-            unit="",
-            lower=-0.3,
-            upper=0.3,
-            sigma=0.01,
-            null=0.0,
-            symbol="b_c",
-            title="bend of the phase law on cooling",
-        ),
+            symbol=f"b_{way[0]}",
+            title=f"bend of the phase law on {way}",
+        )
+        for way in ("heating", "cooling")
     ),
     apply=apply,
 )

@@ -10,13 +10,12 @@ Source: position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.effects import Derived, Effect, Values
+from torsight.actuator.effects import Effect, Values, amplitude_and_phase
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 
@@ -86,22 +85,13 @@ EFFECT: Final = Effect(
         {"friction_sine": 0.0, "friction_cosine": 0.2},
         {"friction_sine": 0.0, "friction_cosine": -0.2},
     ),
-    derived=(
-        Derived(
-            "amplitude",
-            "",
-            lambda v: math.hypot(v["friction_sine"], v["friction_cosine"]),
-            symbol="a",
-            title="amplitude of the wave",
-        ),
-        Derived(
-            "phase_rad",
-            "rad",
-            lambda v: math.atan2(v["friction_cosine"], v["friction_sine"]),
-            period=math.tau,
-            symbol="φ_0",
-            title="phase of the wave",
-        ),
+    derived=amplitude_and_phase(
+        "friction_sine",
+        "friction_cosine",
+        unit="",
+        names=("amplitude", "phase_rad"),
+        symbols=("a", "φ_0"),
+        titles=("amplitude of the wave", "phase of the wave"),
     ),
     laws=("friction_angle_deg",),
 )
