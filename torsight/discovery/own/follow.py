@@ -65,7 +65,7 @@ def over_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> Stretched
         return None
     if follows(problem, fitter, own):
         return None
-    over = replace(problem, model=_anew(problem.model, ode, shortest_s(problem)))
+    over = replace(problem, model=anew(problem.model, shortest_s(problem)))
     over = replace(over, evaluator=Evaluator(over.model))
     starts = (np.array(list(own.values.values())), np.array([p.value for p in problem.parameters]))
     space = fitter.space(())
@@ -118,7 +118,7 @@ def begun_anew(problem: ModelProblem, stretched: Stretched, length_s: float) -> 
     names = [p.name for p in problem.parameters]
     found = dict(zip(names, stretched.solution.x.tolist(), strict=True))
     parameters = tuple(p if p.sigma is not None else p.at(found[p.name]) for p in problem.parameters)
-    model = _anew(problem.model, stretched.ode, length_s)
+    model = anew(problem.model, length_s)
     problem.evaluator.change(model)
     return replace(problem, model=model, parameters=parameters)
 
@@ -150,8 +150,10 @@ def _of_an_error(
     return math.sqrt(np.mean(bent)), math.sqrt(np.mean(grown))
 
 
-def _anew(model: Model, ode: Ode, length_s: float) -> Model:
-    return replace(model, predict=ode.begun_anew(length_s))
+def anew(model: Model, length_s: float) -> Model:
+    """Return a model whose measured states begin anew after every such time; one without such states as it is."""
+    ode = model.predict
+    return replace(model, predict=ode.begun_anew(length_s)) if isinstance(ode, Ode) and ode.measured else model
 
 
 def _span_s(problem: ModelProblem) -> float:

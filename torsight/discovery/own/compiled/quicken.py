@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.discovery.own.follow import shortest_s
+from torsight.discovery.own.follow import anew, shortest_s
 from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
@@ -41,8 +41,9 @@ def quickened(problem: ModelProblem) -> ModelProblem:
     asked = [*problem.given(start, ()), *problem.given({**start, **everything}, names)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of numba, on a way that is not gone then
+        # Where small errors grow, integrators part over a record.
         short_s = shortest_s(problem)
-        if quick is None or not _gives_the_same(_over(problem.model, short_s), _over(model, short_s), asked):
+        if quick is None or not _gives_the_same(anew(problem.model, short_s), anew(model, short_s), asked):
             return problem
     evaluator.change(model)
     return replace(problem, model=model)
@@ -57,12 +58,6 @@ def _compiled(predict: Predict) -> Predict | None:
         return CompiledPredict(predict, compiled(predict))
     except CannotCompileError:
         return None
-
-
-def _over(model: Model, short_s: float) -> Model:
-    """Return a model whose measured states begin anew: where small errors grow, integrators part over a record."""
-    ode = model.predict
-    return replace(model, predict=ode.begun_anew(short_s)) if isinstance(ode, Ode) and ode.measured else model
 
 
 def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> bool:
