@@ -89,16 +89,13 @@ def predict_clock(
         ], {}
     except TorsightError as error:
         return [refusal("clock", error)], {}
-    return [_said(clock)], {
-        "offset_ci95_s": float(np.ptp(clock.offset_ci95_s)) / 2.0,
-        "drift_ci95_ppm": float(np.ptp(clock.drift_ci95_ppm)) / 2.0,
-        "method": clock.method,
-    }
-
-
-def _said(clock: ClockMap) -> Finding:
-    """Return the finding of a clock's intervals."""
     half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.offset_ci95_s, clock.drift_ci95_ppm))
+    figures = {"offset_ci95_s": half_s, "drift_ci95_ppm": half_ppm, "method": clock.method}
+    return [_said(clock, half_s, half_ppm)], figures
+
+
+def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
+    """Return the finding of a clock's intervals, which are so wide to either side."""
     text = (
         f"the offset between film and log would be known to ±{number(half_s, 2)} s, their drift to "
         f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
