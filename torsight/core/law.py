@@ -1,10 +1,10 @@
 r"""A law: a smooth function of one variable at one place of a model, as values on nodes.
 
 What a model lacks need not have a form that anybody has written down. A law has none: it is a function with a Gaussian
-prior of zero mean, known by its values :math:`f` on nodes of its variable. Its prior is a bank of
-kernels :math:`s^2 K_j`: a few usual forms (a constant, a slope, a wave once per turn) and smooth functions of several
-lengths; which kernel and which size :math:`s` a record asks for is found by marginal likelihood, so that a law costs
-what its flexibility is worth (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), ch. 5).
+prior of zero mean, known by its values :math:`f` on nodes of its variable. Its prior is a bank of kernels
+:math:`s^2 K_j`: a few usual forms (a constant, a slope, a wave once per turn) and smooth functions of several lengths;
+which kernel and which size :math:`s` a record asks for is found by marginal likelihood, so that a law costs what its
+flexibility is worth (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), ch. 5).
 """
 
 from __future__ import annotations

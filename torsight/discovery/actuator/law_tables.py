@@ -77,8 +77,7 @@ def _law(
     else:
         counted = law.driver == "cycle"
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
-        curve, width = (np.interp(driver, *between_nodes(law.id, law.nodes, one)) for one in (values, sigma))
-        width = np.maximum(width, 0.0)
+        curve, width = np.interp(driver, *between_nodes(law.id, law.nodes, values)), np.interp(driver, law.nodes, sigma)
         scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     told = MeasuredLaw(
