@@ -20,6 +20,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import project, rotation_matrix
 from torsight.core.progress import Progress, silent
+from torsight.core.series import rms
 from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]
@@ -196,7 +197,7 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
 
 def root_mean_square(distances: Floats) -> float:
     """Return the root mean square length of distances (n, 2)."""
-    return float(np.sqrt(np.mean(np.sum(distances**2, axis=1))))
+    return rms(np.linalg.norm(distances, axis=1))
 
 
 def lens_values(intrinsics: Intrinsics) -> Floats:

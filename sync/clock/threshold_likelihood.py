@@ -32,6 +32,7 @@ from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
+from torsight.core.series import rms
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _FEWEST: Final = 6
@@ -114,7 +115,7 @@ def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray
     independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
     # Across a corner no polynomial follows: such rates tell nothing.
-    missed = float(np.sqrt(np.mean((value[known] - powers @ coefficient) ** 2)))
+    missed = rms(value[known] - powers @ coefficient)
     excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
     return np.asarray(design @ coefficient), np.hypot(sigma, excess)
@@ -205,7 +206,7 @@ def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDAr
     """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
     total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
     away = np.where(heating, rate - total[kind], 0.0)
-    spread = float(np.sqrt(np.mean(away[heating] ** 2))) if heating.any() else 0.0
+    spread = rms(away[heating]) if heating.any() else 0.0
     return np.outer(away, away) / max(spread, 1e-12) ** 2
 
 

@@ -15,10 +15,11 @@ from sync.log.log_table import NEEDED_NAMES, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import join_blocks
-from sync.log.timestamps import OrderedStamps, order_stamps, usual_step_s
+from sync.log.timestamps import OrderedStamps, order_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
+from torsight.core.series import usual_step
 from torsight.core.words.plausible import require_stamps, require_units
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def read_temperature_log(
         extra=extra | merged.texts,
     )
     repairs += _gaps(time_s)
-    coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
+    coarse_s = usual_step(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
     return LogReading(
         log=log,
         repairs=tuple(repairs),
@@ -221,7 +222,7 @@ def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
     stamp = ordered.time_s[first]
     width = np.empty(len(stamp))
     width[:-1] = np.diff(stamp)
-    usual = usual_step_s(stamp)
+    usual = usual_step(stamp)
     width[-1] = usual
     # Behind a gap or a restart the rows of one stamp do not fill the time up to the next.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)

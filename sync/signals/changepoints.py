@@ -20,6 +20,7 @@ from sync.signals.heating_segments import HeatingSegment
 from sync.signals.sensor_response import lagged_decay, lagged_ramp
 from sync.signals.strokes import Stroke
 from torsight.core.records import TemperatureLog
+from torsight.core.series import block_means, usual_step
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
@@ -145,11 +146,7 @@ def _thinned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Average fast logs down to some hundred points; return times, values, noise of one."""
     group = max(1, len(time_s) // _POINTS)
-    if group == 1:
-        return time_s, temp_c, max(noise, 1e-3)
-    whole = len(time_s) // group * group
-    x = time_s[:whole].reshape(-1, group).mean(axis=1)
-    y = temp_c[:whole].reshape(-1, group).mean(axis=1)
+    x, y = block_means(time_s, group), block_means(temp_c, group)
     return x, y, max(noise, 1e-3) / float(np.sqrt(group))
 
 
@@ -272,7 +269,7 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
         return None
     travel = stroke.sign * (angle - stroke.start_rad)
     best: tuple[float, float, float] | None = None
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = usual_step(time_s)
     at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
     losses = np.full(len(at), np.inf)
     for index, stop_s in enumerate(at):

@@ -20,6 +20,7 @@ from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.series import extent, usual_step
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
 
@@ -179,8 +180,7 @@ def whole_turns(angle_rad: Array) -> int:
     A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
     profile so that the middle is zero), so the middle of what was read decides.
     """
-    low, high = np.nanquantile(angle_rad, [0.005, 0.995])
-    return round(float(low + high) / 2.0 / (2.0 * math.pi))
+    return round(sum(extent(angle_rad)) / 2.0 / (2.0 * math.pi))
 
 
 def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
@@ -225,7 +225,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
     Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
     """
     temps = (log.temp_a_c, log.temp_b_c)
-    interval_s = float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
+    interval_s = usual_step(log.time_s)
     if interval_s <= _FAR_APART_S or min(np.isfinite(temp_c).sum() for temp_c in temps) < 2:
         return log, np.arange(len(log))
     every = math.ceil(interval_s * ROW_RATE_HZ)
@@ -321,7 +321,7 @@ def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray
 
 def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
     n = len(time_s)
-    interval = float(np.median(np.diff(time_s))) if n > 1 else math.inf
+    interval = usual_step(time_s)
     every = int(1.0 / (interval * row_rate_hz)) if interval > 0 else 1
     if every < 2:
         return np.arange(n)

@@ -23,6 +23,7 @@ from torsight.core.errors import ConfigError, InputError
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.series import extent
 from torsight.core.units import DEG, MNM
 from torsight.core.words.plausible import require_units
 from torsight.core.words.shown import Shown, draw_series, span
@@ -165,7 +166,7 @@ class ActuatorModel:
         if not len(known):
             return
         # Single frames may be wrong by whole turns.
-        low, high = np.quantile(known, [0.005, 0.995])
+        low, high = extent(known)
         most_deg = self.spec.values["theta_p_deg"]
         if high - low > most_deg * DEG:
             raise InputError(

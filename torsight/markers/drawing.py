@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.files.storage import write_bytes
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
+from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Candidate
@@ -30,11 +30,7 @@ Ticks = Iterable[tuple[float, float]]
 """Lines of a grid: place in pixels of the plot, number."""
 SHOWN_PX: Final = 960
 """Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
-BASE: Final = BASE_COLOUR
-MOVING: Final = MOVING_COLOUR
-GIVEN: Final[Colour] = (240, 228, 66)
-"""A position that a person gave."""
-DOT: Final[Colour] = (230, 159, 0)
+DOT: Final = rgb(LIGHT["held"])
 """A dot that was not taken."""
 REFUSED: Final[Colour] = (204, 121, 167)
 """A place that is no dot."""
@@ -260,7 +256,7 @@ def marker_names() -> list[str]:
 
 def marker_colours() -> list[Colour]:
     """Return the colours of the four markers."""
-    return [BASE, BASE, MOVING, MOVING]
+    return [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
 
 
 def round_numbers(low: float, high: float, *, most: int) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import REACH, Estimate, Parameter
-from torsight.core.series import correlation_time, share_explained
+from torsight.core.series import correlation_time, rms, share_explained
 
 Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, float]], Array]
@@ -142,7 +142,7 @@ def fit_curve(
         covariance=covariance,
         fitted=measured - residual,
         residual=residual,
-        rmse=float(np.sqrt(np.mean(residual**2))),
+        rmse=rms(residual),
         r2=share_explained(measured, measured - residual),
     )
 

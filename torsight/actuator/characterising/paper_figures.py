@@ -37,7 +37,7 @@ from torsight.core.files.storage import write_json, write_table
 from torsight.core.minimise import least_squares
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import share_explained
+from torsight.core.series import rms, share_explained
 from torsight.core.units import DEG, MM, MNM, MPA
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class FrictionTest:
     @property
     def rmse_deg(self) -> float:
         """Root mean square error."""
-        return float(np.sqrt(np.mean(self.off_deg**2)))
+        return rms(self.off_deg)
 
     @property
     def off_deg(self) -> Array:
@@ -331,7 +331,7 @@ def _test_numbers(found: Characterisation) -> list[tuple[str, float | None, floa
     for figure, kind, rmse, r2 in ((10, "small", 0.0105, (0.8475, 0.7421)), (11, "large", 0.0113, (0.6357, 0.7532))):
         names = [name for name in lines.r2 if name.startswith(kind)]
         error = np.concatenate([lines.curves[name][1] - lines.curves[name][2] for name in names])
-        rows.append((f"figure_{figure}_rmse", rmse, float(np.sqrt(np.mean(error**2))), "N"))
+        rows.append((f"figure_{figure}_rmse", rmse, rms(error), "N"))
         rows += [
             (f"figure_{figure}_r2_experiment_{number + 1}", value, lines.r2[name], "")
             for number, (name, value) in enumerate(zip(names, r2, strict=True))

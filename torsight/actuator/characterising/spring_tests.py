@@ -46,6 +46,7 @@ from torsight.core.files.config import get_number, get_table, get_tables, get_te
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_table, read_toml
 from torsight.core.frozen import Frozen
+from torsight.core.series import block_means
 from torsight.core.units import DEG, GPA, MM
 
 Array = NDArray[np.float64]
@@ -204,8 +205,7 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
                 do=hint,
             )
     every = -(-len(rows) // _MOST_ROWS)
-    whole = len(rows) // every * every
-    means = rows[:whole].reshape(-1, every, 2).mean(axis=1)
+    means = block_means(rows, every)
     return means[:, 0], means[:, 1], str(name)
 
 

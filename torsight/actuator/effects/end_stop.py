@@ -16,6 +16,7 @@ import numpy as np
 from torsight.actuator.effects import Array, Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.series import extent
 from torsight.core.units import DEG, MNM
 
 _BEFORE_DEG: Final = 2.0
@@ -30,8 +31,8 @@ def stop_torque(phi_rad: Array, *, stop_rad: float, stiffness_nm: float) -> Arra
 
 def ends_deg(angle_rad: Array) -> tuple[float, float]:
     """Return where stops may be: a little before the lowest and the highest angle that was measured."""
-    low_deg, high_deg = np.nanquantile(angle_rad / DEG, [0.005, 0.995])
-    return float(low_deg) + _BEFORE_DEG, float(high_deg) - _BEFORE_DEG
+    low_deg, high_deg = extent(angle_rad / DEG)
+    return low_deg + _BEFORE_DEG, high_deg - _BEFORE_DEG
 
 
 def apply(ports: Ports, values: Values) -> Ports:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ def speed_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over speeds in °/s, denser where it is slow."""
     good = np.isfinite(drive.angle_rad)
     time_s, angle_deg = drive.time_s[good], drive.angle_rad[good] / DEG
-    every = max(1, round(2.0 / float(np.median(np.diff(time_s)))))
+    every = max(1, round(2.0 / usual_step(time_s)))
     speed = np.abs(np.diff(angle_deg[::every]) / np.diff(time_s[::every]))
     fastest = float(np.quantile(speed, 0.998)) if len(speed) else 0.0
     return Nodes(fastest * np.linspace(0.0, 1.1, _NODES) ** 2, 0.0, fastest) if fastest > 0.0 else None
@@ -87,7 +88,7 @@ def speed_nodes(drive: Drive) -> Nodes | None:
 
 def dwell_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over rests, in decades of seconds."""
-    longest_s = float(np.max(np.bincount(drive.cycles.half))) * float(np.median(np.diff(drive.time_s)))
+    longest_s = float(np.max(np.bincount(drive.cycles.half))) * usual_step(drive.time_s)
     decades = float(np.log10(1.0 + longest_s))
     return Nodes(np.linspace(0.0, decades, 9), 0.0, decades)
 

@@ -32,6 +32,7 @@ from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import measure_noise, resolution
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.core.compiled import compiled, inlined
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -128,7 +129,7 @@ def _apart(readings: Readings, wanted_s: Array, lines_c: Array) -> Conditioned:
     value, sigma = between(time_s, smoothed, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
     rate = np.asarray(np.gradient(value, wanted_s))
     if readings.noise_c > NEGLIGIBLE_C:
-        alike = readings.interval_s / float(np.median(np.diff(wanted_s)))
+        alike = readings.interval_s / usual_step(wanted_s)
         level_holds(wanted_s, lines_c, readings.noise_c * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
     return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s)
 
@@ -164,7 +165,7 @@ class Readings:
     @classmethod
     def of(cls, time_s: Array, temp_c: Array, *, lagged: bool) -> Readings:
         """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
-        interval_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+        interval_s = usual_step(time_s)
         if len(temp_c) < _SHORTEST:
             return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0, 1.0)
         noise, alike = measure_noise(time_s, temp_c)
@@ -184,7 +185,7 @@ class Readings:
         if n < _SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
             return self._at(wanted_s, self.temp_c + lag_s * slope, slope, np.zeros(n))
-        interval = float(np.median(np.diff(self.time_s)))
+        interval = usual_step(self.time_s)
         longest = int(max(_MAX_WINDOW_S / interval, _SHORTEST))
         smallest = max(4 if lag_s == 0.0 else 6, int(3 * self.correlation))
         sizes = [smallest]
@@ -209,7 +210,7 @@ class Readings:
 
 def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:
     """Return means over about so many seconds of a log that is faster than that."""
-    every = int(block_s / float(np.median(np.diff(time_s))))
+    every = int(block_s / usual_step(time_s))
     if every < 2:
         return time_s, temp_c
     starts = np.arange(0, len(time_s), every)

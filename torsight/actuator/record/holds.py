@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.segments import TURN_C
 from torsight.actuator.record.turns import turning_points
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ def _shapes(u: Array) -> tuple[Array, Array]:
 
 def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> tuple[int, int] | None:
     """Return the longest window around or before a top's end in which the log is level; None where there is none."""
-    interval_s = float(np.median(np.diff(time_s[max(0, edge - 200) : edge + 200])))
+    interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
     reach = int(_REACH_S / interval_s)
     least = max(_LEAST_ROWS, math.ceil(_LEAST_S / interval_s))
     low, high = max(0, edge - reach), min(len(temp_c) - 1, edge + reach)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.record.log_noise import measure_noise
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def own_readings(time_s: Array, temp_c: Array) -> tuple[Array, Array] | None:
     steps = np.maximum(np.rint(apart_s / shortest_s), 1.0)
     interval_s = float(np.median(apart_s / steps))
     regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
-    if not regular or interval_s < _FEW_ROWS * float(np.median(np.diff(time_s))):
+    if not regular or interval_s < _FEW_ROWS * usual_step(time_s):
         return None
     # Readings that one line joins, at rest to the last digit, are no meeting: they lie evenly on it.
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]

@@ -20,6 +20,7 @@ from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
@@ -51,7 +52,7 @@ def check_log(
     log = check.reading.log
     check.findings += [Finding("log", "note", f"{note}.") for note in check.reading.notes]
     step = np.diff(log.time_s)
-    usual = float(np.median(step))
+    usual = usual_step(log.time_s)
     check.duration_s = float(log.time_s[-1] - log.time_s[0] + usual)
     ranges = {}
     for name, temp_c in (("temp_a_c", log.temp_a_c), ("temp_b_c", log.temp_b_c)):

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, reason_of
 
 AnyPath = str | os.PathLike[str]
 """A path as people give it: text, or an object."""
@@ -48,7 +48,7 @@ def unreadable(path: Path, error: OSError) -> InputError:
     """Return the error for a file that could not be read: it is not there, or why."""
     if not path.exists():
         return missing_file(path)
-    return InputError(f"cannot be read ({error.strerror or error})", where=str(path))
+    return InputError(f"cannot be read ({reason_of(error)})", where=str(path))
 
 
 def require_ordinary(path: Path) -> None:

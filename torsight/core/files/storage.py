@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import numpy as np
 
-from torsight.core.errors import ConfigError, InputError, OutputError
+from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
 from torsight.core.files.paths import missing_file, require_ordinary, unreadable
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def is_running(process: int) -> bool:
 def not_written(path: Path, error: OSError) -> OutputError:
     """Return the error for a path that the system refuses to write."""
     return OutputError(
-        f"cannot be written ({error.strerror or error})",
+        f"cannot be written ({reason_of(error)})",
         where=str(path),
         do="choose another --out folder, or free space and rights there; earlier files are untouched",
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sync.signals.even_signal import WINDOW_S
 from torsight.core.files.results import column
+from torsight.core.series import rms
 from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
@@ -224,4 +225,4 @@ def pairs_of_bars(
 
 def _rms(values: NDArray[np.float64]) -> float:
     values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+    return rms(values) if len(values) else float("nan")

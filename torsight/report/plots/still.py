@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from torsight.report.plots.palette import LIGHT
+from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 
 from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults, column
+from torsight.core.series import rms
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number, times_floor
 from torsight.report.plots.formulas import symbol, titled, with_symbols
@@ -87,7 +88,7 @@ def _noise(results: RunResults, floor: float) -> str:
     sigma = sigma[np.isfinite(sigma)]
     if not len(sigma):
         return f"{number(floor, 2)}°."
-    film = float(np.sqrt(np.mean(sigma**2)))
+    film = rms(sigma)
     begin = f"{number(floor, 2)}°. The film's share of that is {number(min(film, floor), 2)}°"
     if film**2 < 0.5 * floor**2:
         return (

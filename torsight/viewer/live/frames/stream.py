@@ -12,16 +12,17 @@ from urllib.parse import urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, reason_of
+from torsight.core.loopback import LOOPBACK
 from torsight.viewer.live.frames.camera_source import SILENT_S
 from torsight.viewer.live.frames.intake import Picture, Pictures
 
-LOOPBACK_HOSTS: Final = ("localhost", "127.0.0.1", "::1")
+LOOPBACK_HOSTS: Final = ("localhost", LOOPBACK, "::1")
 
 _OPTIONS: Final[Mapping[str, Mapping[str, str]]] = {
     # Over UDP it would open ports to other computers.
     "rtsp": {"rtsp_transport": "tcp"},
-    "udp": {"localaddr": "127.0.0.1"},
+    "udp": {"localaddr": LOOPBACK},
     "tcp": {},
     "http": {},
     "https": {},
@@ -83,8 +84,8 @@ class Stream(Pictures):
             self.ended_because = f"no picture for {SILENT_S:g} s"
         except (av.error.FFmpegError, OSError) as error:
             if not given:
-                raise self._unreadable(f"cannot be read ({error.strerror or error})") from error
-            self.ended_because = str(error.strerror or error)
+                raise self._unreadable(f"cannot be read ({reason_of(error)})") from error
+            self.ended_because = reason_of(error)
 
     def _unreadable(self, what: str) -> InputError:
         return InputError(what, where=self.name, do="check that whatever sends it is running")
@@ -115,7 +116,7 @@ class GrowingFilm(Pictures):
                 yield from _decoded(container, stop, name=self.name)
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(
-                f"cannot be read ({error.strerror or error})",
+                f"cannot be read ({reason_of(error)})",
                 where=self.name,
                 do="a film that grows must be .mkv or .ts: others can be read only when they are finished",
             ) from error
