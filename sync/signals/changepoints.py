@@ -211,7 +211,7 @@ def cooling_start(
     ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
     holds the lag fixed.
     """
-    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    temp_c = log.temp_c(segment.spring)
     length_s = segment.end_s - segment.begin_s
     inside = (log.time_s >= segment.begin_s) & (log.time_s <= segment.end_s) & np.isfinite(temp_c)
     hot = temp_c[inside] >= segment.high_c - max(0.02 * (segment.high_c - segment.low_c), 4.0 * noise)
@@ -310,7 +310,7 @@ def heating_end(
     its own. Where a hold follows, the end is the changepoint between the ramp and the hold; else it is the beginning of
     the cooling.
     """
-    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    temp_c = log.temp_c(segment.spring)
     off_s = cooling.time_s if cooling is not None else segment.end_s
     inside = (log.time_s >= segment.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
     if np.count_nonzero(inside) < 20:

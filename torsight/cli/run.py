@@ -10,6 +10,7 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.frame_coverage import is_no_result
+from torsight.cli.track import FILES as TRACKED
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.progress import Progress, silent
 
@@ -123,7 +124,7 @@ def run_experiment(
     from torsight.core.files.storage import write_json
 
     folder = out or experiment.output
-    made = [*(_TRACKED if experiment.angle is None else ()), *_MADE]
+    made = [*(TRACKED if experiment.angle is None else ()), *_MADE]
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
     origin = provenance(
@@ -254,7 +255,6 @@ def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
     write_report(folder, progress=progress)
 
 
-_TRACKED: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
 _MADE: Final = (
     *("merged.csv", "sync.json", "fit.json", "model.json", "discovery.json", "curves.csv", "next_experiment.csv"),
     *("provenance.json", "recording.rrd", "report.html"),

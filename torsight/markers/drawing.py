@@ -261,11 +261,10 @@ def marker_colours() -> list[Colour]:
 
 def round_numbers(low: float, high: float, *, most: int) -> NDArray[np.float64]:
     """Return at most so many multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
-    span = max(high - low, 1e-9)
-    power = 10.0 ** math.floor(math.log10(span / most))
-    step = next(power * times for times in (1.0, 2.0, 5.0, 10.0, 20.0) if span / (power * times) <= most - 1)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return np.array([step * number for number in range(first, last + 1)])
+    from matplotlib.ticker import MaxNLocator
+
+    numbers = np.asarray(MaxNLocator(most - 1, steps=[1, 2, 5, 10]).tick_values(low, high))
+    return numbers[(numbers >= low) & (numbers <= high)]
 
 
 def wrapped(text: str, width: int) -> list[str]:

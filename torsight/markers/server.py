@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from torsight.core.errors import ConfigError, NoResultError, TorsightError, reason_of, refused_by_system
-from torsight.core.loopback import LOOPBACK
+from torsight.core.files.paths import LOOPBACK
 from torsight.markers.session import Session, require_saved
 
 PAGE: Final = Path(__file__).parent / "page.html"

@@ -15,7 +15,7 @@ from typing import Final
 from urllib.parse import quote
 
 from torsight.core.errors import ConfigError, NoResultError
-from torsight.core.loopback import LOOPBACK
+from torsight.core.files.paths import LOOPBACK
 
 _TROUBLE: Final = (
     "panicked at",

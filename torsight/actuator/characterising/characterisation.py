@@ -23,7 +23,7 @@ from torsight.actuator.characterising.characterised import Characterisation, Ste
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
 from torsight.actuator.record.conditioning import condition
-from torsight.actuator.spec import KEYS, ActuatorSpec
+from torsight.actuator.spec import KEYS, ActuatorSpec, keys_of
 from torsight.actuator.stepping.phase import HEATING_LAWS
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
@@ -66,7 +66,7 @@ def characterise(
     cooling = block_cooling(tests, known)
     progress(_STEP, 4, 4)
     known |= cooling.estimates
-    estimates = {name: known[name] for name, key in KEYS.items() if key.table == "material"}
+    estimates = {name: known[name] for name in keys_of("material")}
     _require_plausible(estimates, where=source)
     values = {
         **tests.geometry,

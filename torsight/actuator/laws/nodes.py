@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
+from torsight.actuator.record.segments import by_role
 from torsight.core.series import usual_step
 from torsight.core.units import DEG
 
@@ -58,13 +59,13 @@ def winding_nodes(drive: Drive) -> Nodes | None:
 
 def active_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the driven spring's temperature, °C."""
-    active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
     return _over(float(active_c.min()), float(active_c.max()), _NODES)
 
 
 def passive_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the other spring's temperature, °C; None where it hardly warms up."""
-    passive_c = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
+    passive_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[1]
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
     return _over(low, high, _NODES) if high - low > _LEAST_WARMING_C else None
 

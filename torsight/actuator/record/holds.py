@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.segments import TURN_C
+from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
 from torsight.core.series import usual_step
 
@@ -46,8 +46,7 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
     value, rate, left_over : (n,) float64
         Conditioned temperature, slope and sigma.
     """
-    turn_c = max(TURN_C, 8.0 * noise_c)
-    sense = turning_points(value, np.zeros(len(value), np.int64), turn_c)
+    sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
     for edge in np.flatnonzero(np.diff(sense) < 0):
         window = _longest_level(time_s, temp_c, noise_c, int(edge))
         if window is None:

@@ -18,6 +18,10 @@ _MAX_STRIDE_S: Final = 2.0
 _STRIDES_PER_PART: Final = 12
 
 
+SHORTEST: Final = 16
+"""Rows below which a log is taken as it is: four of the smallest window of a local fit (4 rows)."""
+
+
 def resolution(temp_c: Array) -> float:
     """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
     steps = np.abs(np.diff(temp_c))

@@ -13,6 +13,7 @@ from sync import LogReading, read_temperature_log
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.log_noise import measure_noise, resolution
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
@@ -117,7 +118,7 @@ def check_programme(
     if not any(cycle.peak_c > limits.onset_c for cycle in cycles):
         return findings, content
     angle_deg = ActuatorModel(spec).simulate(drive).angle_rad / DEG
-    active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
     steepest = steepest_deg_per_c(angle_deg, active_c)
     content["steepest_deg_per_c"] = steepest
     content["expected_rate_deg_s"] = float(np.nanquantile(np.abs(np.gradient(angle_deg, drive.time_s)), 0.99))

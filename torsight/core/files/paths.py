@@ -1,4 +1,4 @@
-"""Paths that are refused before anything is read or written: nothing is there, it is no file, or it is an input."""
+"""Where things are: paths that are refused before anything is read or written, and this computer's own address."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from torsight.core.errors import ConfigError, InputError, reason_of
 
 AnyPath = str | os.PathLike[str]
 """A path as people give it: text, or an object."""
+
+LOOPBACK: Final = "127.0.0.1"
+"""Under this address a computer reaches itself, and no other one reaches it: all that is served is served here."""
 
 PICTURE_SUFFIXES: Final = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",

@@ -85,12 +85,10 @@ def png(panels: Sequence[Panel]) -> bytes:
 
 
 def _picture(panels: Sequence[Panel]) -> Picture:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Picture
 
     width, height = panels[0].width, sum(panel.height for panel in panels)
     picture = Picture(figsize=(width / _PX_PER_INCH, height / _PX_PER_INCH))
-    FigureCanvasAgg(picture)
     top = height
     for panel in panels:
         _draw(picture, panel, top, width, height)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.synthetic.effects.hidden import STIFFENING_FORMS
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
@@ -34,8 +35,7 @@ class Spring(NamedTuple):
     cooler_c: NDArray[np.float64]
 
 
-LOADING: Final = 3
-BEND: Final = 4
+LOADING, BEND = (STIFFENING_FORMS.index(form) for form in ("loading", "bend"))
 """Stiffening that belongs to the loading curve: a third slope, or a cubic."""
 
 _WINDING: Final = SLOTS["winding", "winding"]

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.core.errors import ConfigError, InputError, reason_of
-from torsight.core.loopback import LOOPBACK
+from torsight.core.files.paths import LOOPBACK
 from torsight.viewer.live.frames.camera_source import SILENT_S
 from torsight.viewer.live.frames.intake import Picture, Pictures
+from tracker.frames.display import Display, luma_of
 
 LOOPBACK_HOSTS: Final = ("localhost", LOOPBACK, "::1")
 
@@ -133,7 +131,7 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
     # Threads that each decode a frame of their own would hold frames back.
     stream.thread_type = "SLICE"
     first: float | None = None
-    missed = 0
+    missed, display = 0, Display()
     for packet in container.demux(stream):
         arrived_s = time.perf_counter()
         if stop.is_set():
@@ -147,17 +145,8 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
             stamp = picture.time if picture.time is not None else arrived_s
             first = stamp if first is None else first
             corrupt = bool(picture.is_corrupt)
-            yield Picture(stamp - first, luma_of(picture), corrupt, arrived_s=arrived_s, missed=missed)
+            yield Picture(stamp - first, luma_of(picture, display).copy(), corrupt, arrived_s=arrived_s, missed=missed)
             missed = 0
-
-
-def luma_of(picture: Any) -> NDArray[np.uint8]:
-    """Return the brightness of a decoded frame; its first plane where that is it."""
-    if str(picture.format.name).startswith(("yuv4", "yuvj4", "gray", "nv12")) and "1" not in picture.format.name[7:]:
-        plane = picture.planes[0]
-        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
-        return rows[: picture.height, : picture.width].copy()
-    return np.asarray(picture.to_ndarray(format="gray"), dtype=np.uint8)
 
 
 class _Growing:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.core.loopback import LOOPBACK
+from torsight.core.files.paths import LOOPBACK
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
