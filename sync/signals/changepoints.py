@@ -168,11 +168,23 @@ def _losses(
             rising = [lagged_ramp(away, float(lag_s), shape.split)]
             if shape.decay_s is not None:
                 rising.append(lagged_decay(away, shape.decay_s, float(lag_s), shape.split))
-            design = np.stack([*steady, *rising], axis=1)
-            basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
-            left = y - basis @ (basis.T @ y)
-            loss[i, j] = float(left @ left) / max(len(y) - design.shape[1], 1)
+            curves = np.stack([*steady, *rising], axis=1)
+            loss[i, j] = _square(y, curves) / max(len(y) - curves.shape[1], 1)
     return loss
+
+
+def _square(y: NDArray[np.float64], curves: NDArray[np.float64]) -> float:
+    """Return the sum of squares that the best sum of curves (n, m) leaves of values (n,)."""
+    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=0), 1e-12))
+    left = y - basis @ (basis.T @ y)
+    return float(left @ left)
+
+
+def _weights(loss: NDArray[np.float64], unit: float, count: int) -> NDArray[np.float64]:
+    """Return how likely each mean square is that was tried, of one in all; ``unit`` is the variance of one value."""
+    excess = (loss - float(loss.min())) / unit * count
+    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum(excess, 200.0)), 0.0)
+    return np.asarray(weight / weight.sum())
 
 
 def _summary(
@@ -183,8 +195,7 @@ def _summary(
     lowest = float(loss[i, j])
     # What the curves cannot follow counts as noise too.
     unit = max(lowest, spread**2)
-    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0)), 0.0)
-    weight /= weight.sum()
+    weight = _weights(loss, unit, count)
     at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
     return Changepoint(
         time_s=float(at[i]),
@@ -249,10 +260,7 @@ def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: He
     x, y = x[::group], y[::group]
 
     def loss(log_decay: float) -> float:
-        design = np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)
-        basis, _ = np.linalg.qr(design)
-        left = y - basis @ (basis.T @ y)
-        return float(left @ left)
+        return _square(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1))
 
     span = float(np.log(x[-1]))
     found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})
@@ -268,7 +276,7 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
     if len(time_s) < 12:
         return None
     travel = stroke.sign * (angle - stroke.start_rad)
-    best: tuple[float, float, float] | None = None
+    best: tuple[float, float] | None = None
     step_s = usual_step(time_s)
     at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
     losses = np.full(len(at), np.inf)
@@ -281,15 +289,14 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
         left = travel - design @ coefficient
         losses[index] = float(left @ left) / (len(left) - 3)
         if best is None or losses[index] < best[0]:
-            best = (losses[index], -float(coefficient[1]), float(stop_s))
+            best = (losses[index], -float(coefficient[1]))
     if best is None:
         return None
-    lowest, closing, _ = best
+    lowest, closing = best
     usual = stroke.length_rad / max(length_s, 1e-9)
     if closing < 0.4 * usual:
         return None
-    weight = np.exp(-0.5 * np.minimum((losses - lowest) / lowest * len(time_s), 200.0))
-    weight = np.where(np.isfinite(losses), weight, 0.0) / np.where(np.isfinite(losses), weight, 0.0).sum()
+    weight = _weights(losses, lowest, len(time_s))
     mean = float(weight @ at)
     sigma = float(np.sqrt(weight @ (at - mean) ** 2))
     return Stop(stroke=number, time_s=mean, time_sigma_s=float(np.hypot(sigma, 0.1 * step_s)))

@@ -10,6 +10,7 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.frame_coverage import is_no_result
+from torsight.cli.options import OpenView
 from torsight.cli.track import FILES as TRACKED
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.progress import Progress, silent
@@ -25,7 +26,7 @@ def run(
     ] = None,
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,
+    view: OpenView = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
     from_: Annotated[
         Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Do a finished run again.")
@@ -37,7 +38,6 @@ def run(
     """
     from torsight.cli.console import progress_bar, say
     from torsight.cli.experiment_file import read_experiment
-    from torsight.cli.summary import summary
 
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
@@ -46,8 +46,15 @@ def run(
         say(line)
     with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
-    say("")
-    for line in summary(folder):
+    return shown(folder, view=view)
+
+
+def shown(folder: Path, *more: str, view: bool) -> Answer:
+    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer."""
+    from torsight.cli.console import say
+    from torsight.cli.summary import summary
+
+    for line in ("", *summary(folder), *more):
         say(line)
     if view:
         from torsight.cli.view import view as open_view

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 STEP_S: Final = 1.0 / ROW_RATE_HZ
 """Rows of the thinned record: as many as a fit keeps."""
 LEAST_ROWS: Final = 50
+"""Rows before the model is asked first, ten seconds: a choice. It finds no heating in a shorter record, and says so."""
 
 
 class Thinned:
