@@ -151,10 +151,8 @@ def bin_means(
     x: NDArray[np.float64], y: NDArray[np.float64], *, bins: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    count = np.bincount(place, minlength=bins)
-    total = np.bincount(place, weights=y, minlength=bins)
+    count, edges = np.histogram(x, bins)
+    total, _ = np.histogram(x, bins, weights=y)
     enough = count > 0.05 * len(x) / bins
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
