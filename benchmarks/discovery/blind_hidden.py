@@ -197,7 +197,7 @@ def law_piece(place: Key, rng: np.random.Generator, rig: DrawnRig, plain: Run) -
         )
     start, stop = _range(place, plain, rig)
     law = draw_law(*place, start=start, stop=stop, rng=rng, spring=str(rng.choice(rule.springs)))
-    unit = rig.values.stiffness_s if place[1] in ("angle", "winding") else 1.0
+    unit = rig.values.rig.k_stress_induced if place[1] in ("angle", "winding") else 1.0
     slope = float(np.max(np.abs(np.gradient(law.values)))) * (len(law.values) - 1) / (stop - start)
     most = min(rule.most, _STEEPEST.get(place, np.inf) * unit / slope)
     return Piece(name, lambda factor: ({}, (law.scaled(factor),)), first=0.1 * most, most=most)
@@ -228,7 +228,7 @@ def shown_deg(rig: DrawnRig, pieces: Sequence[Piece], factors: Sequence[float]) 
 def _range(place: Key, plain: Run, rig: DrawnRig) -> tuple[float, float]:
     """Return the range of a law's driver: what the rig without it goes through, record and later one."""
     signals = plain.signals
-    angle_rad, half_rad = signals.angle_rad, 0.5 * rig.values.theta_p_rad
+    angle_rad, half_rad = signals.angle_rad, 0.5 * rig.values.rig.theta_p_rad
     reach_rad = float(np.max(np.abs(angle_rad))) + 10.0 * DEG
     hottest_c = float(max(signals.wire_a_c.max(), signals.wire_b_c.max()))
     halves = float(signals.half_cycle.max() + 1)

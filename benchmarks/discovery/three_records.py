@@ -3,7 +3,7 @@
 The rig of a case of the blind suite goes on with two more programmes of its own (other rates, other incomplete
 heatings); each record is answered alone, then all three together, and a later programme is predicted by both.
 
-    python benchmarks/discovery/three_records.py pair-sensor_lag+eccentricity-103002
+    python benchmarks/discovery/three_records.py [CASE]
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from torsight.discovery.report import DiscoveryReport
 from torsight.discovery.together import discover_together
 
 RECORDS = 3
+CASE = "pair-sensor_lag+eccentricity-103002"
 COLUMNS = ("angle_rad", "angle_sigma_rad", "temp_a_c", "temp_b_c")
 
 
@@ -64,7 +65,7 @@ def line(name: str, report: DiscoveryReport, record: Record) -> str:
 def main() -> None:
     """Print one line per record, and one for all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("case", help="name of a case, or how it ends")
+    parser.add_argument("case", nargs="?", default=CASE, help="name of a case, or how it ends")
     parser.add_argument("--part", choices=("work", "report"), default="work")
     given = parser.parse_args()
     case = next(case for case in blind.suite(given.part) if case.name.endswith(given.case))

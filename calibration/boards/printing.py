@@ -6,7 +6,6 @@ below the board shows whether the printer has kept the scale.
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,8 +15,9 @@ from scipy.constants import inch, milli
 
 from calibration.boards.board_file import Board
 from torsight.core.errors import ConfigError
+from torsight.core.files.figure_file import UNDATED, write_figure
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import write_bytes
+from torsight.core.series import runs
 from torsight.core.words.shown import Shown
 
 if TYPE_CHECKING:
@@ -202,9 +202,8 @@ def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, sid
     module = side_mm / modules
     shapes = []
     for row, cells in enumerate(bits):
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], cells, [False]))))
-        for start, end in edges.reshape(-1, 2):
-            shapes.append(Rectangle(x_mm + start * module, y_mm + row * module, float(end - start) * module, module))
+        for start, end in runs(cells):
+            shapes.append(Rectangle(x_mm + start * module, y_mm + row * module, (end - start) * module, module))
     return shapes
 
 
@@ -246,18 +245,13 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
 
     path = Path(path)
     suffix = path.suffix.lower()
-    # The same board makes the same bytes.
-    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
-    if suffix not in undated:
+    if suffix not in UNDATED:
         raise ConfigError(
-            "is no format for a board", where=str(path), value=suffix or "no suffix", limit=".svg, .pdf, .png"
+            "is no format for a board", where=str(path), value=suffix or "no suffix", limit=", ".join(UNDATED)
         )
-    drawn = io.BytesIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "torsight"}):
         # Drawings have no pixels: the page is as large as it is to a thousandth of a point.
-        figure = _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0)
-        figure.savefig(drawn, format=suffix[1:], metadata=undated[suffix])
-    write_bytes(path, drawn.getvalue())
+        write_figure(path, _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0))
 
 
 def usual_board(kind: str, *, page: str = "a4") -> Board:

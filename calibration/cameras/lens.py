@@ -7,7 +7,8 @@ are not certain, then with the narrow window, which gives the result.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -20,6 +21,7 @@ from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import project, rotation_matrix
 from torsight.core.progress import Progress, silent
+from torsight.core.series import rms
 from torsight.core.threads import one_thread
 
 Floats = NDArray[np.float64]
@@ -79,6 +81,11 @@ class Fit:
     def rms_px(self) -> float:
         """Root mean square distance over all corners (what OpenCV returns)."""
         return root_mean_square(np.concatenate(self.residual_px))
+
+    @property
+    def orientations_deg(self) -> float:
+        """Largest angle between the orientations of two views of the board."""
+        return spread_deg(np.array([rotation_matrix(rvec)[:, 2] for rvec in self.rvec]))
 
     @property
     def mean_px(self) -> float:
@@ -196,7 +203,7 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
 
 def root_mean_square(distances: Floats) -> float:
     """Return the root mean square length of distances (n, 2)."""
-    return float(np.sqrt(np.mean(np.sum(distances**2, axis=1))))
+    return rms(np.linalg.norm(distances, axis=1))
 
 
 def lens_values(intrinsics: Intrinsics) -> Floats:
@@ -226,15 +233,15 @@ def _without_bad(
 
 def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, progress: Progress) -> Floats:
     """Return standard deviations from fits that leave out one group of views each."""
-    groups = groups_of(len(views))
-    if len(views) - max(map(len, groups)) < FEWEST_VIEWS:
+    if len(views) - math.ceil(len(views) / _MOST_GROUPS) < FEWEST_VIEWS:
         return np.zeros(len(PARAMETERS))
-    left_out = []
-    for done, group in enumerate(groups, start=1):
-        rest = [view for place, view in enumerate(views) if place not in group]
-        left_out.append(lens_values(fit_lens(rest, size_px).intrinsics))
-        progress("lens without some views", done, len(groups))
-    return jackknife_sigma(np.array(left_out), lens_values(fit.intrinsics))
+
+    def without(gone: range) -> Floats:
+        rest = [view for place, view in enumerate(views) if place not in gone]
+        return lens_values(fit_lens(rest, size_px).intrinsics)
+
+    left_out = without_each(len(views), without, words="lens without some views", progress=progress)
+    return jackknife_sigma(left_out, lens_values(fit.intrinsics))
 
 
 def worst_view(error_px: Floats) -> int | None:
@@ -244,10 +251,14 @@ def worst_view(error_px: Floats) -> int | None:
     return worst if error_px[worst] > limit_px else None
 
 
-def groups_of(count: int) -> list[range]:
-    """Return groups of places to leave out in turn, for a jackknife over so many views or pairs."""
+def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
+    """Return the values (g, p) without each of g groups of the places of so many views or pairs, for a jackknife."""
     groups = min(count, _MOST_GROUPS)
-    return [range(first, count, groups) for first in range(groups)]
+    found = []
+    for first in range(groups):
+        found.append(values(range(first, count, groups)))
+        progress(words, first + 1, groups)
+    return np.array(found)
 
 
 def jackknife_sigma(left_out: Floats, whole: Floats) -> Floats:
@@ -274,8 +285,7 @@ def require_views(count: int) -> None:
 
 def _require_determined(fit: Fit) -> None:
     """Refuse a fit that the views do not determine, as its own numbers show."""
-    normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in fit.rvec])
-    _require_spread(spread_deg(normals), len(normals))
+    _require_spread(fit.orientations_deg, len(fit.rvec))
     share = float(fit.sigma[0] / fit.intrinsics.matrix[0, 0])
     if share > _LARGEST_FOCAL_SIGMA:
         raise NoResultError(

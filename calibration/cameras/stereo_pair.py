@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, groups_of, jackknife_sigma, worst_view
+from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma, without_each, worst_view
 from calibration.views.detect import View
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics, RightCamera
@@ -161,20 +161,16 @@ def _jackknife(
     pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats, *, progress: Progress
 ) -> tuple[Floats, float]:
     """Leave groups of pairs out of everything, the lenses too: their uncertainty is the larger part."""
-    groups = groups_of(len(pairs))
-    left_out = []
-    for done, group in enumerate(groups, start=1):
-        gone = {pairs[place].index for place in group}
+
+    def without(places: range) -> Floats:
+        gone = {pairs[place].index for place in places}
         lenses = [
-            fit_lens(
-                [view for view in camera.kept_views if view.index not in gone],
-                camera.fit.intrinsics.size_px,
-            ).intrinsics
+            fit_lens([view for view in camera.kept_views if view.index not in gone], camera.fit.intrinsics.size_px)
             for camera in (left, right)
         ]
-        left_out.append(_fit([pair for pair in pairs if pair.index not in gone], lenses[0], lenses[1])[0])
-        progress("pair without some views", done, len(groups))
-    values = np.array(left_out)
+        return _fit([pair for pair in pairs if pair.index not in gone], *(lens.intrinsics for lens in lenses))[0]
+
+    values = without_each(len(pairs), without, words="pair without some views", progress=progress)
     baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     whole = np.array([np.linalg.norm(motion[3:])])
     return jackknife_sigma(values, motion), float(jackknife_sigma(baseline, whole)[0])

@@ -9,9 +9,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.cameras.lens import LensCalibration, spread_deg
+from calibration.cameras.lens import LensCalibration
 from calibration.views.detect import View
-from torsight.core.optics.geometry import rotation_matrix
 
 CELLS: Final = (8, 6)
 """Cells across and down in which the coverage of the picture is counted."""
@@ -71,7 +70,6 @@ def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> NDArray[np
 
 def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     """Return the verdict on one camera."""
-    normals = np.array([rotation_matrix(rvec)[:, 2] for rvec in lens.fit.rvec])
     focal = lens.fit.intrinsics.matrix[0, 0]
     covered = cells_covered(lens.kept_views, size_px)
     return _verdict(
@@ -89,7 +87,7 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
                 do="tilt the board more, to all sides, and come nearer",
             ),
             _Criterion(
-                "board's orientations", spread_deg(normals), 40.0, 15.0, more=True,
+                "board's orientations", lens.fit.orientations_deg, 40.0, 15.0, more=True,
                 text="differ by {:.0f}°", limit="{:.0f}°",
                 do="tilt the board to the left, right, top and bottom by 20° to 45°",
             ),

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
-
-from calibration.cameras.lens import PARAMETERS, spread_deg
+from calibration.cameras.lens import PARAMETERS
 from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
 from calibration.stage import Calibration, Side
 from calibration.views.board_views import Seen
-from torsight.core.files.provenance import versions
-from torsight.core.optics.geometry import rotation_matrix
+from torsight.core.files.provenance import made_now, versions
 
 
 def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -26,7 +22,7 @@ def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) 
         content = {
             "verdict": calibration.verdict.word,
             "reasons": list(calibration.verdict.reasons),
-            "made": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "made": made_now(),
             "versions": versions(),
             "board": calibration.board.content(),
             "left": _lens(calibration.left),
@@ -109,7 +105,7 @@ def _lens(side: Side) -> dict[str, Any]:
         "error_mean_px": lens.fit.mean_px,
         "error_rms_px": lens.fit.rms_px,
         "coverage": float(cells_covered(kept, side.seen.size_px).mean()),
-        "orientations_deg": spread_deg(np.array([rotation_matrix(rvec)[:, 2] for rvec in lens.fit.rvec])),
+        "orientations_deg": lens.fit.orientations_deg,
         "sigma": _named(lens.sigma),
         "sigma_within_views": _named(lens.fit.sigma),
         "sigma_between_views": _named(lens.between_views),
@@ -175,5 +171,5 @@ def _axis(calibration: Calibration, seen: Seen) -> dict[str, Any]:
         "error_px": disk.error_px,
         "turned_deg": list(disk.turned_deg),
         "board_off_plane_deg": disk.wobble_deg,
-        "made": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "made": made_now(),
     }

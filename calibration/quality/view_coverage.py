@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.quality.calibration_verdict import CELLS, cells_covered
 from calibration.stage import Side
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.figure_file import write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,17 +26,14 @@ def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
     Corners are coloured by their error, with arrows that show its direction (enlarged as the title says); cells without
     a corner are shaded; corners of views that were set aside are grey crosses.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5 * len(sides), 6.2), layout="constrained")
-    FigureCanvasAgg(figure)
     for place, (name, side) in enumerate(sides):
         axes = figure.add_subplot(1, len(sides), place + 1)
         points = _draw_side(axes, name, side)
         figure.colorbar(points, ax=axes, label="error of the corner, px", shrink=0.8)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+    write_figure(path, figure, dpi=110)
 
 
 def _draw_side(axes: Axes, name: str, side: Side) -> Any:

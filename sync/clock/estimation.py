@@ -20,6 +20,7 @@ from sync.clock.motion_likelihood import MotionLikelihood
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
+from sync.signals.changepoints import MAX_LAG_S
 from torsight.core.errors import NoResultError
 from torsight.core.parameter import REACH
 from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
@@ -30,7 +31,7 @@ from torsight.core.words.shown import Shown
 
 _EXACT: Final = 1e-6
 """Standard deviation, s and ppm, of a value that is given: small against all others, and can be inverted."""
-_WIDE_S: Final = 1.0
+WIDE_S: Final = 1.0
 """A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
 _ADVICE: Final = (
     "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
@@ -238,17 +239,18 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
     low, high = clock.offset_ci95_s
     if likelihood.lag.value_s is None:
         notes.append(
-            "the log has no corner from which a lag of the sensor could be read; lags up to 15 s are in the interval"
+            "the log has no corner from which a lag of the sensor could be read; "
+            f"lags up to {MAX_LAG_S:g} s are in the interval"
         )
     elif likelihood.lag.value_s > SHORT_LAG_S and not likelihood.stops:
         notes.append(
             f"the log's corners are rounded as by a sensor that is {likelihood.lag.value_s:.2g} s late; taken as its "
             f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
-    if high - low > _WIDE_S:
+    if high - low > WIDE_S:
         # Few strokes still differ in their rates; where none do, nothing pins the offset within seconds.
         alike = "the strokes that can be compared have about the same rates"
-        why = alike if high - low > 5.0 * _WIDE_S else "few strokes"
+        why = alike if high - low > 5.0 * WIDE_S else "few strokes"
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
     if likelihood.matched < likelihood.strokes:
         notes.append(

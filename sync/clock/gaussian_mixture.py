@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import ndtr
+from scipy.special import ndtr, softmax
 
 from torsight.core.records import ClockMap
 from torsight.core.units import PPM
@@ -64,21 +64,17 @@ class Gaussian:
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
     """Return the clock: values of the likeliest part, and central 95 % intervals of the whole mixture."""
-    log_weight = np.array([gaussian.log_weight for gaussian in mixture])
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
+    weight = softmax([gaussian.log_weight for gaussian in mixture])
+    mean = np.stack([gaussian.mean for gaussian in mixture])
+    covariance = np.stack([gaussian.covariance for gaussian in mixture])
     # The offset at film time 0 is the one at the middle less what the drift adds up to there.
-    row = np.zeros(len(mixture[0].mean))
+    row = np.zeros(mean.shape[1])
     row[:2] = 1.0, -middle_s
-    offset = np.array([float(row @ gaussian.mean) for gaussian in mixture])
-    offset_sigma = np.array([float(np.sqrt(row @ gaussian.covariance @ row)) for gaussian in mixture])
-    drift = np.array([gaussian.mean[1] / PPM for gaussian in mixture])
-    drift_sigma = np.array([float(np.sqrt(gaussian.covariance[1, 1])) / PPM for gaussian in mixture])
+    offset, offset_sigma = mean @ row, np.sqrt(row @ covariance @ row)
+    drift, drift_sigma = mean[:, 1] / PPM, np.sqrt(covariance[:, 1, 1]) / PPM
     # Neighbours on a fine grid of lags share their weight: the peak of the density, not the heaviest part.
-    height = weight / np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
-    middle = np.array([float(gaussian.mean[0]) for gaussian in mixture])
-    spread = np.array([float(np.sqrt(gaussian.covariance[0, 0])) for gaussian in mixture])
-    density = [float(np.sum(height * np.exp(-0.5 * ((at - middle) / spread) ** 2))) for at in middle]
+    middle, spread = mean[:, 0], np.sqrt(covariance[:, 0, 0])
+    density = np.exp(-0.5 * ((middle[:, None] - middle) / spread) ** 2) @ (weight / spread)
     best = int(np.argmax(density))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
     near /= near.sum()

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
@@ -113,7 +114,6 @@ def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
         total += np.maximum(np.where(inside, known, outside), -30.0)
     # Changepoints that scatter by more than their own sigmas count for less.
     scale = max(1.0, spread / max(typical, 1e-9)) ** 2
-    weight = np.exp((total - total.max()) / scale)
-    weight /= weight.sum()
+    weight = softmax(total / scale)
     value = float(grid[int(np.argmax(weight))])
     return value, float(np.sqrt(weight @ (grid - value) ** 2))

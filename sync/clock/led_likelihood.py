@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Gaussian
@@ -59,7 +60,7 @@ class LedMatch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Changes:
+class Changes:
     """Changes of the light or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
 
     time_s: NDArray[np.float64]
@@ -69,9 +70,9 @@ class _Changes:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def at(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> _Changes:
+    def at(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Changes:
         """Return some of the changes."""
-        return _Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
+        return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
 
 
 def match_led(
@@ -112,9 +113,9 @@ def match_led(
         )
     film = _on_film(events, frame_s)
     middle_s = float(film.time_s.mean())
-    best: tuple[int, list[float], _Changes] | None = None
+    best: tuple[int, list[float], Changes] | None = None
     for switch in _switches(log):
-        switchings = _in_log(log.time_s, switch)
+        switchings = switchings_of(log.time_s, switch)
         if len(switchings) == 0:
             continue
         count, offsets = _best_shifts(film, switchings)
@@ -152,7 +153,7 @@ def match_led(
 
 
 def _second_shift(
-    film: _Changes, switchings: _Changes, index: NDArray[np.int64], partner: NDArray[np.int64]
+    film: Changes, switchings: Changes, index: NDArray[np.int64], partner: NDArray[np.int64]
 ) -> float | None:
     """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
     events = np.setdiff1d(np.arange(len(film)), index)
@@ -175,7 +176,7 @@ def gap_by_led(
     film = _on_film(events, frame_s)
     best: tuple[int, float] | None = None
     for switch in _switches(log):
-        switchings = _in_log(log.time_s, switch)
+        switchings = switchings_of(log.time_s, switch)
         sides = []
         for rows in (switchings.time_s <= after_s, switchings.time_s > after_s):
             if not rows.any():
@@ -235,16 +236,14 @@ def _intersected(
         long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)
         log_weight = log_weight + np.log(inside + PRIORS.led_astray / (1.0 + error**2))
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
-    mean = np.array([float((weight * offset).sum()), float((weight * drift).sum())])
-    away_o, away_d = offset - mean[0], drift - mean[1]
-    cross = float((weight * away_o * away_d).sum())
-    covariance = np.array([[float((weight * away_o**2).sum()), cross], [cross, float((weight * away_d**2).sum())]])
+    weight, grid = softmax(log_weight).ravel(), np.stack([offset.ravel(), drift.ravel()])
+    mean = grid @ weight
+    away_from_mean = grid - mean[:, None]
+    covariance = (weight * away_from_mean) @ away_from_mean.T
     return Gaussian(mean, covariance, 0.0)
 
 
-def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> _Changes:
+def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> Changes:
     """Return the light's changes, each between the frame that shows it and the one before."""
     time_s = events.time_s
     if events.since_s is not None:
@@ -252,7 +251,7 @@ def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> _Changes:
     else:
         at = np.clip(np.searchsorted(frame_s, time_s - 1e-9), 1, len(frame_s) - 1)
         step_s = frame_s[at] - frame_s[at - 1]
-    return _Changes(time_s - 0.5 * step_s, step_s, events.goes_on)
+    return Changes(time_s - 0.5 * step_s, step_s, events.goes_on)
 
 
 def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
@@ -261,13 +260,13 @@ def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
 
 
-def _in_log(time_s: NDArray[np.float64], switch: NDArray[np.bool_]) -> _Changes:
+def switchings_of(time_s: NDArray[np.float64], switch: NDArray[np.bool_]) -> Changes:
     """Return a switch's changes, each between the row that shows it and the one before."""
     at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
-    return _Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
+    return Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
 
 
-def _best_shifts(film: _Changes, log: _Changes) -> tuple[int, list[float]]:
+def _best_shifts(film: Changes, log: Changes) -> tuple[int, list[float]]:
     """Return the largest number of pairs and the distinct offsets that reach it."""
     trial = (log.time_s[None, :] - film.time_s[:, None])[film.goes_on[:, None] == log.goes_on[None, :]]
     counts = [len(_pairs(film, log, float(offset))[0]) for offset in trial]
@@ -282,7 +281,7 @@ def _best_shifts(film: _Changes, log: _Changes) -> tuple[int, list[float]]:
     return most, distinct
 
 
-def _pairs(film: _Changes, log: _Changes, offset_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(film: Changes, log: Changes, offset_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pair events with the nearest switching of their direction, where that is as near as the clocks allow.
 
     Returns the rows of those events and of their partners.

@@ -290,7 +290,7 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
             (c for f, c in inputs.changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0),
             None,
         )
-        temperature = inputs.log.temp_a_c if segment.spring == "a" else inputs.log.temp_b_c
+        temperature = inputs.log.temp_c(segment.spring)
         changepoint = heating_end(
             inputs.log, segment, cooling, noise=noise_c(temperature), lag_s=inputs.lag.value_s, split=inputs.lag.split
         )

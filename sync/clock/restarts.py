@@ -22,6 +22,7 @@ from sync.log.restart_gaps import LONGEST_GAP_S
 from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import log_signals
 from sync.signals.strokes import find_strokes
+from torsight.core.series import usual_step
 from torsight.core.tracks import StickAngles
 
 SURE_GAP_S: Final = PRIORS.stop_sigma_s / 5
@@ -62,7 +63,7 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
     for number, restart in enumerate(reading.restarts):
         if np.isfinite(restart.gap_sigma_s):
             continue
-        step_s = float(np.median(np.diff(reading.log.time_s)))
+        step_s = usual_step(reading.log.time_s)
         away = _time_away(angles, reading, number)
         hypotheses = [
             option

@@ -17,9 +17,8 @@ from torsight.core.units import DEG
 _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94])
 """Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
 WHOLE_STROKE: Final = 0.955
-_CUT_SHORT: Final = 0.85
-"""Shares of a stroke that are used: of a whole one, and of one that was cut short, whose end falls on a corner of the
-temperature if the motion is a little late."""
+"""Share of a whole stroke that is used. Of one that was cut short the last level is not: its end falls on a corner of
+the temperature if the motion is a little late."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +92,7 @@ def collect_crossings(
             if abs(far_deg) > PRIORS.farthest_deg:
                 continue
             at_s, sigma_s = stroke.crossing_s(level_rad)
-            share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _CUT_SHORT
+            share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
             count = len(usable)
             rows.time_s.append(at_s[usable])

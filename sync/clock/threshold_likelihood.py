@@ -25,6 +25,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp, softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian
@@ -32,9 +33,12 @@ from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
+from torsight.core.series import rms
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
-_FEWEST: Final = 6
+_KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b", True), ("b", False))
+"""Kinds of strokes: the spring, and whether it is heated."""
+_FEWEST: Final = 2 + len(_KINDS)
 """Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
 _RATE_POWERS: Final = 3
 _RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
@@ -63,8 +67,7 @@ def _wire(
     n = len(crossings)
     temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
     known = np.zeros(n, dtype=np.bool_)
-    names: tuple[Spring, ...] = ("a", "b")
-    for name, heating in itertools.product(names, (True, False)):
+    for name, heating in _KINDS:
         pick = (crossings.spring_b == (name == "b")) & (crossings.heating == heating)
         signal = (signals.heated if heating else signals.springs).get(name)
         if signal is None or not pick.any():
@@ -114,7 +117,7 @@ def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray
     independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
     # Across a corner no polynomial follows: such rates tell nothing.
-    missed = float(np.sqrt(np.mean((value[known] - powers @ coefficient) ** 2)))
+    missed = rms(value[known] - powers @ coefficient)
     excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
     return np.asarray(design @ coefficient), np.hypot(sigma, excess)
@@ -205,7 +208,7 @@ def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDAr
     """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
     total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
     away = np.where(heating, rate - total[kind], 0.0)
-    spread = float(np.sqrt(np.mean(away[heating] ** 2))) if heating.any() else 0.0
+    spread = rms(away[heating]) if heating.any() else 0.0
     return np.outer(away, away) / max(spread, 1e-12) ** 2
 
 
@@ -280,16 +283,9 @@ def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[n
 
 def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
     """Return one Gaussian with the mean and covariance of a weighted mixture."""
-    log_likelihood = np.array([part.log_weight for part in parts])
-    weight = np.exp(log_likelihood - log_likelihood.max())
-    total = float(weight.sum())
-    weight /= total
-    size = len(parts[0].mean)
-    mean: NDArray[np.float64] = np.zeros(size)
-    for w, part in zip(weight, parts, strict=True):
-        mean += w * part.mean
-    covariance = np.zeros((size, size))
-    for w, part in zip(weight, parts, strict=True):
-        away = part.mean - mean
-        covariance += w * (part.covariance + np.outer(away, away))
-    return Gaussian(mean, covariance, float(log_likelihood.max() + np.log(total)))
+    log_weight = np.array([part.log_weight for part in parts])
+    weight, means = softmax(log_weight), np.stack([part.mean for part in parts])
+    mean = weight @ means
+    away = means - mean
+    within = np.einsum("k,kij->ij", weight, np.stack([part.covariance for part in parts]))
+    return Gaussian(mean, within + (weight * away.T) @ away, float(logsumexp(log_weight)))

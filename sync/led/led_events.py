@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import number_column, read_table
+from torsight.core.files.storage import read_table
+from torsight.core.files.tables import switch_column
 from torsight.core.words.shown import Shown, span
 
 
@@ -62,10 +63,6 @@ def read_light_events(path: AnyPath) -> LightEvents:
     if not np.isfinite(time_s).all():
         row = int(np.flatnonzero(~np.isfinite(time_s))[0])
         raise InputError("has no time", where=f"{path}, row {row + 2}, column time_s", do="mend that row")
-    on = (
-        number_column(table, "on", where=str(path)).to_numpy() > 0.5
-        if "on" in table.columns
-        else np.ones(len(time_s), dtype=np.bool_)
-    )
+    on = switch_column(table, "on", where=str(path))
     order = np.argsort(time_s, kind="stable")
-    return LightEvents(time_s[order], np.asarray(on, dtype=np.bool_)[order])
+    return LightEvents(time_s[order], (np.ones(len(time_s), np.bool_) if on is None else on)[order])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from sync.log.repairs import Repair
-from torsight.core.series import constant_runs, robust_sigma, scatter
+from torsight.core.series import constant_runs, robust_sigma, scatter, usual_step
 
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
@@ -112,7 +112,7 @@ def spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
     # What a straight flank or a corner moves within the window: the spread of the medians around.
     spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
     spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
-    lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * np.median(np.diff(at_s))
+    lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * usual_step(at_s)
     bad = (away > np.maximum(_SPIKE_FLOOR_C, 8.0 * noise) + 2.0 * spread) & ~lonely
     found[index] = bad
     return found

@@ -15,10 +15,11 @@ from sync.log.log_table import NEEDED_NAMES, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import join_blocks
-from sync.log.timestamps import OrderedStamps, order_stamps, usual_step_s
+from sync.log.timestamps import OrderedStamps, order_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
+from torsight.core.series import usual_step
 from torsight.core.words.plausible import require_stamps, require_units
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def read_temperature_log(
         extra=extra | merged.texts,
     )
     repairs += _gaps(time_s)
-    coarse_s = usual_step_s(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
+    coarse_s = usual_step(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
     return LogReading(
         log=log,
         repairs=tuple(repairs),
@@ -195,9 +196,15 @@ def _distinct(
     )
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
-    averaged = {name: _group_mean(values, group, len(first)) for name, values in numbers.items()}
+    averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
     kept = OrderedStamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
     return kept, _Columns(averaged, {name: values[first] for name, values in texts.items()})
+
+
+def _known(values: NDArray[np.float64]) -> pd.Series[float]:
+    import pandas as pd
+
+    return pd.Series(np.where(np.isfinite(values), values, np.nan))
 
 
 def _words(column: pd.Series[Any]) -> NDArray[np.float64]:
@@ -207,13 +214,6 @@ def _words(column: pd.Series[Any]) -> NDArray[np.float64]:
     return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
 
 
-def _group_mean(values: NDArray[np.float64], group: NDArray[np.int64], count: int) -> NDArray[np.float64]:
-    known = np.isfinite(values)
-    total = np.bincount(group[known], weights=values[known], minlength=count)
-    number = np.bincount(group[known], minlength=count)
-    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
-
-
 def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
@@ -221,7 +221,7 @@ def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
     stamp = ordered.time_s[first]
     width = np.empty(len(stamp))
     width[:-1] = np.diff(stamp)
-    usual = usual_step_s(stamp)
+    usual = usual_step(stamp)
     width[-1] = usual
     # Behind a gap or a restart the rows of one stamp do not fill the time up to the next.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
@@ -244,15 +244,9 @@ def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Rep
             repairs.append(
                 Repair("no_switch", unread, f"{name}: {unread} fields are not 0, 1, on or off; taken as the one before")
             )
-        switches[name] = _switch(numbers[name])
+        # An empty field goes on with the last known state.
+        switches[name] = _known(numbers[name]).ffill().to_numpy() > 0.5
     return switches
-
-
-def _switch(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return a switch as it stood: an empty field goes on with the last known state."""
-    known = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    return np.where(last >= 0, values[np.maximum(last, 0)] > 0.5, False)
 
 
 def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:

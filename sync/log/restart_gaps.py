@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from sync.log.outliers import noise_c
 from sync.log.repairs import Restart
-from sync.log.timestamps import usual_step_s
-from torsight.core.series import robust_sigma
+from torsight.core.series import rms, robust_sigma, usual_step
 
 _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
@@ -35,7 +34,7 @@ def join_blocks(
     """
     joined = time_s.copy()
     restarts: list[Restart] = []
-    step_s = usual_step_s(time_s)
+    step_s = usual_step(time_s)
     shift_s = 0.0
     for index in (np.flatnonzero(np.diff(block)) + 1).tolist():
         before = slice(int(np.searchsorted(block, block[index - 1])), index)
@@ -111,6 +110,6 @@ def _parabola(
         limit = 4.0 * max(noise, robust_sigma(away))
         keep = away <= limit
     residual = y[keep] - design[keep] @ coefficient
-    spread = max(noise, float(np.sqrt(np.mean(residual**2))))
+    spread = max(noise, rms(residual))
     covariance = spread**2 * np.linalg.inv(design[keep].T @ design[keep])
     return float(coefficient[0]), float(coefficient[1]), float(covariance[0, 0] ** 0.5), float(covariance[1, 1] ** 0.5)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.log.repairs import Repair
+from torsight.core.series import usual_step
 
 _RESTART_ROWS: Final = 20
 """Fewer rows than these behind a step back are mended one by one."""
@@ -94,16 +95,9 @@ def _listed(lines: list[int]) -> str:
     return ", ".join(str(line) for line in lines[:5]) + (", ..." if len(lines) > 5 else "")
 
 
-def usual_step_s(time_s: NDArray[np.float64]) -> float:
-    """Return the median of the positive steps; NaN where there is none."""
-    step = np.diff(time_s)
-    step = step[step > 0]
-    return float(np.median(step)) if len(step) else float("nan")
-
-
 def longest_gap_s(time_s: NDArray[np.float64]) -> float:
     """Return the longest gap between samples that is bridged by default: two seconds, or five usual steps if longer."""
-    return max(_BRIDGED_S, 5.0 * float(np.median(np.diff(time_s))))
+    return max(_BRIDGED_S, 5.0 * usual_step(time_s))
 
 
 def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -111,7 +105,7 @@ def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
     block = np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
     begin = 0
-    usual_s = usual_step_s(time_s)
+    usual_s = usual_step(time_s)
     # Where stamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
@@ -153,7 +147,7 @@ def _ordered_block(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     if len(time_s) < 2 or not np.any(np.diff(time_s) < 0):
         return row, time_s
-    step_s = usual_step_s(time_s)
+    step_s = usual_step(time_s)
     kept = _longest_increasing(time_s)
     good = time_s[kept]
     added: list[tuple[float, int]] = []

@@ -20,6 +20,7 @@ from sync.signals.heating_segments import HeatingSegment
 from sync.signals.sensor_response import lagged_decay, lagged_ramp
 from sync.signals.strokes import Stroke
 from torsight.core.records import TemperatureLog
+from torsight.core.series import block_means, usual_step
 from torsight.core.tracks import StickAngles
 
 MAX_LAG_S: Final = 15.0
@@ -145,11 +146,7 @@ def _thinned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Average fast logs down to some hundred points; return times, values, noise of one."""
     group = max(1, len(time_s) // _POINTS)
-    if group == 1:
-        return time_s, temp_c, max(noise, 1e-3)
-    whole = len(time_s) // group * group
-    x = time_s[:whole].reshape(-1, group).mean(axis=1)
-    y = temp_c[:whole].reshape(-1, group).mean(axis=1)
+    x, y = block_means(time_s, group), block_means(temp_c, group)
     return x, y, max(noise, 1e-3) / float(np.sqrt(group))
 
 
@@ -171,11 +168,23 @@ def _losses(
             rising = [lagged_ramp(away, float(lag_s), shape.split)]
             if shape.decay_s is not None:
                 rising.append(lagged_decay(away, shape.decay_s, float(lag_s), shape.split))
-            design = np.stack([*steady, *rising], axis=1)
-            basis, _ = np.linalg.qr(design / np.maximum(np.abs(design).max(axis=0), 1e-12))
-            left = y - basis @ (basis.T @ y)
-            loss[i, j] = float(left @ left) / max(len(y) - design.shape[1], 1)
+            curves = np.stack([*steady, *rising], axis=1)
+            loss[i, j] = _square(y, curves) / max(len(y) - curves.shape[1], 1)
     return loss
+
+
+def _square(y: NDArray[np.float64], curves: NDArray[np.float64]) -> float:
+    """Return the sum of squares that the best sum of curves (n, m) leaves of values (n,)."""
+    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=0), 1e-12))
+    left = y - basis @ (basis.T @ y)
+    return float(left @ left)
+
+
+def _weights(loss: NDArray[np.float64], unit: float, count: int) -> NDArray[np.float64]:
+    """Return how likely each mean square is that was tried, of one in all; ``unit`` is the variance of one value."""
+    excess = (loss - float(loss.min())) / unit * count
+    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum(excess, 200.0)), 0.0)
+    return np.asarray(weight / weight.sum())
 
 
 def _summary(
@@ -186,8 +195,7 @@ def _summary(
     lowest = float(loss[i, j])
     # What the curves cannot follow counts as noise too.
     unit = max(lowest, spread**2)
-    weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum((loss - lowest) / unit * count, 200.0)), 0.0)
-    weight /= weight.sum()
+    weight = _weights(loss, unit, count)
     at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
     return Changepoint(
         time_s=float(at[i]),
@@ -214,7 +222,7 @@ def cooling_start(
     ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
     holds the lag fixed.
     """
-    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    temp_c = log.temp_c(segment.spring)
     length_s = segment.end_s - segment.begin_s
     inside = (log.time_s >= segment.begin_s) & (log.time_s <= segment.end_s) & np.isfinite(temp_c)
     hot = temp_c[inside] >= segment.high_c - max(0.02 * (segment.high_c - segment.low_c), 4.0 * noise)
@@ -252,10 +260,7 @@ def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: He
     x, y = x[::group], y[::group]
 
     def loss(log_decay: float) -> float:
-        design = np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)
-        basis, _ = np.linalg.qr(design)
-        left = y - basis @ (basis.T @ y)
-        return float(left @ left)
+        return _square(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1))
 
     span = float(np.log(x[-1]))
     found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})
@@ -271,8 +276,8 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
     if len(time_s) < 12:
         return None
     travel = stroke.sign * (angle - stroke.start_rad)
-    best: tuple[float, float, float] | None = None
-    step_s = float(np.median(np.diff(time_s)))
+    best: tuple[float, float] | None = None
+    step_s = usual_step(time_s)
     at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
     losses = np.full(len(at), np.inf)
     for index, stop_s in enumerate(at):
@@ -284,15 +289,14 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
         left = travel - design @ coefficient
         losses[index] = float(left @ left) / (len(left) - 3)
         if best is None or losses[index] < best[0]:
-            best = (losses[index], -float(coefficient[1]), float(stop_s))
+            best = (losses[index], -float(coefficient[1]))
     if best is None:
         return None
-    lowest, closing, _ = best
+    lowest, closing = best
     usual = stroke.length_rad / max(length_s, 1e-9)
     if closing < 0.4 * usual:
         return None
-    weight = np.exp(-0.5 * np.minimum((losses - lowest) / lowest * len(time_s), 200.0))
-    weight = np.where(np.isfinite(losses), weight, 0.0) / np.where(np.isfinite(losses), weight, 0.0).sum()
+    weight = _weights(losses, lowest, len(time_s))
     mean = float(weight @ at)
     sigma = float(np.sqrt(weight @ (at - mean) ** 2))
     return Stop(stroke=number, time_s=mean, time_sigma_s=float(np.hypot(sigma, 0.1 * step_s)))
@@ -313,7 +317,7 @@ def heating_end(
     its own. Where a hold follows, the end is the changepoint between the ramp and the hold; else it is the beginning of
     the cooling.
     """
-    temp_c = log.temp_a_c if segment.spring == "a" else log.temp_b_c
+    temp_c = log.temp_c(segment.spring)
     off_s = cooling.time_s if cooling is not None else segment.end_s
     inside = (log.time_s >= segment.begin_s) & (log.time_s < off_s) & np.isfinite(temp_c)
     if np.count_nonzero(inside) < 20:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.signal import savgol_filter
 
-from torsight.core.series import scatter
+from torsight.core.series import scatter, usual_step
 
 WINDOW_S: Final = 2.0
 """Time over which a log is smoothed: eight rows at 4 Hz."""
@@ -82,7 +82,7 @@ def even_signal(
     at_s, there = time_s[known], value[known]
     if len(at_s) < 12:
         return None
-    usual_s = float(np.median(np.diff(at_s)))
+    usual_s = usual_step(at_s)
     span_s = float(at_s[-1] - at_s[0])
     step_s = max(_FINEST_STEP_S, usual_s, span_s / _MAX_POINTS)
     count = int(span_s / step_s) + 1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sync.log.timestamps import longest_gap_s
 from sync.signals.crossing_times import crossing_time
 from sync.signals.even_signal import EvenSignal, even_signal
-from torsight.core.series import constant_runs
+from torsight.core.series import constant_runs, extent
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 
@@ -93,10 +93,10 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=longest_gap_s(time_s))
     if signal is None:
         return ()
-    low, high = np.quantile(signal.value, [0.005, 0.995])
-    floor_rad = max(_MIN_STROKE_RAD, 0.015 * float(high - low), 12.0 * signal.noise)
+    low, high = extent(signal.value)
+    floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 12.0 * signal.noise)
     span_s = float(time_s[-1] - time_s[0])
-    slowest = max(6.0 * signal.slope_sigma, 0.02 * float(high - low) / max(span_s, 1.0))
+    slowest = max(6.0 * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))
     moving = np.where(signal.known & (np.abs(signal.slope) > slowest), np.sign(signal.slope), 0.0)
     runs = [
         (begin, end)

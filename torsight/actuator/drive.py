@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from sync.log.outliers import spikes
 from torsight.actuator.record.conditioning import Readings, condition
-from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, half_cycles
+from torsight.actuator.record.log_noise import measure_noise
+from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
 from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.series import extent, usual_step
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
 
@@ -125,10 +127,8 @@ class Drive:
         The temperatures as logged.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
-    whole : Drive or None
-        The drive of which this one has some rows, None for all: what stands in the log at other times is read there.
-    whole_rows : (n,) float64 or None
-        Which of its rows these are; None for all.
+    part_of : (Drive, (n,) float64) or None
+        The drive of which this one has some rows, and which; None for all of them.
     """
 
     time_s: Array
@@ -147,8 +147,7 @@ class Drive:
     known: NDArray[np.bool_]
     sensors: Sensors
     turns: int = 0
-    whole: Drive | None = None
-    whole_rows: Array | None = None
+    part_of: tuple[Drive, Array] | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -161,9 +160,9 @@ class Drive:
         )
 
     @property
-    def rows(self) -> Array:
-        """Which rows (n,) of the whole drive these are."""
-        return np.arange(float(len(self))) if self.whole_rows is None else self.whole_rows
+    def whole(self) -> tuple[Drive, Array]:
+        """Return the whole drive, in which the log is read at other times too, and which of its rows (n,) these are."""
+        return self.part_of or (self, np.arange(float(len(self))))
 
     def at(self, rows: NDArray[np.int64]) -> Drive:
         """Return the drive at some of its rows (m,)."""
@@ -171,7 +170,8 @@ class Drive:
         names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
                  "angle_sigma_rad", "known")  # fmt: skip
         rowwise = {name: getattr(self, name)[rows] for name in names}
-        return replace(self, cycles=cycles, whole=self.whole or self, whole_rows=self.rows[rows], **rowwise)
+        whole, places = self.whole
+        return replace(self, cycles=cycles, part_of=(whole, places[rows]), **rowwise)
 
 
 def whole_turns(angle_rad: Array) -> int:
@@ -180,8 +180,7 @@ def whole_turns(angle_rad: Array) -> int:
     A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
     profile so that the middle is zero), so the middle of what was read decides.
     """
-    low, high = np.nanquantile(angle_rad, [0.005, 0.995])
-    return round(float(low + high) / 2.0 / (2.0 * math.pi))
+    return round(sum(extent(angle_rad)) / 2.0 / (2.0 * math.pi))
 
 
 def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
@@ -226,7 +225,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
     Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
     """
     temps = (log.temp_a_c, log.temp_b_c)
-    interval_s = float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
+    interval_s = usual_step(log.time_s)
     if interval_s <= _FAR_APART_S or min(np.isfinite(temp_c).sum() for temp_c in temps) < 2:
         return log, np.arange(len(log))
     every = math.ceil(interval_s * ROW_RATE_HZ)
@@ -237,7 +236,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
     def column(temp_c: Array) -> Array:
         good = np.isfinite(temp_c)
         known_s, known_c = log.time_s[good], temp_c[good]
-        corners = corner_gaps(known_s, known_c)
+        corners = corner_gaps(known_s, known_c, measure_noise(known_s, known_c)[0])
         filled = between(known_s, known_c, corners, time_s)
         filled[~good[held] | ~good[-(-fine // every)]] = np.nan
         filled[rows] = temp_c
@@ -294,7 +293,7 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
         temp_b_c=b.temp_c[rows],
         rate_a_c_s=a.rate_c_s[rows],
         rate_b_c_s=b.rate_c_s[rows],
-        temp_sigma_c=np.where(cycles.active == 0, a.sigma_c, b.sigma_c)[rows],
+        temp_sigma_c=by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows],
         noise_c=noise,
         reading_s=max(a.reading_s, b.reading_s),
         cycles=replace(cycles, active=cycles.active[rows], half=cycles.half[rows]),
@@ -326,7 +325,7 @@ def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray
 
 def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
     n = len(time_s)
-    interval = float(np.median(np.diff(time_s))) if n > 1 else math.inf
+    interval = usual_step(time_s)
     every = int(1.0 / (interval * row_rate_hz)) if interval > 0 else 1
     if every < 2:
         return np.arange(n)

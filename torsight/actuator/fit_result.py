@@ -21,6 +21,7 @@ from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
+from torsight.core.series import extent
 from torsight.core.units import DEG
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
@@ -162,8 +163,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
 
 def middle_deg(drive: Drive) -> float:
     """Return the middle of what was read, degrees: the zero, if both strokes are alike."""
-    low, high = np.nanquantile(drive.angle_rad, [0.005, 0.995])
-    return float(low + high) / (2.0 * DEG)
+    return sum(extent(drive.angle_rad)) / (2.0 * DEG)
 
 
 def quiet(parameters: Sequence[Parameter], sigma: Array) -> tuple[str, ...]:

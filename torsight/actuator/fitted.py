@@ -18,7 +18,7 @@ from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
 from torsight.actuator.predicted import Prediction
 from torsight.actuator.record.full_cycle import full_cycle
-from torsight.actuator.spec import actuator_from
+from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError, InputError, TorsightError
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
@@ -35,6 +35,7 @@ KIND: Final = "torsight actuator model"
 _MOST_COUNTED: Final = 1_000_000
 """Cycles or whole turns: at a cycle a minute two years without a pause."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
+_FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction from which a spring counts as cold; the law itself ends at 1."""
 
@@ -299,7 +300,7 @@ def _end_from(table: Mapping[str, Any], *, most_deg: float) -> End:
     check_keys(table, ("angle_deg", "unwound_deg"), where=where)
     unwound = get_table(table, "unwound_deg", where=where, required=True)
     a, b = (DEG * get_number(unwound, spring, where=where, lower=0.0, upper=most_deg) for spring in "ab")
-    return End(DEG * get_number(table, "angle_deg", where=where, lower=-2e4, upper=2e4), (a, b))
+    return End(DEG * get_number(table, "angle_deg", where=where, lower=-_FURTHEST_DEG, upper=_FURTHEST_DEG), (a, b))
 
 
 def read_model(path: AnyPath) -> FittedModel:
@@ -323,20 +324,21 @@ def read_model(path: AnyPath) -> FittedModel:
         raise InputError(f"is damaged ({error})", where=str(path), do="fit the record again") from error
 
 
+def _optional_deg(content: Mapping[str, Any], key: str, *, where: str, lower: float) -> float | None:
+    known = content.get(key) is not None
+    return get_number(content, key, where=where, lower=lower, upper=_FURTHEST_DEG) if known else None
+
+
 def _model_from(content: Mapping[str, Any]) -> FittedModel:
     where = "model"
     law = get_text(content, "phase_law", where=where, choices=get_args(PhaseLaw))
     effects = get_names(content, "effects", where=where)
-    theta_l_deg = None
-    if content.get("theta_l_deg") is not None:
-        theta_l_deg = get_number(content, "theta_l_deg", where=where, lower=0.0, upper=2e4)
+    theta_l_deg = _optional_deg(content, "theta_l_deg", where=where, lower=0.0)
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
     model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_COUNTED) for name in ("a", "b"))
-    start_rad = None
-    if content.get("start_angle_deg") is not None:
-        start_rad = DEG * get_number(content, "start_angle_deg", where=where, lower=-2e4, upper=2e4)
+    start_deg = _optional_deg(content, "start_angle_deg", where=where, lower=-_FURTHEST_DEG)
     end = None
     if content.get("end") is not None:
         end = _end_from(get_table(content, "end", where=where), most_deg=spec.values["theta_p_deg"])
@@ -351,7 +353,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         cycles=(counts[0], counts[1]),
         account=get_table(content, "account", where=where),
         turns=get_whole(content, "turns", where=where, lower=-_MOST_COUNTED, upper=_MOST_COUNTED),
-        start_angle_rad=start_rad,
+        start_angle_rad=None if start_deg is None else start_deg * DEG,
         duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
         end=end,
         doubt=doubt,

@@ -14,6 +14,7 @@ from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_tab
 from torsight.actuator.effects import STAGES, Effect, chosen_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
@@ -23,6 +24,7 @@ from torsight.core.errors import ConfigError, InputError
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.series import extent
 from torsight.core.units import DEG, MNM
 from torsight.core.words.plausible import require_units
 from torsight.core.words.shown import Shown, draw_series, span
@@ -165,7 +167,7 @@ class ActuatorModel:
         if not len(known):
             return
         # Single frames may be wrong by whole turns.
-        low, high = np.quantile(known, [0.005, 0.995])
+        low, high = extent(known)
         most_deg = self.spec.values["theta_p_deg"]
         if high - low > most_deg * DEG:
             raise InputError(
@@ -206,6 +208,7 @@ class ActuatorModel:
         before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
         zero_rad = given["zero_deg"] * DEG
         rig = Rig.from_values(given)
+        whole, log_rows = drive.whole
         alike = not any(name.startswith(SPRING_B) for name in given)
         ports = Ports(
             rig=rig,
@@ -220,8 +223,8 @@ class ActuatorModel:
             cycle=counts + before,
             half_cycle=np.arange(len(counts)) + sum(history.cycles),
             room_c=drive.room_c,
-            drive=drive.whole or drive,
-            log_rows=drive.rows,
+            drive=whole,
+            log_rows=log_rows,
             history=history,
             theta_l_scale=np.ones(len(counts)),
             theta_l_loss_rad=np.zeros(len(counts)),
@@ -270,9 +273,8 @@ def run_ports(
 ) -> Simulation:
     """Run the kernel on ports, from the angle as read at the first row."""
     start = _unread(start_angle_rad, ports)
-    is_a = ports.active == 0
-    temps = np.stack([np.where(is_a, ports.temp_a_c, ports.temp_b_c), np.where(is_a, ports.temp_b_c, ports.temp_a_c)])
-    directions = np.ones((2, len(is_a)), np.int8)
+    temps = np.stack(by_role(ports.active, ports.temp_a_c, ports.temp_b_c))
+    directions = np.ones(temps.shape, np.int8)
     for row in (0, 1) if ports.passive_share > 0.0 else (0,):
         directions[row] = turning_points(temps[row], ports.half, REVERSAL_C)
     per_s = np.zeros(len(ports.time_s))

@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
+from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 Reading = Callable[[Array, Array], Array]
 
 STEEPEST: Final = 0.9
 """Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
+REACH_RAD: Final = 100.0 * DEG
+"""Angle past an onset at which a law that grows from there has the size by which it is declared, whatever its power."""
 _GRID_POINTS = 1201
 _GRID_MARGIN = 0.25
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
@@ -224,8 +228,7 @@ class Ports:
         n = len(self.time_s)
         factor = np.ones(n) if self.passive_scale is None else self.passive_scale
         a, b = (np.zeros(n) if side is None else side for side in (self.side_a_nm, self.side_b_nm))
-        is_a = self.active == 0
-        return np.stack([factor, np.where(is_a, a, b), np.where(is_a, b, a)])
+        return np.stack([factor, *by_role(self.active, a, b)])
 
     def with_friction(self, factor_down: Array, factor_up: Array, added_nm: Array | float = 0.0) -> Ports:
         """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.actuator.springs import SPRING_B, values_of_b
+from torsight.actuator.springs import LENGTH_KEYS, SPRING_B, common, own_of_b, values_of_b
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_table
 from torsight.core.files.paths import AnyPath
@@ -56,7 +56,13 @@ KEYS: Final[Mapping[str, _Key]] = {
 }
 """Every key of ``ACTUATOR.toml`` with its table, unit and the range outside which it must be a slip."""
 
-_OF_SPRINGS: Final = tuple(name for name, key in KEYS.items() if key.table in ("geometry", "material"))
+
+def keys_of(*tables: str) -> tuple[str, ...]:
+    """Return the keys of some tables, in their order."""
+    return tuple(name for name, key in KEYS.items() if key.table in tables)
+
+
+_OF_SPRINGS: Final = keys_of("geometry", "material")
 ALL_KEYS: Final[Mapping[str, _Key]] = {**KEYS, **{SPRING_B + name: KEYS[name] for name in _OF_SPRINGS}}
 """The same with the values that spring B may have for itself."""
 ZERO_SIGMA_DEG: Final = 30.0
@@ -138,19 +144,12 @@ class ActuatorSpec(Frozen):
     def to_tables(self) -> dict[str, dict[str, Any]]:
         """Return the tables of ``ACTUATOR.toml``."""
         tables: dict[str, dict[str, Any]] = {name: {} for name in TABLES}
-        own_sigmas = {}
-        for name, value in self.values.items():
-            if name.startswith(SPRING_B):
-                tables["spring_b"][name.removeprefix(SPRING_B)] = float(value)
-            else:
-                tables[KEYS[name].table][name] = float(value)
-        for name, sigma in self.uncertainty.items():
-            if name.startswith(SPRING_B):
-                own_sigmas[name.removeprefix(SPRING_B)] = float(sigma)
-            else:
-                tables["uncertainty"][name] = float(sigma)
-        if own_sigmas:
-            tables["spring_b"]["uncertainty"] = own_sigmas
+        for name, value in common(self.values).items():
+            tables[KEYS[name].table][name] = float(value)
+        tables["uncertainty"] = {name: float(sigma) for name, sigma in common(self.uncertainty).items()}
+        tables["spring_b"] = {name: float(value) for name, value in own_of_b(self.values).items()}
+        if own_sigmas := own_of_b(self.uncertainty):
+            tables["spring_b"]["uncertainty"] = {name: float(sigma) for name, sigma in own_sigmas.items()}
         return {name: table for name, table in tables.items() if table}
 
 
@@ -193,7 +192,7 @@ def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
     for table_name in _REQUIRED:
         table = get_table(content, table_name, where=where, required=True)
         place = f"{where}, [{table_name}]"
-        names = tuple(name for name, key in KEYS.items() if key.table == table_name)
+        names = keys_of(table_name)
         check_keys(table, names, where=place)
         values |= _numbers(table, _wanted(table_name, table, names, where=place), where=place)
     sticks = get_table(content, "sticks", where=where)
@@ -220,7 +219,7 @@ def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float]
     """Return values and uncertainties that the second spring has for itself: any of geometry and material."""
     check_keys(table, (*_OF_SPRINGS, "uncertainty"), where=where)
     given = {name: value for name, value in table.items() if name != "uncertainty"}
-    if "wire_length_mm" in given or "mean_diameter_mm" in given or "active_coils" in given:
+    if LENGTH_KEYS & given.keys():
         _wanted("geometry", given, _OF_SPRINGS, where=where)
     values = _numbers(given, given, where=where)
     return values, _uncertainty(table, values, where=f"{where}, [spring_b.uncertainty]")

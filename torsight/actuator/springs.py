@@ -101,14 +101,25 @@ SPRING_B: Final = "spring_b_"
 """Prefix of the names of values that the second spring has for itself."""
 
 
+LENGTH_KEYS: Final = frozenset(("wire_length_mm", "mean_diameter_mm", "active_coils"))
+"""What says how long a wire is: its length, or the other two."""
+
+
+def own_of_b(values: Mapping[str, float]) -> dict[str, float]:
+    """Return what spring B has for itself, by the common names."""
+    return {name.removeprefix(SPRING_B): value for name, value in values.items() if name.startswith(SPRING_B)}
+
+
+def common(values: Mapping[str, float]) -> dict[str, float]:
+    """Return what is not spring B's alone."""
+    return {name: value for name, value in values.items() if not name.startswith(SPRING_B)}
+
+
 def values_of_b(values: Mapping[str, float]) -> dict[str, float]:
     """Return the values with those that spring B has for itself in place of the common ones."""
-    own = {name.removeprefix(SPRING_B): value for name, value in values.items() if name.startswith(SPRING_B)}
-    common = dict(values)
-    if {"wire_length_mm", "mean_diameter_mm", "active_coils"} & own.keys():
-        for name in ("wire_length_mm", "mean_diameter_mm", "active_coils"):
-            common.pop(name, None)
-    return {**common, **own}
+    own = own_of_b(values)
+    replaced = LENGTH_KEYS if LENGTH_KEYS & own.keys() else frozenset()
+    return {**{name: value for name, value in values.items() if name not in replaced}, **own}
 
 
 def wire_length_mm(values: Mapping[str, float]) -> float:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.discover import FILES
 from torsight.cli.options import Seed
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
-FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
-"""What the command writes."""
 FAILURES: Final = "model_errors.txt"
 """Where the tracebacks of a model go that failed in the middle of a fit."""
 

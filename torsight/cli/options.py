@@ -13,6 +13,7 @@ Fps = Annotated[
     float | None,
     typer.Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured."),
 ]
+OpenView = Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")]
 Seed = Annotated[int, typer.Option(help="Seed of every random draw.", min=0)]
 Serve = Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")]
 WebPort = Annotated[

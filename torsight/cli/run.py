@@ -10,6 +10,8 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.frame_coverage import is_no_result
+from torsight.cli.options import OpenView
+from torsight.cli.track import FILES as TRACKED
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.progress import Progress, silent
 
@@ -24,7 +26,7 @@ def run(
     ] = None,
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")] = False,
+    view: OpenView = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
     from_: Annotated[
         Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Do a finished run again.")
@@ -36,7 +38,6 @@ def run(
     """
     from torsight.cli.console import progress_bar, say
     from torsight.cli.experiment_file import read_experiment
-    from torsight.cli.summary import summary
 
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
@@ -45,8 +46,15 @@ def run(
         say(line)
     with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
-    say("")
-    for line in summary(folder):
+    return shown(folder, view=view)
+
+
+def shown(folder: Path, *more: str, view: bool) -> Answer:
+    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer."""
+    from torsight.cli.console import say
+    from torsight.cli.summary import summary
+
+    for line in ("", *summary(folder), *more):
         say(line)
     if view:
         from torsight.cli.view import view as open_view
@@ -123,7 +131,7 @@ def run_experiment(
     from torsight.core.files.storage import write_json
 
     folder = out or experiment.output
-    made = [*(_TRACKED if experiment.angle is None else ()), *_MADE]
+    made = [*(TRACKED if experiment.angle is None else ()), *_MADE]
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
     origin = provenance(
@@ -254,7 +262,6 @@ def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
     write_report(folder, progress=progress)
 
 
-_TRACKED: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
 _MADE: Final = (
     *("merged.csv", "sync.json", "fit.json", "model.json", "discovery.json", "curves.csv", "next_experiment.csv"),
     *("provenance.json", "recording.rrd", "report.html"),

@@ -12,7 +12,7 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.files.storage import read_json
 from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.words.wording import effect_name, estimate, named, not_explained
+from torsight.core.words.wording import effect_name, estimate, held_out_errors, named, not_explained
 
 
 def effect_lines(discovery: Mapping[str, Any]) -> list[str]:
@@ -39,7 +39,7 @@ def summary(folder: Path) -> list[str]:
         *effect_lines(discovery),
     ]
     lines += [f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")]
-    before, after = discovery["before"]["rmse_held_out_deg"], discovery["after"]["rmse_held_out_deg"]
+    before, after = held_out_errors(discovery)
     if before is not None and after is not None:
         floor = discovery.get("noise_floor_deg")
         lines.append(

@@ -7,7 +7,7 @@ was met, which is allowed and what to do. The command line prints it on one line
 from __future__ import annotations
 
 import unicodedata
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 _MOST_OF_A_VALUE: Final = 160
 """Characters of a value that a message shows: two lines of a terminal."""
@@ -96,10 +96,15 @@ class OutputError(TorsightError, OSError):
     exit_code: ClassVar[int] = 3
 
 
+def reason_of(error: Any) -> str:
+    """Return why an OSError, or one of PyAV, says that it came: in its words, without the number and the path."""
+    return str(error.strerror or error)
+
+
 def refused_by_system(error: OSError) -> InputError:
     """Return what the system refused as an error of ours: a name that is too long, no right to a file, a full disk."""
     told = InputError(
-        f"the system refuses it ({error.strerror or error})",
+        f"the system refuses it ({reason_of(error)})",
         where=str(error.filename) if error.filename is not None else None,
         do="check the path, the rights and the free space; earlier files are untouched",
     )

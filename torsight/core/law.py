@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from torsight.core.parameter import Parameter
+from torsight.core.series import rms, usual_step
 
 Array = NDArray[np.float64]
 
@@ -199,7 +200,7 @@ def squared_exponential(nodes: Array, length: float) -> Array:
 
 def outer(values: Array) -> Array:
     """Return the covariance (k, k) of a function known up to its size, root mean square one over the nodes."""
-    unit = values / max(float(np.sqrt(np.mean(values**2))), 1e-300)
+    unit = values / max(rms(values), 1e-300)
     return np.outer(unit, unit)
 
 
@@ -215,7 +216,7 @@ def smooth_kernels(
 
     A few nodes that lie far off, beyond the record, do not make the range longer.
     """
-    spacing = float(np.median(np.diff(nodes)))
+    spacing = usual_step(nodes)
     span = spacing * (len(nodes) - 1)
     beside = slope(nodes) if line else np.zeros((len(nodes), len(nodes)))
     lengths = [share * span for share in shares if share * span >= spacing]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
 from typing import Final
 
+from torsight.core.files.storage import plain
 from torsight.core.frozen import Frozen
 
 
@@ -76,15 +77,5 @@ class Estimate(Frozen):
 
     def to_json(self) -> dict[str, object]:
         """Return the form that stands in the JSON outputs (non-finite numbers become null)."""
-        lo, hi = self.ci95
-        return {
-            "value": _finite(self.value),
-            "sigma": _finite(self.sigma),
-            "ci95": [_finite(lo), _finite(hi)],
-            "unit": self.unit,
-            "fixed": self.fixed,
-        }
-
-
-def _finite(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
+        content: dict[str, object] = plain(asdict(self))
+        return content

@@ -49,6 +49,10 @@ class TemperatureLog(Frozen, Shown):
         """Return rows, time and temperatures."""
         return {"rows": str(len(self)), "time": span(self.time_s, "s"), **_temperature_facts(self)}
 
+    def temp_c(self, spring: str) -> NDArray[np.float64]:
+        """Return the temperature of spring ``"a"`` or ``"b"``."""
+        return self.temp_a_c if spring == "a" else self.temp_b_c
+
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``TEMPS.csv``."""
         return {"time_s": self.time_s, **_temperature_columns(self)}

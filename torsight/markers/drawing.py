@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.files.storage import write_bytes
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
+from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Candidate
@@ -30,11 +30,7 @@ Ticks = Iterable[tuple[float, float]]
 """Lines of a grid: place in pixels of the plot, number."""
 SHOWN_PX: Final = 960
 """Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
-BASE: Final = BASE_COLOUR
-MOVING: Final = MOVING_COLOUR
-GIVEN: Final[Colour] = (240, 228, 66)
-"""A position that a person gave."""
-DOT: Final[Colour] = (230, 159, 0)
+DOT: Final = rgb(LIGHT["held"])
 """A dot that was not taken."""
 REFUSED: Final[Colour] = (204, 121, 167)
 """A place that is no dot."""
@@ -260,16 +256,15 @@ def marker_names() -> list[str]:
 
 def marker_colours() -> list[Colour]:
     """Return the colours of the four markers."""
-    return [BASE, BASE, MOVING, MOVING]
+    return [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
 
 
 def round_numbers(low: float, high: float, *, most: int) -> NDArray[np.float64]:
     """Return at most so many multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
-    span = max(high - low, 1e-9)
-    power = 10.0 ** math.floor(math.log10(span / most))
-    step = next(power * times for times in (1.0, 2.0, 5.0, 10.0, 20.0) if span / (power * times) <= most - 1)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return np.array([step * number for number in range(first, last + 1)])
+    from matplotlib.ticker import MaxNLocator
+
+    numbers = np.asarray(MaxNLocator(most - 1, steps=[1, 2, 5, 10]).tick_values(low, high))
+    return numbers[(numbers >= low) & (numbers <= high)]
 
 
 def wrapped(text: str, width: int) -> list[str]:

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.words.colours import GIVEN_COLOUR
 from torsight.markers.drawing import (
     DOT,
-    GIVEN,
     PLAIN,
     REFUSED,
     SHOWN_PX,
@@ -89,7 +89,7 @@ def write_preview(
         names = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
         show_named(view, seen.sticks_px.reshape(4, 2), names, marker_colours())
     if given_px is not None:
-        show_named(view, given_px, [f"{name}, given" for name in marker_names()], [GIVEN] * 4)
+        show_named(view, given_px, [f"{name}, given" for name in marker_names()], [GIVEN_COLOUR] * 4)
     _write_list(canvas.part((60.0 + scale * width + 20.0, _CORNER_PX[1], _LIST_PX, tall)), lines)
     canvas.save(path)
 

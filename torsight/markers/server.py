@@ -18,10 +18,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.errors import ConfigError, NoResultError, TorsightError, refused_by_system
+from torsight.core.errors import ConfigError, NoResultError, TorsightError, reason_of, refused_by_system
+from torsight.core.files.paths import LOOPBACK
 from torsight.markers.session import Session, require_saved
 
-LOOPBACK: Final = "127.0.0.1"
 PAGE: Final = Path(__file__).parent / "page.html"
 _BEAT_S: Final = 0.5
 """How often the page is written to, to notice that it is gone."""
@@ -52,7 +52,7 @@ class Server(ThreadingHTTPServer):
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
             raise ConfigError(
-                f"cannot be listened on ({error.strerror or error})",
+                f"cannot be listened on ({reason_of(error)})",
                 where="--port",
                 value=port,
                 do="choose another port; 0 takes any that is free",

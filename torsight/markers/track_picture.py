@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.parameter import REACH
-from torsight.core.series import runs
+from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
+from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import BASE, MOVING, PLAIN, Box, Canvas, draw_grid, round_numbers, show_frame, show_stick
+from torsight.markers.drawing import PLAIN, Box, Canvas, draw_grid, round_numbers, show_frame, show_stick
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
-    from torsight.core.words.colours import Colour
     from tracker.track import TrackResult
 
 NAME: Final = "track.png"
@@ -31,8 +31,8 @@ _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
 _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
-_GAP: Final[Colour] = (213, 94, 0)
-_ANGLE: Final[Colour] = (0, 114, 178)
+_GAP: Final = rgb(LIGHT["before"])
+_ANGLE: Final = rgb(LIGHT["after"])
 """As in the report."""
 _GRID: Final[Colour] = (230, 230, 230)
 
@@ -164,8 +164,8 @@ def _draw_frame(
         frame = show_frame(canvas, luma, view_px=view)
         radius = float(result.report["markers"]["radius_px"])
         read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
-        show_stick(frame, read[:2], colour=BASE, radius_px=radius)
-        show_stick(frame, read[2:], colour=MOVING, radius_px=radius)
+        show_stick(frame, read[:2], colour=BASE_COLOUR, radius_px=radius)
+        show_stick(frame, read[2:], colour=MOVING_COLOUR, radius_px=radius)
     canvas.frame_round()
 
 
@@ -191,7 +191,7 @@ def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Sh
     known = [slice(begin, end) for begin, end in runs(np.isfinite(angle_deg + band))]
     plot.tint([np.concatenate([upper[some], lower[some][::-1]]) for some in known], _ANGLE, 0.25)
     plot.line(at(time_s, angle_deg), _ANGLE)
-    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    step = usual_step(time_s) or 1.0
     gaps = [(time_s[begin] - 0.5 * step, time_s[end - 1] + 0.5 * step) for begin, end in runs(~angles.valid)]
     edges = np.array([high, high, low, low])
     plot.tint([at(np.array([begin, end, end, begin]), edges) for begin, end in gaps], _GAP, 0.3)

@@ -81,9 +81,10 @@ def page(
     ``pictures`` are the figures' SVG by name, without which the page has its words alone; ``drawn`` the same figures
     for a browser with scripts.
     """
+    from torsight.core.words.colours import LIGHT
     from torsight.report.figures.export import FOLDER, data_link
     from torsight.report.plots.interactive import library
-    from torsight.report.plots.palette import LIGHT, at_night
+    from torsight.report.plots.palette import at_night
     from torsight.report.plots.still import picture_data
 
     return from_template(

@@ -59,16 +59,14 @@ class Played:
             read = reading_angle(hand_motion(self.scene, time_s), time_s, _steady(self.scene))
         else:
             # Play has a history: it is followed sample by sample; a slip happens between any two.
-            step_s = self.rig.time_s[1] - self.rig.time_s[0]
-            read = between_samples(self.read_rad, (time_s + self.before_s) / step_s)
+            read = between_samples(self.read_rad, (time_s + self.before_s) / self.rig.step_s)
         return reading_angle(read, time_s, slips) + self.scene.sticks.offset_deg * DEG
 
     def lit(self, time_s: Floats) -> NDArray[np.bool_]:
         """Return whether a spring is switched on at instants of the film's clock."""
         if self.rig is None:
             return np.zeros(time_s.shape, bool)
-        step_s = self.rig.time_s[1] - self.rig.time_s[0]
-        index = np.clip(((time_s + self.before_s) / step_s).astype(np.int64), 0, len(self.rig) - 1)
+        index = np.clip(((time_s + self.before_s) / self.rig.step_s).astype(np.int64), 0, len(self.rig) - 1)
         on: NDArray[np.bool_] = (self.rig.heat_a | self.rig.heat_b)[index]
         return on
 

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 WIDEST_PX: Final = 640
 """Width of the preview; a wider film is shrunk."""
-MOST_FRAMES: Final = 1500
-"""Frames of the preview: a minute at its rate."""
 RATE_HZ: Final = 25
 """Rate of the preview's own clock; the recording says which film time each of its frames belongs to."""
+MOST_FRAMES: Final = 60 * RATE_HZ
+"""Frames of the preview: a minute of it."""
 
 STUCK_S: Final = 60.0
 """An encoder that does nothing for so long is ended; a picture takes it some milliseconds."""

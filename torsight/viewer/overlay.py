@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.tracks import MARKERS
-from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, Colour
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, MOVING_COLOUR, Colour
 
-ARC_COLOUR: Final[Colour] = (240, 228, 66)
+ARC_COLOUR: Final = GIVEN_COLOUR
 
 ARC_STEP_RAD: Final = np.deg2rad(6.0)
 """Longest chord of the drawn arc."""

@@ -15,8 +15,8 @@ from typing import Final
 from urllib.parse import quote
 
 from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.files.paths import LOOPBACK
 
-LOOPBACK: Final = "127.0.0.1"
 _TROUBLE: Final = (
     "panicked at",
     "no graphics adapter",

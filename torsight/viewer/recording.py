@@ -21,6 +21,7 @@ from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import atomic_path
 from torsight.core.files.tables import marker_values
 from torsight.core.progress import Progress, silent
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 from torsight.core.words.wording import effect_name, variable_name
 from torsight.viewer import view_layout
@@ -193,7 +194,7 @@ def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> Non
 
     for name, law in laws.items():
         known = np.isfinite(law.value) & np.isfinite(law.driver_values)
-        step = float(np.median(np.diff(law.driver_values))) if len(law.driver_values) > 1 else 1.0
+        step = usual_step(law.driver_values) or 1.0
         for part, rows in (("reached", known & law.covered), ("not_reached", known & ~law.covered)):
             if rows.any():
                 bars = rr.BarChart(

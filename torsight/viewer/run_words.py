@@ -8,7 +8,15 @@ import numpy as np
 
 from torsight.actuator.quantities import effect_values
 from torsight.core.files.results import RunResults, column
-from torsight.core.words.wording import effect_name, estimate, fixed, number, verdict_sentence
+from torsight.core.words.wording import (
+    clock_words,
+    effect_name,
+    estimate,
+    fixed,
+    held_out_errors,
+    number,
+    verdict_sentence,
+)
 
 WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "timestamps", "jump", "bump", "light")
 """Kinds of events that a person should look at."""
@@ -33,7 +41,9 @@ def run_events(results: RunResults) -> list[Event]:
         found.append(Event(begin.time_s, "INFO", f"half-cycle {count}: spring {begin.spring} is driven"))
     start_s, end_s = span_s(results)
     if results.sync is not None:
-        found.append(Event(start_s, "INFO", f"clocks: {_clocks(results)}"))
+        known = clock_words(results.sync, unknown="not fixed by this record")
+        clocks = ", ".join(f"{name} {value}" for name, value in known)
+        found.append(Event(start_s, "INFO", f"clocks: {clocks}"))
     if results.fit is not None:
         friction = (results.fit.get("parameters") or {}).get("tau_c_mnm")
         words = "" if friction is None else f", friction torque {estimate(friction)}"
@@ -74,17 +84,6 @@ def span_s(results: RunResults) -> tuple[float, float]:
     return float(time_s[0]), float(time_s[-1])
 
 
-def _clocks(results: RunResults) -> str:
-    parts = []
-    for name, unit in (("offset_s", "s"), ("drift_ppm", "ppm")):
-        part = (results.sync or {}).get(name) or {}
-        low, high = part.get("ci95") or (None, None)
-        known = low is not None and high is not None
-        interval = f" (95 %: {number(low)} to {number(high)})" if known else " (not fixed by this record)"
-        parts.append(f"{name.split('_')[0]} {number(part.get('value'), 4)} {unit}{interval}")
-    return ", ".join(parts)
-
-
 def summary_document(results: RunResults) -> str:
     """Return the summary in Markdown."""
     lines = [f"### {results.folder.resolve().name}", ""]
@@ -93,13 +92,12 @@ def summary_document(results: RunResults) -> str:
         lines[0] = f"### {verdict_sentence(discovery)}"
     rows = []
     if discovery is not None:
-        before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
+        before, after = held_out_errors(discovery)
         if before is not None and after is not None:
             rows.append(("Error on half-cycles not seen", f"{number(before)}° → {number(after)}° rms"))
         if discovery.get("noise_floor_deg") is not None:
             rows.append(("Noise floor", f"{number(discovery['noise_floor_deg'], 2)}°"))
-    document = discovery if (discovery or {}).get("parameters") else results.fit
-    friction = ((document or {}).get("parameters") or {}).get("tau_c_mnm")
+    friction = results.parameters().get("tau_c_mnm")
     if friction is not None:
         rows.append(("Friction torque", estimate(friction)))
     for effect in (discovery or {}).get("effects") or []:
@@ -115,7 +113,7 @@ def _motion(results: RunResults) -> list[tuple[str, str]]:
     angle = results.measured_angle_deg()
     if results.angle is None or not len(angle):
         return []
-    known = column(results.angle, "valid") > 0.5
+    known = results.measured_frames()
     low, high = (fixed(float(end), 1) for end in (angle.min(), angle.max()))
     return [
         ("Range of motion", f"{np.ptp(angle):.1f}° ({low}° to {high}°)"),

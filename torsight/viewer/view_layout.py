@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from torsight.core.words.colours import DARK, Colour, rgb
+
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
@@ -23,21 +25,23 @@ class Series(NamedTuple):
 
     entity: str
     name: str
-    colour: tuple[int, int, int]
+    colour: Colour
     width: float
 
 
+_SHADE: Final = {name: rgb(colour) for name, colour in DARK.items()}
+
 SERIES: Final = (
     # Curves are drawn in the order of their names: the extended model lies under the measured angle.
-    Series("angle/extended", "extended model", (86, 180, 233), 4.5),
-    Series("angle/measured", "measured", (236, 239, 243), 1.25),
-    Series("angle/plain", "plain model", (240, 136, 62), 1.5),
-    Series("residual/below", "−2σ of the angle", (163, 173, 185), 1.0),
-    Series("residual/above", "+2σ of the angle", (163, 173, 185), 1.0),
-    Series("residual/before", "before: plain model", (240, 136, 62), 1.5),
-    Series("residual/after", "after: extended model", (86, 180, 233), 1.5),
-    Series("temperature/a", "spring A", (227, 155, 196), 1.5),
-    Series("temperature/b", "spring B", (60, 207, 160), 1.5),
+    Series("angle/extended", "extended model", _SHADE["after"], 4.5),
+    Series("angle/measured", "measured", _SHADE["ink"], 1.25),
+    Series("angle/plain", "plain model", _SHADE["before"], 1.5),
+    Series("residual/below", "−2σ of the angle", _SHADE["muted"], 1.0),
+    Series("residual/above", "+2σ of the angle", _SHADE["muted"], 1.0),
+    Series("residual/before", "before: plain model", _SHADE["before"], 1.5),
+    Series("residual/after", "after: extended model", _SHADE["after"], 1.5),
+    Series("temperature/a", "spring A", _SHADE["spring-a"], 1.5),
+    Series("temperature/b", "spring B", _SHADE["spring-b"], 1.5),
 )
 """Every curve of the view."""
 
@@ -47,10 +51,10 @@ BAND: Final = {2.0: "residual/above", -2.0: "residual/below"}
 HALF_CYCLE: Final = "angle/half_cycle"
 """Points where a half-cycle begins."""
 
-LAW_COLOURS: Final = {"reached": (86, 180, 233), "not_reached": (110, 118, 130)}
+LAW_COLOURS: Final = {"reached": _SHADE["after"], "not_reached": (110, 118, 130)}
 """Bars of a law, by whether the record reached that value of its driver."""
 
-HALF_CYCLE_COLOUR: Final = (240, 192, 80)
+HALF_CYCLE_COLOUR: Final = _SHADE["held"]
 
 LIVE_WINDOW_S: Final = 120.0
 """How far back the curves of a live view reach."""

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.report.plots.palette import DARK, LIGHT, PAPER
+from torsight.core.words.colours import DARK, LIGHT
+from torsight.report.plots.palette import PAPER
 from torsight.viewer.view_layout import SERIES
 
 MEANING = ("measured", "before", "after", "spring-a", "spring-b", "held")

@@ -12,8 +12,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from torsight.core.words.colours import DARK, LIGHT
 from torsight.report.plots.interactive import drawing
-from torsight.report.plots.palette import DARK, LIGHT, at_night
+from torsight.report.plots.palette import at_night
 from torsight.report.plots.panels import Axis, Panel, style_of, thin_path, thin_points, thin_series
 from torsight.report.plots.still import still
 

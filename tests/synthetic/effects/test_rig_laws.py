@@ -123,9 +123,9 @@ def test_a_constant_torque_of_one_winding_is_a_bias_the_other_way(reference_valu
 
 
 def test_a_line_in_the_loading_curve_is_another_second_slope(reference_values: RigValues) -> None:
-    theta_cr, stop = reference_values.theta_cr_rad, 16.0
+    theta_cr, stop = reference_values.rig.theta_cr_rad, 16.0
     stiffer = rig_values({**reference_values.public, "E_S_gpa": 1.1 * reference_values.public["E_S_gpa"]})
-    rise = 0.1 * reference_values.stiffness_s * (stop - theta_cr)
+    rise = 0.1 * reference_values.rig.k_stress_induced * (stop - theta_cr)
     law = RigLaw("loading", "winding", theta_cr, stop, np.linspace(0.0, rise, 9))
     found, expected = run(reference_values, law), run(stiffer)
     # Both wind along the same curve and unwind along K_M: the recoverable angle follows.
@@ -144,10 +144,10 @@ def test_recoverable_angle_per_half_cycle_acts_on_either_spring(reference_values
     same, second = plain.half_cycle == 0, plain.half_cycle == 1
     assert np.allclose(found.angle_rad[same], plain.angle_rad[same], atol=1e-9)
     # B recovers 2 % less: θ_2 is K_A / (K_A + K_S) of that short of it (23).
-    k_a, k_s = reference_values.stiffness_a, reference_values.stiffness_s
-    k_m = reference_values.stiffness_m
-    wound = 0.5 * reference_values.theta_p_rad - found.angle_rad[same].min()
-    recovered = (wound - reference_values.theta_cr_rad) * (1.0 - k_s / k_m)
+    k_a, k_s = reference_values.rig.k_austenite, reference_values.rig.k_stress_induced
+    k_m = reference_values.rig.k_martensite
+    wound = 0.5 * reference_values.rig.theta_p_rad - found.angle_rad[same].min()
+    recovered = (wound - reference_values.rig.theta_cr_rad) * (1.0 - k_s / k_m)
     short = plain.angle_rad[second].max() - found.angle_rad[second].max()
     assert short == pytest.approx(0.02 * recovered * k_a / (k_a + k_s), rel=0.05)
 
@@ -167,7 +167,7 @@ def test_the_reading_is_the_angle_and_its_laws() -> None:
 
 def test_a_bend_of_the_loading_curve_is_a_cubic_that_no_spring_unwinds_along(reference_values: RigValues) -> None:
     bent = {"stiffening": {"rise_mnm": 0.02, "onset_deg": 650.0, "form": "bend"}}
-    theta = np.linspace(reference_values.theta_cr_rad, 16.0, 4001)
+    theta = np.linspace(reference_values.rig.theta_cr_rad, 16.0, 4001)
     past = np.maximum(theta - 650.0 * DEG, 0.0) / (100.0 * DEG)
     law = RigLaw("loading", "winding", theta[0], theta[-1], 0.02 * MNM * past**3)
     # The law lies on 256 nodes: h²/8 of its curvature is 1e-7 N·m, 0.01° over K_M.

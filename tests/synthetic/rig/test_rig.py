@@ -37,8 +37,8 @@ def stable_cycle(values: RigValues) -> tuple[float, float, float]:
 
     In case (a) ξ12 = 1: heating slides from the start, from τ^A = τ^B + τ_c down to ξ = 0 along (23).
     """
-    k_a, k_m, k_s = values.stiffness_a, values.stiffness_m, values.stiffness_s
-    theta_p, theta_cr, tau_c = values.theta_p_rad, values.theta_cr_rad, values.friction_nm
+    k_a, k_m, k_s = values.rig.k_austenite, values.rig.k_martensite, values.rig.k_stress_induced
+    theta_p, theta_cr, tau_c = values.rig.theta_p_rad, values.rig.theta_cr_rad, values.rig.tau_c_nm
     theta_1 = 0.65 * theta_p
     theta_2 = theta_3 = 0.0
     for _ in range(60):
@@ -58,7 +58,7 @@ def test_slow_rig_without_mass_meets_the_closed_forms(reference_values: RigValue
     record = run(
         reference_values, PAPER, mechanics=Mechanics(inertia_kg_m2=0.0, damping_n_m_s=0.0, presliding_deg=0.002)
     )
-    theta_deg = (record.angle_rad + 0.5 * reference_values.theta_p_rad) / DEG
+    theta_deg = (record.angle_rad + 0.5 * reference_values.rig.theta_p_rad) / DEG
     found = theta_deg[0], theta_deg[record.half_cycle == 0].min(), theta_deg[record.half_cycle == 0][-1]
     expected = [theta / DEG for theta in stable_cycle(reference_values)]
     assert np.allclose(found, expected, atol=0.04)
@@ -82,9 +82,9 @@ def test_large_friction_keeps_a_cooling_actuator_at_rest(reference_values: RigVa
     # β_cr = θ_P/2 − τ_c/(2 K_S) (29): above it, θ_2 > β_cr, cooling moves nothing (case b).
     values = rig_values({**reference_values.public, "tau_c_mnm": 2.2})
     record = run(values, PAPER)
-    beta_cr_rad = 0.5 * values.theta_p_rad - values.friction_nm / (2.0 * values.stiffness_s)
+    beta_cr_rad = 0.5 * values.rig.theta_p_rad - values.rig.tau_c_nm / (2.0 * values.rig.k_stress_induced)
     hot = record.half_cycle == 0
-    theta_rad = record.angle_rad + 0.5 * values.theta_p_rad
+    theta_rad = record.angle_rad + 0.5 * values.rig.theta_p_rad
     assert theta_rad[hot].min() > beta_cr_rad
     at_rest = theta_rad[hot & ~record.heat_a]
     # What is left is the bristle's own deflection, ±0.02° of it.
@@ -202,7 +202,7 @@ def test_warm_passive_spring_pulls_back_at_the_hot_end(reference_values: RigValu
     first = other.half_cycle == 0
     assert 0.05 < other.xi_b[first].min() < 0.95
     # Below A_s, which stress only raises, a cold spring stays martensite.
-    assert other.xi_b[first & (other.wire_b_c < reference_values.a_s_c) & other.heat_a].min() == 1.0
+    assert other.xi_b[first & (other.wire_b_c < reference_values.rig.a_start_c) & other.heat_a].min() == 1.0
     returned = [
         record.angle_rad[(record.half_cycle == 0) & record.heat_a][-1] - record.angle_rad[record.half_cycle == 0].min()
         for record in (plain, other)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.stepping.kernel_roots import tightened
 from torsight.core.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
@@ -50,12 +51,7 @@ def blocked_modulus(temp_c: Array, low_c: float, width_c: float, e_a: float, e_m
             for _ in range(80):
                 x = b - fb * (b - a) / (fb - fa)
                 fx = _law_less(x, above_c, width_c, e_a, e_m, shift)
-                if (fx > 0.0) == (fb > 0.0):
-                    factor = 1.0 - fx / fb
-                    fa *= factor if factor > 0.0 else 0.5
-                else:
-                    a, fa = b, fb
-                b, fb = x, fx
+                a, fa, b, fb = tightened(a, fa, b, fb, x, fx)
                 if abs(fb) < 1e-13 or abs(b - a) < 1e-14 or fa == fb:
                     break
         out[k] = (e_a + b * (e_m - e_a)) * (1.0 - b)

@@ -11,7 +11,7 @@ Each step takes the values of the steps before it as priors with their uncertain
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Final
 
@@ -23,7 +23,7 @@ from torsight.actuator.characterising.characterised import Characterisation, Ste
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
 from torsight.actuator.record.conditioning import condition
-from torsight.actuator.spec import KEYS, ActuatorSpec
+from torsight.actuator.spec import KEYS, ActuatorSpec, keys_of
 from torsight.actuator.stepping.phase import HEATING_LAWS
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
@@ -66,7 +66,7 @@ def characterise(
     cooling = block_cooling(tests, known)
     progress(_STEP, 4, 4)
     known |= cooling.estimates
-    estimates = {name: known[name] for name, key in KEYS.items() if key.table == "material"}
+    estimates = {name: known[name] for name in keys_of("material")}
     _require_plausible(estimates, where=source)
     values = {
         **tests.geometry,
@@ -99,8 +99,7 @@ def _require_plausible(estimates: Mapping[str, Estimate], *, where: str) -> None
 def free_recovery(tests: SpringTests, *, law: str) -> Step:
     """Return step 1 for one phase law: A_s, A_f from all free recoveries together."""
     temps = [_smooth(item.temp_c) for item in tests.recoveries]
-    ends = np.cumsum([0, *(len(item.angle_deg) for item in tests.recoveries)])
-    parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
+    parts = _parts(item.angle_deg for item in tests.recoveries)
     measured = np.concatenate([item.angle_deg for item in tests.recoveries])
     for item in tests.recoveries:
         if np.ptp(item.temp_c) < HEATED_C:
@@ -152,10 +151,22 @@ def _crossing(tests: SpringTests, temps: list[Array]) -> tuple[float, float]:
     item, temp = tests.recoveries[0], temps[0]
     width = max(3, len(temp) // 40)
     angle = np.convolve(np.pad(item.angle_deg, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
-    left = angle / item.pre_deformation_deg
-    start = temp[int(np.argmax(left < 0.9))] if (left < 0.9).any() else float(np.median(temp))
-    finish = temp[int(np.argmax(left < 0.1))] if (left < 0.1).any() else float(temp.max())
+    return _falls(angle / item.pre_deformation_deg, temp)
+
+
+def _falls(share: Array, temp: Array) -> tuple[float, float]:
+    """Return the temperatures at which a share falls below 90 % and below 10 %; the middle and the end if never."""
+    start, finish = (
+        temp[int(np.argmax(share < level))] if (share < level).any() else otherwise
+        for level, otherwise in ((0.9, np.median(temp)), (0.1, temp[-1]))
+    )
     return float(start), float(finish)
+
+
+def _parts(logs: Iterable[Array]) -> list[slice]:
+    """Return where each log lies when all are put one behind the other."""
+    ends = np.cumsum([0, *(len(log) for log in logs)])
+    return [slice(a, b) for a, b in pairwise(ends.tolist())]
 
 
 def _window(found: CurveFit, start: str, finish: str) -> dict[str, Estimate]:
@@ -177,8 +188,7 @@ def force_angle(tests: SpringTests) -> Step:
     picked = [(item.angle_deg[item.inside], item.force_n[item.inside], item) for item in tests.forces]
     angle, force = (np.concatenate([entry[i] for entry in picked]) for i in (0, 1))
     large = np.concatenate([np.full(len(entry[0]), entry[2].large) for entry in picked])
-    ends = np.cumsum([0, *(len(entry[0]) for entry in picked)])
-    parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
+    parts = _parts(entry[0] for entry in picked)
 
     def model(values: Mapping[str, float]) -> Array:
         e_m, e_s, critical = values["E_M_gpa"], values["E_S_gpa"], values["theta_cr_deg"]
@@ -255,10 +265,9 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     temp, force = _block_half(tests, cooling=True)
     stiffness = tests.force_per_deg_gpa * tests.block.pre_deformation_deg
     influence = known["C_A_mpa_per_k"].value
-    shift = float(np.quantile(force, 0.98)) * tests.stress_per_force / (influence * MPA)
-    level = force / max(float(np.quantile(force, 0.98)), 1e-9)
-    start = float(temp[int(np.argmax(level < 0.9))]) - shift if (level < 0.9).any() else float(np.median(temp))
-    finish = float(temp[int(np.argmax(level < 0.1))]) if (level < 0.1).any() else float(temp.min())
+    top = float(np.quantile(force, 0.98))
+    start, finish = _falls(force / max(top, 1e-9), temp)
+    start -= top * tests.stress_per_force / (influence * MPA)
     width = Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0)
     others = (
         # One block test says little of it alone; in NiTi both influences are alike, here to within a factor or so.

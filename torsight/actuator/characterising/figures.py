@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.springs import Rig, strain_ratio, torsional_stiffness
-from torsight.core.files.storage import atomic_path
+from torsight.core.files.figure_file import write_figure
 from torsight.core.units import DEG, MM, MNM
 
 if TYPE_CHECKING:
@@ -47,13 +47,11 @@ def draw_panels(
     notes: Sequence[Mapping[str, tuple[float, float]]] = (),
 ) -> Path:
     """Draw curves to panels side by side; ``notes`` are words at places, per panel."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(
         figsize=(_SIZE_IN[0] * (1.0 + 0.75 * (len(panels) - 1)), _SIZE_IN[1]), dpi=120, layout="constrained"
     )
-    FigureCanvasAgg(figure)
     for number, (title, lines) in enumerate(panels):
         axes = figure.add_subplot(1, len(panels), number + 1)
         for line in lines:
@@ -68,8 +66,7 @@ def draw_panels(
         if all(np.all(line.y >= 0.0) for line in lines):
             axes.set_ylim(bottom=0.0)
         axes.grid(visible=True, alpha=0.3)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, metadata={"Software": None} if path.suffix == ".png" else {"Date": None})
+    write_figure(path, figure)
     return path
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.characterising.characterisation import blocked_force, characterise
+from torsight.actuator.characterising.characterisation import characterise
 from torsight.actuator.characterising.characterised import Characterisation
 from torsight.actuator.characterising.figures import (
     Line,
@@ -26,35 +26,22 @@ from torsight.actuator.characterising.figures import (
     stiffness_figure,
     strain_figure,
 )
-from torsight.actuator.characterising.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
-from torsight.actuator.drive import Drive
-from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.characterising.paper_record import Played, play, spring_logs
+from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import stable_cycle
-from torsight.actuator.stepping.phase import HEATING_LAWS
 from torsight.core.files.storage import write_json, write_table
 from torsight.core.minimise import least_squares
 from torsight.core.progress import Progress, silent
-from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import share_explained
-from torsight.core.units import DEG, MM, MNM, MPA
+from torsight.core.records import SyncedTable
+from torsight.core.series import rms, share_explained
+from torsight.core.units import DEG, MNM, MPA
 
 Array = NDArray[np.float64]
 
-SCATTER: Final[Mapping[str, float]] = {
-    "recovery_deg": 9.5752, "small_n": 0.0105, "large_n": 0.0113, "heating_n": 0.0227, "cooling_n": 0.0125,
-}  # fmt: skip
-"""Root mean square errors that the paper reports for figures 9 to 12."""
 CASE_B_TAU_C_MNM: Final = 2.6
 """A friction at which the reference rig is in case (b)."""
-_ROOM_C: Final = 23.0
-_HOT_C: Final = 76.0
-_STEP_S: Final = 0.25
-_BLOCK_DEG: Final = 85.0
-_LEVER_MM: Final = 26.4
-"""Pre-deformation in the block test and length of the lever, as in the paper."""
-_WARMING: Final = 0.1
 _ANGLE_NOISE_RAD: Final = 0.1 * DEG
 
 
@@ -70,103 +57,12 @@ class FrictionTest:
     @property
     def rmse_deg(self) -> float:
         """Root mean square error."""
-        return float(np.sqrt(np.mean(self.off_deg**2)))
+        return rms(self.off_deg)
 
     @property
     def off_deg(self) -> Array:
         """Measured less modelled angle."""
         return self.measured_deg - self.modelled_deg
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Played:
-    """One cycle of the paper's programme on the reference rig."""
-
-    drive: Drive
-    simulation: Simulation
-    log: TemperatureLog
-
-
-def paper_log() -> TemperatureLog:
-    """Return ten minutes of heating and five of natural cooling of A, then of B; the other spring warms a little."""
-    time_s = np.arange(0.0, 900.0, _STEP_S)
-    rise = np.clip(time_s / 500.0, 0.0, 1.0)
-    own = np.where(
-        time_s < 600.0,
-        _ROOM_C + (_HOT_C - _ROOM_C) * rise,
-        _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - 600.0) / 45.0),
-    )
-    other = np.empty_like(own)
-    other[0] = _ROOM_C
-    for k in range(1, len(own)):
-        drive = _ROOM_C + _WARMING * (own[k] - _ROOM_C)
-        other[k] = other[k - 1] + (drive - other[k - 1]) * _STEP_S / 60.0
-    on, off = time_s < 600.0, np.zeros(len(time_s), np.bool_)
-    return TemperatureLog(
-        time_s=np.concatenate([time_s, 900.0 + time_s]),
-        temp_a_c=np.concatenate([own, other]),
-        temp_b_c=np.concatenate([other, own]),
-        heat_a=np.concatenate([on, off]),
-        heat_b=np.concatenate([off, on]),
-    )
-
-
-def play(values: Mapping[str, float]) -> Played:
-    """Return the paper's programme on a rig that starts from its own stable cycle."""
-    spec = ActuatorSpec(values, source="reference rig")
-    model = ActuatorModel(spec)
-    rig = Rig.from_values(values)
-    log = paper_log()
-    start = stable_cycle(rig).theta_1_rad - 0.5 * rig.theta_p_rad
-    drive = model.prepare_log(log, start_angle_rad=start)
-    return Played(drive, model.simulate(drive), log)
-
-
-def spring_logs(*, seed: int = 0) -> SpringTests:
-    """Return logs of the four tests of the reference rig's spring, with the paper's scatter."""
-    rng, rows = np.random.default_rng(seed), 1200
-    values = dict(REFERENCE_VALUES)
-    temp = np.linspace(_ROOM_C, 66.0, rows)
-    window = {"start_c": values["A_s_c"], "finish_c": values["A_f_c"], "influence": 1.0}
-    share = HEATING_LAWS["liang_rogers"](temp, 0.0, xi_0=1.0, **window)
-    recoveries = tuple(
-        Recovery(temp, size * share + SCATTER["recovery_deg"] * rng.standard_normal(rows), size, f"recovery {size:g}°")
-        for size in (118.0, 138.0)
-    )
-    geometry = {name: values[name] for name in ("wire_diameter_mm", "mean_diameter_mm", "active_coils")}
-    nothing = Block(temp, temp, _BLOCK_DEG, "block test")
-    bare = SpringTests(
-        geometry, _LEVER_MM * MM, recoveries, (), nothing,
-        {"theta_p_deg": values["theta_p_deg"]}, {"tau_c_mnm": values["tau_c_mnm"]},
-    )  # fmt: skip
-    forces = []
-    for large, top, name in 2 * ((False, 60.0, "small_n"), (True, 460.0, "large_n")):
-        angle = np.linspace(2.0, top, rows)
-        critical = values["theta_cr_deg"]
-        load = values["E_M_gpa"] * np.minimum(angle, critical) + values["E_S_gpa"] * np.maximum(0.0, angle - critical)
-        force = bare.force_per_deg_gpa * load + SCATTER[name] * rng.standard_normal(rows)
-        low, high = LARGE_RANGE_DEG if large else (2.0, top)
-        forces.append(ForceAngle(angle, force, large, low, high, name))
-    return SpringTests(
-        geometry,
-        bare.lever_m,
-        recoveries,
-        tuple(forces),
-        _block_log(bare, values, rng, rows),
-        bare.assembly,
-        bare.friction,
-    )
-
-
-def _block_log(tests: SpringTests, values: Mapping[str, float], rng: np.random.Generator, rows: int) -> Block:
-    up = np.linspace(_ROOM_C, 95.0, rows)
-    stiffness = tests.force_per_deg_gpa * _BLOCK_DEG
-    parts = []
-    for cooling, name, key in ((False, "heating_n", "C_A_mpa_per_k"), (True, "cooling_n", "C_M_mpa_per_k")):
-        temp = up[::-1] if cooling else up
-        force = stiffness * blocked_force(tests, {**values, "k_per_mpa": 1.0 / values[key]}, temp, cooling=cooling)
-        parts.append(force + SCATTER[name] * rng.standard_normal(rows))
-    return Block(np.concatenate([up, up[::-1]]), np.concatenate(parts), _BLOCK_DEG, "block test")
 
 
 def make_paper(out: Path, *, seed: int = 0, progress: Progress = silent) -> dict[str, Any]:
@@ -331,7 +227,7 @@ def _test_numbers(found: Characterisation) -> list[tuple[str, float | None, floa
     for figure, kind, rmse, r2 in ((10, "small", 0.0105, (0.8475, 0.7421)), (11, "large", 0.0113, (0.6357, 0.7532))):
         names = [name for name in lines.r2 if name.startswith(kind)]
         error = np.concatenate([lines.curves[name][1] - lines.curves[name][2] for name in names])
-        rows.append((f"figure_{figure}_rmse", rmse, float(np.sqrt(np.mean(error**2))), "N"))
+        rows.append((f"figure_{figure}_rmse", rmse, rms(error), "N"))
         rows += [
             (f"figure_{figure}_r2_experiment_{number + 1}", value, lines.r2[name], "")
             for number, (name, value) in enumerate(zip(names, r2, strict=True))

@@ -39,20 +39,21 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.spec import KEYS
+from torsight.actuator.spec import KEYS, keys_of
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.config import get_number, get_table, get_tables, get_text
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_table, read_toml
 from torsight.core.frozen import Frozen
+from torsight.core.series import block_means
 from torsight.core.units import DEG, GPA, MM
 
 Array = NDArray[np.float64]
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
-_GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
+_GEOMETRY: Final = keys_of("geometry")
 _MOST_ROWS: Final = 4000
 """Rows of a test that are fitted; denser ones are averaged, since a curve has no more to say."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
@@ -204,8 +205,7 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
                 do=hint,
             )
     every = -(-len(rows) // _MOST_ROWS)
-    whole = len(rows) // every * every
-    means = rows[:whole].reshape(-1, every, 2).mean(axis=1)
+    means = block_means(rows, every)
     return means[:, 0], means[:, 1], str(name)
 
 

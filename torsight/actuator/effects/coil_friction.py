@@ -15,21 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
+from torsight.actuator.ports import REACH_RAD, Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
-_REACH_RAD: Final = 100.0 * DEG
 
 
 def rubbing_torque(
     theta_a_rad: Array, *, theta_p_rad: float, slope_nm: float, onset_rad: float, exponent: float
 ) -> Array:
     """Return k R Σ ((θ − θ_on)₊ / R)^p of both springs, N·m."""
-    past_a = np.maximum(0.0, theta_a_rad - onset_rad) / _REACH_RAD
-    past_b = np.maximum(0.0, theta_p_rad - theta_a_rad - onset_rad) / _REACH_RAD
-    return slope_nm * _REACH_RAD * (past_a**exponent + past_b**exponent)
+    past_a = np.maximum(0.0, theta_a_rad - onset_rad) / REACH_RAD
+    past_b = np.maximum(0.0, theta_p_rad - theta_a_rad - onset_rad) / REACH_RAD
+    return slope_nm * REACH_RAD * (past_a**exponent + past_b**exponent)
 
 
 def apply(ports: Ports, values: Values) -> Ports:

@@ -16,6 +16,7 @@ import numpy as np
 from torsight.actuator.effects import Array, Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.series import extent
 from torsight.core.units import DEG, MNM
 
 _BEFORE_DEG: Final = 2.0
@@ -28,10 +29,15 @@ def stop_torque(phi_rad: Array, *, stop_rad: float, stiffness_nm: float) -> Arra
     return -stiffness_nm * side * np.maximum(0.0, side * (phi_rad - stop_rad))
 
 
+def stiffness(name: str, title: str) -> Parameter:
+    """Return the declaration of a stop's stiffness."""
+    return Parameter(name, 3.0, "mN·m/rad", lower=0.0, upper=200.0, null=0.0, symbol="k", title=title)
+
+
 def ends_deg(angle_rad: Array) -> tuple[float, float]:
     """Return where stops may be: a little before the lowest and the highest angle that was measured."""
-    low_deg, high_deg = np.nanquantile(angle_rad / DEG, [0.005, 0.995])
-    return float(low_deg) + _BEFORE_DEG, float(high_deg) - _BEFORE_DEG
+    low_deg, high_deg = extent(angle_rad / DEG)
+    return low_deg + _BEFORE_DEG, high_deg - _BEFORE_DEG
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -51,16 +57,7 @@ EFFECT: Final = Effect(
     acts_on="torque",
     title="a stop at one end",
     parameters=(
-        Parameter(
-            name="stop_mnm_per_rad",
-            value=3.0,
-            unit="mN·m/rad",
-            lower=0.0,
-            upper=200.0,
-            null=0.0,
-            symbol="k",
-            title="stiffness of the stop",
-        ),
+        stiffness("stop_mnm_per_rad", "stiffness of the stop"),
         Parameter(
             name="stop_deg", value=160.0, unit="°", lower=-400.0, upper=400.0, symbol="φ_s", title="place of the stop"
         ),

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from torsight.actuator.effects import Array, Effect, Values
-from torsight.actuator.effects.end_stop import ends_deg, stop_torque
+from torsight.actuator.effects.end_stop import ends_deg, stiffness, stop_torque
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
@@ -38,16 +38,7 @@ EFFECT: Final = Effect(
     acts_on="torque",
     title="stops at both ends",
     parameters=(
-        Parameter(
-            name="stops_mnm_per_rad",
-            value=3.0,
-            unit="mN·m/rad",
-            lower=0.0,
-            upper=200.0,
-            null=0.0,
-            symbol="k",
-            title="stiffness of the stops",
-        ),
+        stiffness("stops_mnm_per_rad", "stiffness of the stops"),
         Parameter(
             name="stops_high_deg",
             value=215.0,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> fl
     step to the neighbours of the fitted rows around it, and a marker may slide for a while: the largest Λ counts. Where
     no angle was seen for longer than from a row to the next, a step could hide.
     """
-    usual_s = float(np.median(np.diff(time_s)))
+    usual_s = usual_step(time_s)
     k = int(np.searchsorted(fitted_s, values["slip_time_s"]))
     first, last = fitted_s[max(k - 2, 0)], fitted_s[min(k + 1, len(fitted_s) - 1)]
     reach_s = _BESIDE * usual_s + 1.5 * _LASTS_S[-1]

@@ -18,19 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import STEEPEST, Ports
+from torsight.actuator.ports import REACH_RAD, STEEPEST, Ports
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
 Array = NDArray[np.float64]
-_REACH_RAD: Final = 100.0 * DEG
 
 
 def extra_torque(
     theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponent: float, steepest_nm: float = np.inf
 ) -> Array:
     """Return k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, N·m, nowhere steeper than ``steepest_nm`` (N·m/rad)."""
-    law_nm = cubic_nm * _REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / _REACH_RAD) ** exponent
+    law_nm = cubic_nm * REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / REACH_RAD) ** exponent
     rise_nm = np.minimum(np.diff(law_nm), steepest_nm * np.diff(theta_rad))
     return np.concatenate([law_nm[:1], law_nm[0] + np.cumsum(rise_nm)])
 
@@ -41,7 +40,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
     steepest_nm = STEEPEST * (rig.k_martensite - rig.k_stress_induced)
     if whole_nm * share > 0.0:
-        third_nm = min(share * whole_nm * _REACH_RAD**2, steepest_nm)
+        third_nm = min(share * whole_nm * REACH_RAD**2, steepest_nm)
         ports = ports.with_loading(third_nm * np.maximum(0.0, ports.grid_rad() - onset_rad))
     if share == 1.0 or whole_nm == 0.0:
         return ports

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
 from torsight.core.units import DEG, MNM
 
@@ -39,12 +40,12 @@ def _scaled_friction(ports: Ports, share: Array) -> Ports:
 
 def friction_active(ports: Ports, law: Curve) -> Ports:
     """Change the friction over the driven spring's temperature by a share."""
-    return _scaled_friction(ports, law(np.where(ports.active == 0, ports.temp_a_c, ports.temp_b_c)))
+    return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[0]))
 
 
 def friction_passive(ports: Ports, law: Curve) -> Ports:
     """Change the friction over the other spring's temperature by a share."""
-    return _scaled_friction(ports, law(np.where(ports.active == 0, ports.temp_b_c, ports.temp_a_c)))
+    return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1]))
 
 
 def friction_cycle(ports: Ports, law: Curve) -> Ports:

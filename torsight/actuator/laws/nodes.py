@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
+from torsight.actuator.record.segments import by_role
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -57,13 +59,13 @@ def winding_nodes(drive: Drive) -> Nodes | None:
 
 def active_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the driven spring's temperature, °C."""
-    active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
     return _over(float(active_c.min()), float(active_c.max()), _NODES)
 
 
 def passive_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the other spring's temperature, °C; None where it hardly warms up."""
-    passive_c = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
+    passive_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[1]
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
     return _over(low, high, _NODES) if high - low > _LEAST_WARMING_C else None
 
@@ -79,7 +81,7 @@ def speed_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over speeds in °/s, denser where it is slow."""
     good = np.isfinite(drive.angle_rad)
     time_s, angle_deg = drive.time_s[good], drive.angle_rad[good] / DEG
-    every = max(1, round(2.0 / float(np.median(np.diff(time_s)))))
+    every = max(1, round(2.0 / usual_step(time_s)))
     speed = np.abs(np.diff(angle_deg[::every]) / np.diff(time_s[::every]))
     fastest = float(np.quantile(speed, 0.998)) if len(speed) else 0.0
     return Nodes(fastest * np.linspace(0.0, 1.1, _NODES) ** 2, 0.0, fastest) if fastest > 0.0 else None
@@ -87,7 +89,7 @@ def speed_nodes(drive: Drive) -> Nodes | None:
 
 def dwell_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over rests, in decades of seconds."""
-    longest_s = float(np.max(np.bincount(drive.cycles.half))) * float(np.median(np.diff(drive.time_s)))
+    longest_s = float(np.max(np.bincount(drive.cycles.half))) * usual_step(drive.time_s)
     decades = float(np.log10(1.0 + longest_s))
     return Nodes(np.linspace(0.0, decades, 9), 0.0, decades)
 

@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
-from torsight.actuator.record.log_noise import measure_noise, resolution
+from torsight.actuator.record.log_noise import SHORTEST, measure_noise, resolution
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.core.compiled import compiled, inlined
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -43,8 +44,6 @@ NEGLIGIBLE_C: Final = 0.005
 # twice of it temperatures 1.7 times (behind the sensor 1.2 times their sigma). Blocks of twice the length: 1.1 times.
 _THRESHOLD: Final = 1.6
 _THRESHOLD_LAGGED: Final = 2.2
-_SHORTEST: Final = 16
-"""Rows below which a log is taken as it is: four of the smallest window."""
 # What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
 _BLOCK_LAGGED_S: Final = 0.2
@@ -119,16 +118,16 @@ def _apart(readings: Readings, wanted_s: Array, lines_c: Array) -> Conditioned:
     A local fit over seconds would take a corner of the wire for a bend. ``lines_c`` are the lines between the readings.
     """
     time_s, temp_c = readings.time_s, readings.temp_c
-    corners = corner_gaps(time_s, temp_c)
+    corners = corner_gaps(time_s, temp_c, readings.noise_c)
     smoothed, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
     for rows in np.split(np.arange(len(temp_c)), np.flatnonzero(corners) + 1):
-        if len(rows) >= _SHORTEST and readings.interval_s <= _SMOOTHED_S and readings.noise_c > NEGLIGIBLE_C:
+        if len(rows) >= SHORTEST and readings.interval_s <= _SMOOTHED_S and readings.noise_c > NEGLIGIBLE_C:
             piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
             smoothed[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
     value, sigma = between(time_s, smoothed, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
     rate = np.asarray(np.gradient(value, wanted_s))
     if readings.noise_c > NEGLIGIBLE_C:
-        alike = readings.interval_s / float(np.median(np.diff(wanted_s)))
+        alike = readings.interval_s / usual_step(wanted_s)
         level_holds(wanted_s, lines_c, readings.noise_c * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
     return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s)
 
@@ -164,8 +163,8 @@ class Readings:
     @classmethod
     def of(cls, time_s: Array, temp_c: Array, *, lagged: bool) -> Readings:
         """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
-        interval_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-        if len(temp_c) < _SHORTEST:
+        interval_s = usual_step(time_s)
+        if len(temp_c) < SHORTEST:
             return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0, 1.0)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise to a slope even where it is none to the value.
@@ -181,11 +180,11 @@ class Readings:
     def smooth(self, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""
         n = len(self.time_s)
-        if n < _SHORTEST:
+        if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
             return self._at(wanted_s, self.temp_c + lag_s * slope, slope, np.zeros(n))
-        interval = float(np.median(np.diff(self.time_s)))
-        longest = int(max(_MAX_WINDOW_S / interval, _SHORTEST))
+        interval = usual_step(self.time_s)
+        longest = int(max(_MAX_WINDOW_S / interval, SHORTEST))
         smallest = max(4 if lag_s == 0.0 else 6, int(3 * self.correlation))
         sizes = [smallest]
         while sizes[-1] < longest:
@@ -209,7 +208,7 @@ class Readings:
 
 def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:
     """Return means over about so many seconds of a log that is faster than that."""
-    every = int(block_s / float(np.median(np.diff(time_s))))
+    every = int(block_s / usual_step(time_s))
     if every < 2:
         return time_s, temp_c
     starts = np.arange(0, len(time_s), every)

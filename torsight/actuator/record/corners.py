@@ -20,7 +20,7 @@ from torsight.core.compiled import compiled
 
 Array = NDArray[np.float64]
 
-_SEEN: Final = 6.0
+SEEN: Final = 6.0
 """A change of slope is looked at when it exceeds this many of its sigmas.
 
 For this and the next two, benchmarks/actuator/log_constants.py measures what half and twice of them do: slopes err
@@ -119,7 +119,7 @@ def _candidates(sides: Array, smallest: int) -> list[int]:
     jump = np.abs(sides[1, 0] - sides[0, 0]) / np.sqrt(sides[0, 1] + sides[1, 1])
     reach = 3 * smallest
     found: list[int] = []
-    for k in np.flatnonzero(jump > _SEEN):
+    for k in np.flatnonzero(jump > SEEN):
         near = jump[max(0, k - reach) : k + reach + 1]
         if jump[k] >= near.max() and (not found or k - found[-1] > reach):
             found.append(int(k))

@@ -14,8 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.segments import TURN_C
+from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -45,8 +46,7 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
     value, rate, left_over : (n,) float64
         Conditioned temperature, slope and sigma.
     """
-    turn_c = max(TURN_C, 8.0 * noise_c)
-    sense = turning_points(value, np.zeros(len(value), np.int64), turn_c)
+    sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
     for edge in np.flatnonzero(np.diff(sense) < 0):
         window = _longest_level(time_s, temp_c, noise_c, int(edge))
         if window is None:
@@ -90,7 +90,7 @@ def _shapes(u: Array) -> tuple[Array, Array]:
 
 def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> tuple[int, int] | None:
     """Return the longest window around or before a top's end in which the log is level; None where there is none."""
-    interval_s = float(np.median(np.diff(time_s[max(0, edge - 200) : edge + 200])))
+    interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
     reach = int(_REACH_S / interval_s)
     least = max(_LEAST_ROWS, math.ceil(_LEAST_S / interval_s))
     low, high = max(0, edge - reach), min(len(temp_c) - 1, edge + reach)

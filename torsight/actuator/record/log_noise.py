@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.series import scatter
+from torsight.core.series import scatter, usual_step
 
 Array = NDArray[np.float64]
 
@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 # nothing (benchmarks/actuator/log_constants.py).
 _MAX_STRIDE_S: Final = 2.0
 _STRIDES_PER_PART: Final = 12
+
+
+SHORTEST: Final = 16
+"""Rows below which a log is taken as it is: four of the smallest window of a local fit (4 rows)."""
 
 
 def resolution(temp_c: Array) -> float:
@@ -32,8 +36,9 @@ def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
     noise whose neighbours within s samples are alike. How many are alike is read off the quieter parts of the log:
     where the temperature itself bends over a few strides it would pass for noise that is alike over many samples.
     """
-    interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
-    longest = max(1, int(_MAX_STRIDE_S / interval))
+    if len(time_s) < 2:
+        return 0.0, 1.0
+    longest = max(1, int(_MAX_STRIDE_S / usual_step(time_s)))
     strides = np.unique([max(1, round(longest ** (i / 8))) for i in range(9)])
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):

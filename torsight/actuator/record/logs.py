@@ -14,14 +14,13 @@ from sync.log.log_table import NEEDED_NAMES, read_log_table
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import number_column
-from torsight.core.files.tables import require_increasing
+from torsight.core.files.tables import require_increasing, switches_and_extra
 from torsight.core.records import TemperatureLog
 from torsight.core.words.plausible import require_units
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_SWITCHES: Final = ("heat_a", "heat_b")
 _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
 """What may have been done to the text of a log: every row still says what it said."""
 
@@ -70,20 +69,13 @@ def read_log(
     temps = {name: number_column(frame, name, where=str(path), lines=lines) for name in NEEDED_NAMES[1:]}
     numbers = {name: _require_range(series, path=path, lines=lines) for name, series in temps.items()}
     require_units(time_s, numbers, where=str(path))
-    heat = {
-        name: number_column(frame, name, where=str(path), lines=lines).to_numpy(np.float64) > 0.5
-        for name in _SWITCHES
-        if name in frame.columns
-    }
     for note in table.notes:
         tell(note)
     return TemperatureLog(
         time_s=time_s,
         temp_a_c=numbers["temp_a_c"],
         temp_b_c=numbers["temp_b_c"],
-        heat_a=heat.get("heat_a"),
-        heat_b=heat.get("heat_b"),
-        extra={str(name): frame[name].to_numpy() for name in frame.columns if name not in (*NEEDED_NAMES, *_SWITCHES)},
+        **switches_and_extra(frame, known=NEEDED_NAMES, where=str(path), lines=lines),
     )
 
 

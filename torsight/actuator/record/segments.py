@@ -21,8 +21,7 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 
-TURN_C: Final = 1.0
-"""A turn of the temperature counts when it goes this far back, °C (more where noise is large)."""
+_TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
 _COOLED: Final = 0.8
 _LIFT_C: Final = 0.25
@@ -39,6 +38,11 @@ _COLD_SHARE: Final = 0.2
 """Share of its heating below which a spring no longer moves by itself."""
 
 
+def turn_of(noise_c: float) -> float:
+    """Return by how much the temperature goes back where it turns, °C: chance reaches 8 sigmas once in 10¹⁵ rows."""
+    return max(_TURN_C, 8.0 * noise_c)
+
+
 @dataclass(frozen=True, slots=True)
 class Heating:
     """One rise of one spring's temperature: spring (0 A, 1 B), rows of its start and top, the start's temperature."""
@@ -48,6 +52,12 @@ class Heating:
     top: int
     base_c: float
     top_c: float
+
+
+def by_role(active: NDArray[np.int8], of_a: Array, of_b: Array) -> tuple[Array, Array]:
+    """Return what belongs to the spring that is driven in each row, and what belongs to the other one."""
+    is_a = active == 0
+    return np.where(is_a, of_a, of_b), np.where(is_a, of_b, of_a)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +114,7 @@ def half_cycles(
     if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
     else:
-        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=max(TURN_C, 8.0 * noise_c))
+        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=turn_of(noise_c))
     if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
         raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)

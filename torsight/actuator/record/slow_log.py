@@ -14,21 +14,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.log_noise import measure_noise
+from torsight.actuator.record.corners import SEEN
+from torsight.actuator.record.log_noise import SHORTEST
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
 _ROUNDED_C: Final = 2e-5
 """How far rows of one line may be off it: tables are written with five decimals."""
-_FEWEST: Final = 16
 _OFF: Final = 0.15
 _REGULAR: Final = 0.9
 """Readings are multiples of one interval apart, to such a share of it, in such a share of them. Of places that have
 nothing to do with a log's clock (corners of a log without noise) three in ten are: 16 of them in 10⁶ cases once."""
 _FEW_ROWS: Final = 2.5
 """Lines of fewer rows than three are not known from noise."""
-_SEEN: Final = 6.0
-"""A corner stands out from the noise of the two slopes beside it by so many sigmas; smaller ones stay as they are."""
 _SHARP: Final = 4.0
 """And changes the slope by so many times what the gaps beside it do: a wire that bends evenly, by twice that."""
 
@@ -38,17 +37,17 @@ def own_readings(time_s: Array, temp_c: Array) -> tuple[Array, Array] | None:
 
     None where readings are no further apart than the rows, or have no noise that would tell.
     """
-    if len(time_s) < _FEWEST:
+    if len(time_s) < SHORTEST:
         return None
     times, temps = _meetings(time_s, temp_c)
-    if len(times) < _FEWEST:
+    if len(times) < SHORTEST:
         return None
     apart_s = np.diff(times)
     shortest_s = float(np.quantile(apart_s, 0.1))
     steps = np.maximum(np.rint(apart_s / shortest_s), 1.0)
     interval_s = float(np.median(apart_s / steps))
     regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
-    if not regular or interval_s < _FEW_ROWS * float(np.median(np.diff(time_s))):
+    if not regular or interval_s < _FEW_ROWS * usual_step(time_s):
         return None
     # Readings that one line joins, at rest to the last digit, are no meeting: they lie evenly on it.
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
@@ -58,8 +57,8 @@ def own_readings(time_s: Array, temp_c: Array) -> tuple[Array, Array] | None:
     return wanted_s, np.interp(wanted_s, *ends)
 
 
-def corner_gaps(time_s: Array, temp_c: Array) -> NDArray[np.bool_]:
-    """Return in which gaps (n − 1) between readings (n,) the wire has a corner.
+def corner_gaps(time_s: Array, temp_c: Array, noise_c: float) -> NDArray[np.bool_]:
+    """Return in which gaps (n − 1) between readings (n,) of so much noise the wire has a corner.
 
     The slope changes there by more than noise does and than the wire bends beside it, and the lines beside the gap meet
     in it.
@@ -67,9 +66,8 @@ def corner_gaps(time_s: Array, temp_c: Array) -> NDArray[np.bool_]:
     slope = np.diff(temp_c) / np.diff(time_s)
     gap = np.arange(len(slope))
     first, before, after, last = (slope[np.clip(gap + step, 0, len(slope) - 1)] for step in (-2, -1, 1, 2))
-    noise_c, _ = measure_noise(time_s, temp_c)
     bend = np.maximum(np.abs(before - first), np.abs(last - after))
-    seen = np.abs(after - before) > _SEEN * 2.0 * noise_c / np.diff(time_s) + _SHARP * bend
+    seen = np.abs(after - before) > SEEN * 2.0 * noise_c / np.diff(time_s) + _SHARP * bend
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 

@@ -89,6 +89,7 @@ from torsight.actuator.stepping.kernel_roots import (
     load_torque,
     made_torque,
     passive_torque,
+    section_temp,
     slide,
     stick,
     sticking_end,
@@ -285,7 +286,7 @@ def _nothing_to_do(c: Array, g: Array, w: Array, p: Scalars, sections: Array) ->
         return False
     heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
+        own = section_temp(j, c, p, sections)
         complete = w[2, j] >= 1.0 and p["tanaka"] < 0.5
         if not complete and window_place(heating, own, g[TAU_NOW], p) > w[2, j]:
             return False

@@ -157,22 +157,8 @@ def held_place(heating: bool, place: float, furthest: float, delay: float, p: Sc
 
 
 @inlined
-def from_table(x: float, row: int, p: Scalars, tables: Array) -> float:
-    """Return a table's value at x, held beyond its ends."""
-    place = (x - p["grid_start"]) / p["grid_step"]
-    last = tables.shape[1] - 1
-    if place <= 0.0:
-        return tables[row, 0]
-    if place >= last:
-        return tables[row, last]
-    i = int(place)
-    return tables[row, i] + (place - i) * (tables[row, i + 1] - tables[row, i])
-
-
-@inlined
-def table_and_slope(x: float, row: int, p: Scalars, tables: Array) -> tuple[float, float]:
-    """Return :func:`from_table` with its derivative."""
-    place = (x - p["grid_start"]) / p["grid_step"]
+def _between(place: float, row: int, step: float, tables: Array) -> tuple[float, float]:
+    """Return a table's value and slope at a place in steps from its start; level beyond its ends."""
     last = tables.shape[1] - 1
     if place <= 0.0:
         return tables[row, 0], 0.0
@@ -180,7 +166,19 @@ def table_and_slope(x: float, row: int, p: Scalars, tables: Array) -> tuple[floa
         return tables[row, last], 0.0
     i = int(place)
     rise = tables[row, i + 1] - tables[row, i]
-    return tables[row, i] + (place - i) * rise, rise / p["grid_step"]
+    return tables[row, i] + (place - i) * rise, rise / step
+
+
+@inlined
+def table_and_slope(x: float, row: int, p: Scalars, tables: Array) -> tuple[float, float]:
+    """Return :func:`from_table` with its derivative."""
+    return _between((x - p["grid_start"]) / p["grid_step"], row, p["grid_step"], tables)
+
+
+@inlined
+def from_table(x: float, row: int, p: Scalars, tables: Array) -> float:
+    """Return a table's value at x, held beyond its ends."""
+    return table_and_slope(x, row, p, tables)[0]
 
 
 @inlined
@@ -194,12 +192,7 @@ def side_torque(x: float, p: Scalars, tables: Array) -> float:
 @inlined
 def held_table(x: float, row: int, step: float, tables: Array) -> tuple[float, float]:
     """Return value and slope of a table that begins at x = 0, held beyond its end."""
-    place, last = x / step, tables.shape[1] - 1
-    if place >= last:
-        return tables[row, last], 0.0
-    i = int(place)
-    rise = tables[row, i + 1] - tables[row, i]
-    return tables[row, i] + (place - i) * rise, rise / step
+    return _between(x / step, row, step, tables)
 
 
 @inlined

@@ -77,20 +77,35 @@ def held_back(heating: bool, place: float, j: int, c: Array, w: Array, p: Scalar
 
 
 @inlined
+def section_temp(j: int, c: Array, p: Scalars, sections: Array) -> float:
+    """Return the temperature of a section of the active spring's wire."""
+    return c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
+
+
+@inlined
+def transformed(heating: bool, before: float, done: float) -> float:
+    """Return ξ where it was ``before`` when a transformation began that is ``done`` by so much."""
+    return before * (1.0 - done) if heating else before + (1.0 - before) * done
+
+
+@inlined
+def section_at(torque: float, j: int, c: Array, p: Scalars, sections: Array, w: Array) -> tuple[float, float]:
+    """Return a section's ξ at a torque, advanced only, and how far in the window its transformation has come."""
+    heating = c[HEATING] > 0.0
+    place = window_place(heating, section_temp(j, c, p, sections), torque, p)
+    if not place > w[2, j]:
+        return w[0, j], w[2, j]
+    if p["latent"] > 0.0:
+        place, _ = held_back(heating, place, j, c, w, p)
+    return transformed(heating, w[1, j], share_done(heating, place, p)), place
+
+
+@inlined
 def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Return the wire's ξ at this torque: each section's law, advanced only."""
     total = 0.0
-    heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
-        place = window_place(heating, own, torque, p)
-        xi = w[0, j]
-        if place > w[2, j]:
-            if p["latent"] > 0.0:
-                place, _ = held_back(heating, place, j, c, w, p)
-            done = share_done(heating, place, p)
-            xi = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
-        total += sections[0, j] * xi
+        total += sections[0, j] * section_at(torque, j, c, p, sections, w)[0]
     return total
 
 
@@ -98,16 +113,8 @@ def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array
 def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
-    heating = c[HEATING] > 0.0
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
-        place = window_place(heating, own, torque, p)
-        if place > w[2, j]:
-            if p["latent"] > 0.0:
-                place, _ = held_back(heating, place, j, c, w, p)
-            done = share_done(heating, place, p)
-            w[0, j] = w[1, j] * (1.0 - done) if heating else w[1, j] + (1.0 - w[1, j]) * done
-            w[2, j] = place
+        w[0, j], w[2, j] = section_at(torque, j, c, p, sections, w)
         total += sections[0, j] * w[0, j]
     return total
 
@@ -179,7 +186,7 @@ def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables:
 
 
 @inlined
-def _tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> tuple[float, float, float, float]:
+def tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> tuple[float, float, float, float]:
     """Return a bracket, the newest point last, with a point between: the other end's value as Anderson and Björck."""
     if (fx > 0.0) == (fb > 0.0):
         factor = 1.0 - fx / fb
@@ -211,7 +218,7 @@ def slide(
                 a, fa = x, fx
                 step = min(max(ahead, 1e-9), 8.0 * step)
         else:
-            a, fa, b, fb = _tightened(a, fa, b, fb, x, fx)
+            a, fa, b, fb = tightened(a, fa, b, fb, x, fx)
         if not bracketed:
             x = a + sense * step
             continue
@@ -282,8 +289,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w:
     ahead = bend(heating, p)
     total, slope, advances = 0.0, 0.0, False
     for j in range(w.shape[1]):
-        own = c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
-        place = window_place(heating, own, torque, p)
+        place = window_place(heating, section_temp(j, c, p, sections), torque, p)
         xi, follows = w[0, j], 1.0
         if place > w[2, j]:
             advances = True
@@ -363,7 +369,7 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tabl
         if trial == 1:
             b, fb = xi, fx
         else:
-            a, fa, b, fb = _tightened(a, fa, b, fb, xi, fx)
+            a, fa, b, fb = tightened(a, fa, b, fb, xi, fx)
         if abs(fb) <= 1e-14 or abs(b - a) < 1e-15 or fa == fb:
             break
         xi = b - fb * (b - a) / (fb - fa)
@@ -391,7 +397,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Arra
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
     done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o), o)
-    return (g[XI_0_P] * (1.0 - done) if heating else g[XI_0_P] + (1.0 - g[XI_0_P]) * done) - xi
+    return transformed(heating, g[XI_0_P], done) - xi
 
 
 @lending
@@ -412,7 +418,7 @@ def crosstalk(theta: float, c: Array, g: Array, o: Scalars, tables: Array) -> fl
             if abs(fb) <= 1e-14 or abs(b - a) < 1e-14 or fa == fb:
                 break
             x = b - fb * (b - a) / (fb - fa)
-            a, fa, b, fb = _tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o))
+            a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o))
         fraction = b
     if abs(fraction - xi) > 1e-12:
         g[XI_P] = fraction

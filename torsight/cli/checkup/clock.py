@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync import LightEvents, LogReading, find_clock
+from sync.clock.estimation import WIDE_S
+from sync.clock.led_likelihood import switchings_of
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
@@ -27,8 +29,6 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.wording import number
 
-WIDE_S: Final = 1.0
-"""A wider interval limits: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
 _ADVICE: Final = (
     "film a light that shows the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
     "clearly different rates with one heating cut short"
@@ -122,9 +122,7 @@ def _made_up_light(log: TemperatureLog, frame_s: NDArray[np.float64]) -> LightEv
     switch = log.heat_a if log.heat_a is not None else log.heat_b
     if switch is None:
         return LightEvents(frame_s[:1], np.ones(1, np.bool_))
-    on = np.asarray(switch) > 0.5
-    rows = np.flatnonzero(np.diff(on.astype(np.int8))) + 1
-    happened_s = 0.5 * (log.time_s[rows - 1] + log.time_s[rows])
-    frames = np.searchsorted(frame_s, happened_s)
+    changes = switchings_of(log.time_s, switch)
+    frames = np.searchsorted(frame_s, changes.time_s)
     seen = (frames > 0) & (frames < len(frame_s))
-    return LightEvents(frame_s[frames[seen]], on[rows][seen])
+    return LightEvents(frame_s[frames[seen]], changes.goes_on[seen])

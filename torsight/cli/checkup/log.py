@@ -13,6 +13,7 @@ from sync import LogReading, read_temperature_log
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.log_noise import measure_noise, resolution
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
@@ -20,6 +21,7 @@ from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.series import usual_step
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
@@ -51,7 +53,7 @@ def check_log(
     log = check.reading.log
     check.findings += [Finding("log", "note", f"{note}.") for note in check.reading.notes]
     step = np.diff(log.time_s)
-    usual = float(np.median(step))
+    usual = usual_step(log.time_s)
     check.duration_s = float(log.time_s[-1] - log.time_s[0] + usual)
     ranges = {}
     for name, temp_c in (("temp_a_c", log.temp_a_c), ("temp_b_c", log.temp_b_c)):
@@ -116,7 +118,7 @@ def check_programme(
     if not any(cycle.peak_c > limits.onset_c for cycle in cycles):
         return findings, content
     angle_deg = ActuatorModel(spec).simulate(drive).angle_rad / DEG
-    active_c = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
+    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
     steepest = steepest_deg_per_c(angle_deg, active_c)
     content["steepest_deg_per_c"] = steepest
     content["expected_rate_deg_s"] = float(np.nanquantile(np.abs(np.gradient(angle_deg, drive.time_s)), 0.99))

@@ -1,4 +1,4 @@
-"""Paths that are refused before anything is read or written: nothing is there, it is no file, or it is an input."""
+"""Where things are: paths that are refused before anything is read or written, and this computer's own address."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, reason_of
 
 AnyPath = str | os.PathLike[str]
 """A path as people give it: text, or an object."""
+
+LOOPBACK: Final = "127.0.0.1"
+"""Under this address a computer reaches itself, and no other one reaches it: all that is served is served here."""
 
 PICTURE_SUFFIXES: Final = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",
@@ -48,7 +51,7 @@ def unreadable(path: Path, error: OSError) -> InputError:
     """Return the error for a file that could not be read: it is not there, or why."""
     if not path.exists():
         return missing_file(path)
-    return InputError(f"cannot be read ({error.strerror or error})", where=str(path))
+    return InputError(f"cannot be read ({reason_of(error)})", where=str(path))
 
 
 def require_ordinary(path: Path) -> None:

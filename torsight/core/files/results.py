@@ -80,6 +80,15 @@ class RunResults(Frozen, Shown):
         known = np.isfinite(values) & (column(table, "valid") > 0.5 if "valid" in table.columns else True)
         return np.asarray(values[known])
 
+    def measured_frames(self) -> NDArray[np.bool_]:
+        """Return in which frames (n,) the angle is known; none where there is no ``angle.csv``."""
+        return np.empty(0, np.bool_) if self.angle is None else column(self.angle, "valid") > 0.5
+
+    def parameters(self) -> Mapping[str, Any]:
+        """Return the parameters of the discovery, else of the plain fit."""
+        documents = (document or {} for document in (self.discovery, self.fit))
+        return next((document["parameters"] for document in documents if document.get("parameters")), {})
+
     def first_of(self, *names: str, holding: str = "time_s") -> pd.DataFrame | None:
         """Return the first of some tables that is there and holds a column."""
         tables = (getattr(self, name) for name in names)

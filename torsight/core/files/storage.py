@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import numpy as np
 
-from torsight.core.errors import ConfigError, InputError, OutputError
+from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
 from torsight.core.files.paths import missing_file, require_ordinary, unreadable
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def is_running(process: int) -> bool:
 def not_written(path: Path, error: OSError) -> OutputError:
     """Return the error for a path that the system refuses to write."""
     return OutputError(
-        f"cannot be written ({error.strerror or error})",
+        f"cannot be written ({reason_of(error)})",
         where=str(path),
         do="choose another --out folder, or free space and rights there; earlier files are untouched",
     )
@@ -119,16 +119,17 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def json_text(content: Mapping[str, Any]) -> str:
     """Return the text of a JSON object: plain types, non-finite numbers as null, a newline at the end."""
-    return json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return a value as JSON knows it: arrays as lists, non-finite numbers as null, paths as text."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value

@@ -67,6 +67,30 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
     return np.asarray(frame, dtype=np.int64)
 
 
+def switch_column(
+    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
+) -> NDArray[np.bool_] | None:
+    """Return a column of zeros and ones as flags; None where there is none of that name.
+
+    Raises
+    ------
+    InputError
+        When a field is no number.
+    """
+    if name not in table.columns:
+        return None
+    return number_column(table, name, where=where, lines=lines).to_numpy(np.float64) > 0.5
+
+
+def switches_and_extra(
+    table: pd.DataFrame, *, known: Sequence[str], where: str, lines: Sequence[int] | None = None
+) -> dict[str, Any]:
+    """Return what a record holds beside its ``known`` columns: ``heat_a``, ``heat_b`` and the rest as ``extra``."""
+    heat = {name: switch_column(table, name, where=where, lines=lines) for name in ("heat_a", "heat_b")}
+    rest = {str(name): table[name].to_numpy() for name in table.columns if name not in (*known, *heat)}
+    return {**heat, "extra": rest}
+
+
 def read_angles(path: AnyPath) -> StickAngles:
     """Read ``angle.csv``.
 
@@ -78,9 +102,7 @@ def read_angles(path: AnyPath) -> StickAngles:
     path = Path(path)
     table = read_table(path, required=_ANGLE)
     valid = table["valid"].to_numpy() > 0.5
-    certain = (
-        table["branch_certain"].to_numpy() > 0.5 if "branch_certain" in table.columns else np.ones(len(valid), bool)
-    )
+    certain = switch_column(table, "branch_certain", where=str(path))
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
     require_degrees(table["angle_deg"].to_numpy(np.float64), where=str(path))
@@ -90,7 +112,7 @@ def read_angles(path: AnyPath) -> StickAngles:
         angle_rad=np.where(valid, table["angle_deg"].to_numpy(np.float64) * DEG, np.nan),
         sigma_rad=np.where(valid, table["angle_sigma_deg"].to_numpy(np.float64) * DEG, np.nan),
         valid=valid & np.isfinite(table["angle_deg"].to_numpy(np.float64)),
-        branch_certain=certain,
+        branch_certain=np.ones(len(valid), bool) if certain is None else certain,
     )
 
 
@@ -159,19 +181,11 @@ def read_merged(path: AnyPath) -> SyncedTable:
     require_increasing(time_s, path=path)
     require_degrees(frame["angle_deg"].to_numpy(np.float64), where=str(path))
     require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
-    heat = {
-        name: number_column(frame, name, where=str(path)).to_numpy(np.float64) > 0.5 if name in frame.columns else None
-        for name in ("heat_a", "heat_b")
-    }
     return SyncedTable(
         time_s=time_s,
         angle_rad=frame["angle_deg"].to_numpy(np.float64) * DEG,
         angle_sigma_rad=frame["angle_sigma_deg"].to_numpy(np.float64) * DEG,
         temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
         temp_b_c=frame["temp_b_c"].to_numpy(np.float64),
-        heat_a=heat["heat_a"],
-        heat_b=heat["heat_b"],
-        extra={
-            str(name): frame[name].to_numpy() for name in frame.columns if name not in (*_MERGED, "heat_a", "heat_b")
-        },
+        **switches_and_extra(frame, known=_MERGED, where=str(path)),
     )

@@ -30,17 +30,10 @@ _TRIANGULATION_STEPS: Final = 6
 
 
 def rotation_matrix(rvec: Floats) -> Floats:
-    """Return the rotation matrix (3, 3) of a rotation vector (Rodrigues' formula)."""
-    vector = np.asarray(rvec, np.float64).reshape(3)
-    angle_rad = float(np.linalg.norm(vector))
-    cross = cross_matrix(vector)
-    if angle_rad < 1e-9:
-        return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
-    return np.asarray(
-        np.eye(3)
-        + (np.sin(angle_rad) / angle_rad) * cross
-        + ((1.0 - np.cos(angle_rad)) / angle_rad**2) * (cross @ cross)
-    )
+    """Return the rotation matrix (3, 3) of a rotation vector."""
+    import cv2
+
+    return np.asarray(cv2.Rodrigues(np.asarray(rvec, np.float64).reshape(3))[0])
 
 
 def rotation_vector(matrix: Floats) -> Floats:

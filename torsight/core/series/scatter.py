@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-_NORMAL_MEDIAN: Final = 0.6745
-"""Median of the absolute value of a standard normal variable: the quantile of 3/4."""
+_NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
+"""Median of the absolute value of a standard normal variable."""
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root of the mean square of values (n,)."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def robust_sigma(deviation: NDArray[np.float64]) -> float:

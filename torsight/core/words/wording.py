@@ -101,6 +101,23 @@ EXPLAINED: Final = 2.0
 """How many noise floors may be left: up to that, what is left is the floor and what the fit is uncertain by."""
 
 
+def held_out_errors(discovery: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """Return the errors on half-cycles that the fit did not see, before and after, degrees rms."""
+    before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
+    return before, after
+
+
+def clock_words(sync: Mapping[str, Any], *, unknown: str) -> list[tuple[str, str]]:
+    """Return offset and drift of a ``sync.json`` with their intervals, or what to say where one is not known."""
+    lines = []
+    for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
+        part = sync.get(name) or {}
+        low, high = part.get("ci95") or (None, None)
+        interval = unknown if low is None or high is None else f"95 %: {number(low)} to {number(high)}"
+        lines.append((label, f"{number(part.get('value'), 4)} {unit} ({interval})"))
+    return lines
+
+
 def error_left(discovery: Mapping[str, Any]) -> float | None:
     """Return what the model of a ``discovery.json`` leaves, deg rms: on held-out half-cycles where there are any."""
     after = discovery.get("after") or {}

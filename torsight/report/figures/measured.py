@@ -10,7 +10,7 @@ import numpy as np
 from torsight.core.files.results import column
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
-from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure
+from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_panel
 from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
 
@@ -47,15 +47,12 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = (
 def both_clocks(merged: pd.DataFrame) -> Figure | None:
     """Draw the temperatures and the speed of the motion on one clock: what belongs together must stand together."""
     time_s, angle = column(merged, "time_s"), column(merged, "angle_deg")
-    temps = [column(merged, f"temp_{spring}_c") for spring in "ab"]
     known = np.isfinite(angle)
-    if known.sum() < 10 or not np.isfinite(temps).any():
+    if known.sum() < 10 or not np.isfinite([column(merged, f"temp_{spring}_c") for spring in "ab"]).any():
         return None
     window_s = max(2.0, float(np.ptp(time_s)) / 300.0)
     speed = np.abs(slope(time_s[known], angle[known], window_s=window_s))
-    heat = Panel(Axis.along("", time_s), Axis.around(TEMPERATURE, *temps), height=170)
-    for temp, spring in zip(temps, "ab", strict=True):
-        heat.line(time_s, temp, f"spring-{spring}", label=f"spring {spring.upper()}, by its own log")
+    heat = temperature_panel(merged, Axis.along("", time_s), height=170, source=", by its own log")
     motion = Panel(Axis.along(TIME, time_s), Axis.around("speed (°/s)", [0.0], speed), height=160)
     motion.line(time_s[known], speed, "ink", label="speed of the motion, by the film")
     words = "Temperatures by the log and speed of the motion by the film, on the film's clock"

@@ -121,13 +121,26 @@ def models(
         plot.line(x, extended, "after", label="extended model", ordered=ordered)
 
 
+def is_driven(curves: pd.DataFrame, spring: str) -> NDArray[np.bool_]:
+    """Return in which rows a spring is driven: as the table says, else while it is the warmer one."""
+    if "active" in curves.columns:
+        return np.asarray((curves["active"].astype(str).str.lower() == spring).to_numpy())
+    temps = [column(curves, f"temp_{one}_c") for one in "ab"]
+    return np.asarray(temps["ab".index(spring)] >= np.fmax(*temps))
+
+
+def temperature_panel(table: pd.DataFrame, along: Axis, *, height: float, source: str = "") -> Panel:
+    """Return a panel of both springs' temperatures; ``source`` says in its legend where they come from."""
+    temps = {spring: column(table, f"temp_{spring}_c") for spring in "ab"}
+    plot = Panel(along, Axis.around(TEMPERATURE, *temps.values()), height=height)
+    for spring, temp_c in temps.items():
+        plot.line(column(table, "time_s"), temp_c, f"spring-{spring}", label=f"spring {spring.upper()}{source}")
+    return plot
+
+
 def temperatures_over_time(table: pd.DataFrame, *, source: str = CURVES) -> Figure:
     """Both springs' temperatures against time (the paper's figure 16)."""
-    time_s = column(table, "time_s")
-    temp_a, temp_b = column(table, "temp_a_c"), column(table, "temp_b_c")
-    plot = Panel(Axis.along(TIME, time_s), Axis.around(TEMPERATURE, temp_a, temp_b), height=240)
-    plot.line(time_s, temp_a, "spring-a", label="spring A")
-    plot.line(time_s, temp_b, "spring-b", label="spring B")
+    plot = temperature_panel(table, Axis.along(TIME, column(table, "time_s")), height=240)
     return Figure(
         "temperatures",
         "Temperatures against time",
@@ -141,10 +154,7 @@ def temperatures_over_time(table: pd.DataFrame, *, source: str = CURVES) -> Figu
 def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str = CURVES) -> Figure | None:
     """Angle against the temperature of the spring that is driven (the paper's figure 17); None where it never is."""
     temp_c = column(curves, f"temp_{spring}_c")
-    if "active" in curves.columns:
-        driven = (curves["active"].astype(str).str.lower() == spring).to_numpy()
-    else:
-        driven = temp_c >= np.fmax(column(curves, "temp_a_c"), column(curves, "temp_b_c"))
+    driven = is_driven(curves, spring)
     if driven.sum() < 3:
         return None
     names = ("angle_deg", "plain_deg", "extended_deg")

@@ -9,7 +9,7 @@ import numpy as np
 
 from torsight.core.files.results import column
 from torsight.core.words.wording import effect_name, number
-from torsight.report.figures.motion import ANGLE, TEMPERATURE, TIME, Figure
+from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_panel
 from torsight.report.plots.panels import Axis, Panel
 
 if TYPE_CHECKING:
@@ -25,13 +25,10 @@ def programme(table: pd.DataFrame) -> Figure | None:
     if len(table) < 2 or not rivals:
         return None
     time_s = column(table, "time_s")
-    temps = [column(table, f"temp_{spring}_c") for spring in "ab"]
     angles = [column(table, name) for name in rivals]
     words = [" with ".join(effect_name(one) for one in name.removesuffix("_deg").split("+")) for name in rivals]
     above = Axis.along("", time_s, clock="programme")
-    heat = Panel(above, Axis.around(TEMPERATURE, *temps), height=190)
-    for temp, spring in zip(temps, "ab", strict=True):
-        heat.line(time_s, temp, f"spring-{spring}", label=f"spring {spring.upper()}")
+    heat = temperature_panel(table, above, height=190)
     motion = Panel(above, Axis.around(ANGLE, *angles), height=190)
     for place, (angle, name) in enumerate(zip(angles, words, strict=True)):
         motion.line(time_s, angle, f"rival-{min(place, 3)}", label=name)

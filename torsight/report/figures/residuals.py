@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from sync.signals.even_signal import WINDOW_S
 from torsight.core.files.results import column
+from torsight.core.series import rms
 from torsight.core.words.wording import number
-from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, shade_held_out
+from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 
 if TYPE_CHECKING:
@@ -50,10 +51,7 @@ def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     ones would be noise.
     """
     temp_a, temp_b = column(curves, "temp_a_c"), column(curves, "temp_b_c")
-    if "active" in curves.columns:
-        is_a = (curves["active"].astype(str).str.lower() == "a").to_numpy()
-    else:
-        is_a = temp_a >= temp_b
+    is_a = is_driven(curves, "a")
     active, passive = np.where(is_a, temp_a, temp_b), np.where(is_a, temp_b, temp_a)
     smooth = column(curves, "extended_deg")
     smooth = smooth if np.isfinite(smooth).any() else column(curves, "plain_deg")
@@ -224,4 +222,4 @@ def pairs_of_bars(
 
 def _rms(values: NDArray[np.float64]) -> float:
     values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+    return rms(values) if len(values) else float("nan")

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from torsight.report.plots.palette import LIGHT
+from torsight.core.words.colours import LIGHT
 
 Array = NDArray[np.float64]
 

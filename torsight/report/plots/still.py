@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from torsight.report.plots.palette import LIGHT
+from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
 if TYPE_CHECKING:
@@ -85,12 +85,10 @@ def png(panels: Sequence[Panel]) -> bytes:
 
 
 def _picture(panels: Sequence[Panel]) -> Picture:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Picture
 
     width, height = panels[0].width, sum(panel.height for panel in panels)
     picture = Picture(figsize=(width / _PX_PER_INCH, height / _PX_PER_INCH))
-    FigureCanvasAgg(picture)
     top = height
     for panel in panels:
         _draw(picture, panel, top, width, height)

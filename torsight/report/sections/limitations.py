@@ -42,7 +42,7 @@ def _of_angle(results: RunResults) -> list[str]:
     if table is None:
         return []
     found = []
-    valid = table["valid"].to_numpy(dtype=float) > 0.5
+    valid = results.measured_frames()
     if not valid.all():
         found.append(f"The angle is not known in {int((~valid).sum())} of {len(valid)} frames.")
     if "branch_certain" in table.columns:

@@ -10,8 +10,9 @@ from markupsafe import Markup, escape
 
 from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults, column
+from torsight.core.series import rms
 from torsight.core.units import DEG
-from torsight.core.words.wording import EXPLAINED, error_left, not_explained, number, times_floor
+from torsight.core.words.wording import EXPLAINED, error_left, held_out_errors, not_explained, number, times_floor
 from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
@@ -87,7 +88,7 @@ def _noise(results: RunResults, floor: float) -> str:
     sigma = sigma[np.isfinite(sigma)]
     if not len(sigma):
         return f"{number(floor, 2)}°."
-    film = float(np.sqrt(np.mean(sigma**2)))
+    film = rms(sigma)
     begin = f"{number(floor, 2)}°. The film's share of that is {number(min(film, floor), 2)}°"
     if film**2 < 0.5 * floor**2:
         return (
@@ -162,7 +163,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     range_deg = float(np.ptp(angle)) if len(angle) else 0.0
     if range_deg <= 0.0:
         return Step(question, Markup("The range of motion is not known here."))
-    held_out = (discovery.get("after") or {}).get("rmse_held_out_deg") is not None
+    held_out = held_out_errors(discovery)[1] is not None
     seen = "on half-cycles that the fit did not see" if held_out else "on the half-cycles that were fitted"
     numbers = [
         f"{number(left, 2)}° rms error {seen}, {number(100.0 * left / range_deg, 2)} % of the {range_deg:.0f}° range"

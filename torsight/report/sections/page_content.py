@@ -15,10 +15,12 @@ from torsight.actuator.quantities import for_people
 from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import (
+    clock_words,
     effect_name,
     estimate,
     explanations,
     fixed,
+    held_out_errors,
     listed,
     not_explained,
     number,
@@ -63,8 +65,7 @@ class Tile(NamedTuple):
 def lead(results: RunResults) -> str:
     """Return the sentence under the headline: what the extension did to the error."""
     discovery = results.discovery or {}
-    before = (discovery.get("before") or {}).get("rmse_held_out_deg")
-    after = (discovery.get("after") or {}).get("rmse_held_out_deg")
+    before, after = held_out_errors(discovery)
     floor = discovery.get("noise_floor_deg")
     ends = f" The noise floor of the record is {number(floor, 2)}°." if floor is not None else ""
     if before is None:
@@ -115,14 +116,14 @@ def _range_tile(results: RunResults) -> list[Tile]:
 
 
 def _frames_tile(results: RunResults) -> list[Tile]:
-    if results.angle is None or not len(results.angle):
+    valid = results.measured_frames()
+    if not len(valid):
         return []
-    valid = results.angle["valid"].to_numpy(dtype=float) > 0.5
     return [Tile("Frames measured", f"{100.0 * valid.mean():.1f}", "%", f"{int(valid.sum())} of {len(valid)}")]
 
 
 def _friction_tile(results: RunResults) -> list[Tile]:
-    friction = best_parameters(results).get("tau_c_mnm")
+    friction = results.parameters().get("tau_c_mnm")
     if friction is None:
         return []
     words, _, interval = estimate(friction).partition(" (")
@@ -183,14 +184,6 @@ def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     return [Tile("Error", value, "°", note)]
 
 
-def best_parameters(results: RunResults) -> dict[str, Any]:
-    """Return the parameters of the extended model, or of the plain one where there is no other."""
-    for document in (results.discovery, results.fit):
-        if document is not None and document.get("parameters"):
-            return dict(document["parameters"])
-    return {}
-
-
 def missing(results: RunResults) -> dict[str, Any]:
     """Return what the section on the missing effect shows."""
     discovery = results.discovery
@@ -248,10 +241,10 @@ def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:
     gains = {str(effect["id"]): effect.get("gain") for effect in discovery.get("effects") or []}
     if len(gains) == 1:
         gains = dict.fromkeys(gains, 1.0)
-    errors = [(discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after")]
-    if any(gain is None or gain <= 0.0 for gain in gains.values()) or None in errors or not errors[0]:
+    before, after = held_out_errors(discovery)
+    if any(gain is None or gain <= 0.0 for gain in gains.values()) or after is None or not before:
         return {}
-    explained = 100.0 * max(0.0, 1.0 - (errors[1] / errors[0]) ** 2)
+    explained = 100.0 * max(0.0, 1.0 - (after / before) ** 2)
     total = sum(gains.values())
     return {name: explained * gain / total for name, gain in gains.items()}
 
@@ -362,12 +355,7 @@ def clocks(results: RunResults) -> list[tuple[str, str]]:
     sync = results.sync
     if sync is None:
         return []
-    lines = []
-    for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
-        part = sync.get(name) or {}
-        low, high = part.get("ci95") or (None, None)
-        interval = "interval unknown" if low is None or high is None else f"95 %: {number(low)} to {number(high)}"
-        lines.append((label, f"{number(part.get('value'), 4)} {unit} ({interval})"))
+    lines = clock_words(sync, unknown="interval unknown")
     lines.append(("evidence", str(sync.get("method", "not said"))))
     lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
     return lines

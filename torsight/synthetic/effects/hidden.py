@@ -35,6 +35,8 @@ from torsight.synthetic.effects.mechanisms import (
 )
 from torsight.synthetic.keys import key, read_section
 
+STIFFENING_FORMS: Final = ("cubic", "third_slope", "quadratic", "loading", "bend")
+
 
 @dataclass(frozen=True, slots=True)
 class SensorLag(HiddenEffect):
@@ -130,7 +132,7 @@ class Stiffening(HiddenEffect):
     form: str = key(
         "cubic",
         "law; 'loading' is a third slope of the loading curve, which is unwound along the first, 'bend' a cubic of it",
-        choices=("cubic", "third_slope", "quadratic", "loading", "bend"),
+        choices=STIFFENING_FORMS,
         constant="stiff_form",
     )
 

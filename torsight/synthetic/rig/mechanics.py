@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.compiled import lending
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
-from torsight.synthetic.rig.spring_state import Spring, past_onset, solve_spring
+from torsight.synthetic.rig.spring_state import TORQUE_TOLERANCE_NM, Spring, past_onset, solve_spring
 
 Floats: TypeAlias = NDArray[np.float64]
 Pair: TypeAlias = NDArray[np.void]
@@ -33,7 +33,8 @@ PHI, SPEED, BRISTLE, REST = range(4)
 # Entries of the temperatures after both wires': the body's, and the spring that was switched on last.
 BODY, DRIVEN = 2, 3
 
-_RESIDUAL_NM: Final = 1e-10
+_RESIDUAL_NM: Final = 100.0 * TORQUE_TOLERANCE_NM
+"""The springs' own torques are known far better than their balance is solved to."""
 _TORQUE: Final = SLOTS["torque", "angle"]
 _OVER_ANGLE: Final = SLOTS["friction", "angle"]
 _OVER_TEMPERATURE: Final = SLOTS["friction", "temperature"]

@@ -112,9 +112,14 @@ class RigRecord:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    @property
+    def step_s(self) -> float:
+        """Time from one sample to the next."""
+        return float(self.time_s[1] - self.time_s[0])
+
     def angle_at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the actuator angle at any instants, rad; held beyond the ends."""
-        return between_samples(self.angle_rad, time_s / (self.time_s[1] - self.time_s[0]))
+        return between_samples(self.angle_rad, time_s / self.step_s)
 
 
 def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -216,7 +221,7 @@ def scaled_constants(
 
 def home_angle(values: RigValues) -> float:
     """Return an angle near the home of the stable cycle, rad: where the homing starts from."""
-    return min(0.33 * (0.5 * values.theta_p_rad - values.theta_cr_rad) * 1.5, 0.5 * values.theta_p_rad)
+    return min(0.33 * (0.5 * values.rig.theta_p_rad - values.rig.theta_cr_rad) * 1.5, 0.5 * values.rig.theta_p_rad)
 
 
 def home_state(pair: NDArray[np.void], angle_rad: float) -> NDArray[np.float64]:

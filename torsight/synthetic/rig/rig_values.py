@@ -6,29 +6,27 @@ shares them with the model that is fitted, and nothing else.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from torsight.actuator.spec import KEYS, REFERENCE_UNCERTAINTY, REFERENCE_VALUES
+from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, keys_of
+from torsight.actuator.springs import Rig, wire_length_mm
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_table
 from torsight.core.files.storage import check_keys
 from torsight.core.frozen import Frozen
-from torsight.core.units import DEG, GPA, MM, MNM, MPA
 
-_WIRE_LENGTH_MM: Final = math.pi * REFERENCE_VALUES["mean_diameter_mm"] * REFERENCE_VALUES["active_coils"]
 REFERENCE: Final[Mapping[str, Mapping[str, float]]] = {
     "geometry": {
         "wire_diameter_mm": REFERENCE_VALUES["wire_diameter_mm"],
         # As a lab would write it down: to a tenth of a millimetre.
-        "wire_length_mm": round(_WIRE_LENGTH_MM, 1),
+        "wire_length_mm": round(wire_length_mm(REFERENCE_VALUES), 1),
     },
     **{
-        table: {name: REFERENCE_VALUES[name] for name, key in KEYS.items() if key.table == table}
+        table: {name: REFERENCE_VALUES[name] for name in keys_of(table)}
         for table in ("material", "assembly", "friction")
     },
 }
@@ -41,13 +39,7 @@ UNCERTAINTY: Final[Mapping[str, float]] = {
 }
 """By how much a rig's own values differ from the declared ones: one standard deviation of each."""
 
-_GEOMETRY: Final = ("wire_diameter_mm", "wire_length_mm", "mean_diameter_mm", "active_coils")
-_TABLES: Final[Mapping[str, tuple[str, ...]]] = {
-    "geometry": _GEOMETRY,
-    "material": tuple(REFERENCE["material"]),
-    "assembly": ("theta_p_deg",),
-    "friction": ("tau_c_mnm",),
-}
+_TABLES: Final[Mapping[str, tuple[str, ...]]] = {table: keys_of(table) for table in REFERENCE}
 _KEYS: Final = tuple(name for names in _TABLES.values() for name in names)
 _SIGNED: Final = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
 
@@ -78,39 +70,9 @@ class Declared(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class RigValues(Frozen):
-    """One rig in SI units.
+    """What a rig really is: in SI, and by the names and in the units of ``actuator.toml``."""
 
-    Attributes
-    ----------
-    stress_per_nm : float
-        C2 (11).
-    stiffness_a, stiffness_m, stiffness_s : float
-        K_A, K_M, K_S (16, 17), N·m/rad.
-    a_s_c, a_f_c, m_s_c, m_f_c : float
-        Transformation temperatures without stress.
-    c_a, c_m : float
-        Stress influence, Pa/K.
-    theta_cr_rad, theta_p_rad : float
-        Onset of stress-induced martensite; total pre-deformation.
-    friction_nm : float
-        Coulomb friction torque.
-    public : mapping of str to float
-        The same values under the names and in the units of ``actuator.toml``.
-    """
-
-    stress_per_nm: float
-    stiffness_a: float
-    stiffness_m: float
-    stiffness_s: float
-    a_s_c: float
-    a_f_c: float
-    m_s_c: float
-    m_f_c: float
-    c_a: float
-    c_m: float
-    theta_cr_rad: float
-    theta_p_rad: float
-    friction_nm: float
+    rig: Rig
     public: Mapping[str, float]
 
 
@@ -179,26 +141,4 @@ def rig_values(public: Mapping[str, float]) -> RigValues:
                 value=f"{public[finish]:g} and {public[start]:g}",
                 do="lower their [actuator.uncertainty], or set them in [rig.true]",
             )
-    diameter_m = public["wire_diameter_mm"] * MM
-    if "mean_diameter_mm" in public and "wire_length_mm" not in public:
-        length_m = public["active_coils"] * math.pi * public["mean_diameter_mm"] * MM
-    else:
-        length_m = public["wire_length_mm"] * MM
-    c1 = diameter_m / (2.0 * length_m)
-    c2 = 32.0 / (math.pi * diameter_m**3)
-    return RigValues(
-        stress_per_nm=c2,
-        stiffness_a=c1 / c2 * public["E_A_gpa"] * GPA,
-        stiffness_m=c1 / c2 * public["E_M_gpa"] * GPA,
-        stiffness_s=c1 / c2 * public["E_S_gpa"] * GPA,
-        a_s_c=public["A_s_c"],
-        a_f_c=public["A_f_c"],
-        m_s_c=public["M_s_c"],
-        m_f_c=public["M_f_c"],
-        c_a=public["C_A_mpa_per_k"] * MPA,
-        c_m=public["C_M_mpa_per_k"] * MPA,
-        theta_cr_rad=public["theta_cr_deg"] * DEG,
-        theta_p_rad=public["theta_p_deg"] * DEG,
-        friction_nm=public["tau_c_mnm"] * MNM,
-        public=dict(public),
-    )
+    return RigValues(Rig.from_values(public), dict(public))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.synthetic.effects.hidden import STIFFENING_FORMS
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
@@ -34,8 +35,7 @@ class Spring(NamedTuple):
     cooler_c: NDArray[np.float64]
 
 
-LOADING: Final = 3
-BEND: Final = 4
+LOADING, BEND = (STIFFENING_FORMS.index(form) for form in ("loading", "bend"))
 """Stiffening that belongs to the loading curve: a third slope, or a cubic."""
 
 _WINDING: Final = SLOTS["winding", "winding"]
@@ -43,7 +43,8 @@ _LOADING: Final = SLOTS["loading", "winding"]
 _STEEPEST: Final = 0.8
 """Share of the way from the second slope to the first that a bend may steepen: what is steeper is no spring."""
 
-_TORQUE_TOLERANCE_NM: Final = 1e-12
+TORQUE_TOLERANCE_NM: Final = 1e-12
+"""A spring that is wound beyond θ_cr turns by 1e-12 N·m / K_S = 4e-9 rad for it: no camera sees that."""
 _LN_100: Final = math.log(100.0)
 
 
@@ -208,11 +209,11 @@ def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> f
     b = torque(c, s, theta, fraction(c, spring, temp_c, a), temp_c)
     # More torque leaves more martensite, more martensite makes less torque: the answer lies between a and b.
     ga = a - b
-    if abs(ga) < _TORQUE_TOLERANCE_NM:
+    if abs(ga) < TORQUE_TOLERANCE_NM:
         return b
     gb = b - torque(c, s, theta, fraction(c, spring, temp_c, b), temp_c)
     for _ in range(100):
-        if abs(gb) < _TORQUE_TOLERANCE_NM or abs(b - a) < _TORQUE_TOLERANCE_NM:
+        if abs(gb) < TORQUE_TOLERANCE_NM or abs(b - a) < TORQUE_TOLERANCE_NM:
             break
         new = b - gb * (b - a) / (gb - ga)
         g = new - torque(c, s, theta, fraction(c, spring, temp_c, new), temp_c)

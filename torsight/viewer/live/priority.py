@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-TRACKING: Final = 20
-INTAKE: Final = TRACKING + 1
-LOGGING: Final = 10
-"""Real-time priorities: above every ordinary thread, far below those of the system itself."""
+_LOWEST: Final = os.sched_get_priority_min(os.SCHED_RR) if hasattr(os, "sched_get_priority_min") else 1
+
+LOGGING, TRACKING, INTAKE = range(_LOWEST, _LOWEST + 3)
+"""Real-time priorities in their order: each above every ordinary thread, all below those of the system itself."""
 
 SWITCH_S: Final = 0.0005
 """How long a thread may keep the interpreter while a measuring one waits for it."""

@@ -9,19 +9,18 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-import numpy as np
-from numpy.typing import NDArray
-
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, reason_of
+from torsight.core.files.paths import LOOPBACK
 from torsight.viewer.live.frames.camera_source import SILENT_S
 from torsight.viewer.live.frames.intake import Picture, Pictures
+from tracker.frames.display import Display, luma_of
 
-LOOPBACK_HOSTS: Final = ("localhost", "127.0.0.1", "::1")
+LOOPBACK_HOSTS: Final = ("localhost", LOOPBACK, "::1")
 
 _OPTIONS: Final[Mapping[str, Mapping[str, str]]] = {
     # Over UDP it would open ports to other computers.
     "rtsp": {"rtsp_transport": "tcp"},
-    "udp": {"localaddr": "127.0.0.1"},
+    "udp": {"localaddr": LOOPBACK},
     "tcp": {},
     "http": {},
     "https": {},
@@ -83,8 +82,8 @@ class Stream(Pictures):
             self.ended_because = f"no picture for {SILENT_S:g} s"
         except (av.error.FFmpegError, OSError) as error:
             if not given:
-                raise self._unreadable(f"cannot be read ({error.strerror or error})") from error
-            self.ended_because = str(error.strerror or error)
+                raise self._unreadable(f"cannot be read ({reason_of(error)})") from error
+            self.ended_because = reason_of(error)
 
     def _unreadable(self, what: str) -> InputError:
         return InputError(what, where=self.name, do="check that whatever sends it is running")
@@ -115,7 +114,7 @@ class GrowingFilm(Pictures):
                 yield from _decoded(container, stop, name=self.name)
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(
-                f"cannot be read ({error.strerror or error})",
+                f"cannot be read ({reason_of(error)})",
                 where=self.name,
                 do="a film that grows must be .mkv or .ts: others can be read only when they are finished",
             ) from error
@@ -132,7 +131,7 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
     # Threads that each decode a frame of their own would hold frames back.
     stream.thread_type = "SLICE"
     first: float | None = None
-    missed = 0
+    missed, display = 0, Display()
     for packet in container.demux(stream):
         arrived_s = time.perf_counter()
         if stop.is_set():
@@ -146,17 +145,8 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
             stamp = picture.time if picture.time is not None else arrived_s
             first = stamp if first is None else first
             corrupt = bool(picture.is_corrupt)
-            yield Picture(stamp - first, luma_of(picture), corrupt, arrived_s=arrived_s, missed=missed)
+            yield Picture(stamp - first, luma_of(picture, display).copy(), corrupt, arrived_s=arrived_s, missed=missed)
             missed = 0
-
-
-def luma_of(picture: Any) -> NDArray[np.uint8]:
-    """Return the brightness of a decoded frame; its first plane where that is it."""
-    if str(picture.format.name).startswith(("yuv4", "yuvj4", "gray", "nv12")) and "1" not in picture.format.name[7:]:
-        plane = picture.planes[0]
-        rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
-        return rows[: picture.height, : picture.width].copy()
-    return np.asarray(picture.to_ndarray(format="gray"), dtype=np.uint8)
 
 
 class _Growing:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
 from torsight.core.records import SyncedTable
 
@@ -24,9 +25,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STEP_S: Final = 0.2
-"""Rows of the thinned record: a quasi-static model needs no more."""
+STEP_S: Final = 1.0 / ROW_RATE_HZ
+"""Rows of the thinned record: as many as a fit keeps."""
 LEAST_ROWS: Final = 50
+"""Rows before the model is asked first, ten seconds: a choice. It finds no heating in a shorter record, and says so."""
 
 
 class Thinned:

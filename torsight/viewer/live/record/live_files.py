@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written
-from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.files.tables import marker_columns
+from torsight.core.tracks import MarkerTracks
 from torsight.core.units import DEG
 
 if TYPE_CHECKING:
@@ -88,10 +89,15 @@ class Recorder:
             raise not_written(folder, error) from error
         for name in ("angle.csv", "markers.csv", "temps.csv", "events.csv"):
             _refuse_existing(folder / name)
-        columns = ["frame", "time_s"]
-        for name in MARKERS:
-            columns += [f"{name}_x_px", f"{name}_y_px", f"{name}_sigma_px", f"{name}_valid"]
-            columns += [f"{name}_{axis}_mm" for axis in "xyz"] if in_space else []
+        none = MarkerTracks(
+            np.empty(0, np.int64),
+            np.empty(0),
+            np.empty((0, 4, 2)),
+            np.empty((0, 4, 2, 2)),
+            np.empty((0, 4), bool),
+            (0, 0),
+        )
+        columns = list(marker_columns(none, np.empty((0, 4, 3)) if in_space else None))
         self._in_space = in_space
         self._angle = LineFile(folder / "angle.csv", ANGLE)
         self._markers = LineFile(folder / "markers.csv", columns)

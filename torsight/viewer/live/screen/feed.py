@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.files.paths import LOOPBACK
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
-from torsight.viewer.program import LOOPBACK, address_of
+from torsight.viewer.program import address_of
 from torsight.viewer.view_layout import FRAME, TIME, log_series
 
 if TYPE_CHECKING:
