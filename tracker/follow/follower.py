@@ -134,7 +134,8 @@ class Follower:
         scene, ends = self._state.scene, self._state.ends(1 - moving)
         rig = scene.rig[0]
         rig["moving"], rig["zero"] = moving, ends
-        rig["reference_rad"] = rig["last_rad"] = direction(*ends)
+        base, rig["last_rad"] = scene.sticks[1 - moving], direction(*ends)
+        base["still"], base["start_rad"] = True, rig["last_rad"]
         centre = crossing_point(*ends, *self._state.ends(moving))
         if centre is not None:
             suppose_axis(scene.sticks[moving]["axis"], *centre)
