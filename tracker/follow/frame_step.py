@@ -6,8 +6,6 @@ It stops where a stick that should be seen was not found where it was predicted,
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
@@ -28,22 +26,6 @@ from tracker.rows import SHADOWED
 START, FIRST, SECOND, DONE = range(4)
 """Where a step begins; where it stops, since the stick that is judged first or second (the base and the moving one,
 once they are known) has to be looked for; and where it ends."""
-
-SPARSE: Final = 16
-"""Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
-DARK_SHARE: Final = 0.4
-"""Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
-
-
-@lending
-def brightness_of(luma: Luma) -> float:
-    """Return the brightness of a picture, from a sparse grid."""
-    total, count = 0, 0
-    for y in range(0, luma.shape[0], SPARSE):
-        for x in range(0, luma.shape[1], SPARSE):
-            total += luma[y, x]
-            count += 1
-    return total / count
 
 
 @lending
@@ -94,16 +76,14 @@ def judge_stick(scene: Scene, stage: int) -> bool:
 def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
     """Go on with a frame from a stage; return the one at which it stops."""
     rig = scene.rig[0]
-    level = brightness_of(luma)
     if stage == START:
-        rig.dark = level < DARK_SHARE * rig.brightness
         rig.shift_now[:] = rig.shift
         predict(scene, time_s)
         read_all(scene, luma)
     for stop in (FIRST, SECOND):
-        if stage < stop and judge_stick(scene, stop) and not rig.dark:
+        if stage < stop and judge_stick(scene, stop):
             return stop
     if rig.moving >= 0:
         rig.unknown = 0 if find_shift(scene) else rig.unknown + 1
-    note(scene, luma, time_s, level)
+    note(scene, luma, time_s)
     return DONE

@@ -50,8 +50,6 @@ RIG: Final = np.dtype(
     [
         ("moving", "i8"),
         ("above", "i8"),
-        ("brightness", "f8"),
-        ("dark", "i8"),
         ("shift", "f8", (2,)),
         ("shift_now", "f8", (2,)),
         ("unknown", "i8"),
@@ -67,7 +65,7 @@ RIG: Final = np.dtype(
     ]
 )
 """Both sticks and the camera. moving: which stick moves, −1 while that is not known. above: votes that the moving stick
-lies above the base. brightness: of the whole picture, running mean; dark: whether this frame is. shift: of the picture
+lies above the base. shift: of the picture
 since the start, px, and as this frame tells it; unknown: frames since it was last told. zero: the base's markers at the
 start. last_rad: direction of the base when last seen. anchor: the shift when the
 moving stick was last seen, while it is not. offset: how far the moving stick's circles are off where the base says.

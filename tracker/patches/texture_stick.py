@@ -17,9 +17,10 @@ from tracker.follow.judgement import circle_misfit, rigid_misfit
 from tracker.follow.redetect import Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
+from tracker.follow.stick import Point
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import KEPT, Point, put
+from tracker.patches.stick import KEPT, put
 from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
@@ -47,6 +48,8 @@ class TextureStick:
     along an edge or onto something else breaks one of these. A ``still`` one is the base, whose direction does not
     change.
     """
+
+    drawn = False
 
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
