@@ -17,11 +17,11 @@ from tracker.detect.fiducials import tags_seen
 from tracker.detect.given import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
+from tracker.follow.dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.initial_sticks import look_for_tags, sticks_of
-from tracker.patches.stick_follower import StickFollower
 
 _BOTH: Final = 2
 """Pictures that prove a tag to be one, see :func:`tracker.detect.fiducials.tags_seen`."""
@@ -49,15 +49,15 @@ class Start:
         """The kind of both sticks, or both kinds in words."""
         return "dot" if self.hints is None else self.hints.kind
 
-    def follower(self, *, motion_tells: bool = False) -> Follower | StickFollower:
+    def follower(self, *, motion_tells: bool = False) -> Follower:
         """Return what follows the markers from here.
 
         ``motion_tells``: leave open which stick moves even where it was told.
         """
         moving = None if motion_tells else self.moving
         if self.hints is None or self.kinds == ("dot", "dot"):
-            return Follower(self.markers, moving=moving)
-        return StickFollower(sticks_of(self.first, self.hints), moving=moving)
+            return Follower([DotState(self.markers)], moving=moving)
+        return Follower(sticks_of(self.first, self.hints), moving=moving)
 
 
 def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:

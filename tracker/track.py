@@ -28,7 +28,6 @@ from tracker.rows import CODE, ROW
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
-    from tracker.patches.stick_follower import StickFollower
 
 _DOUBTFUL_RAD = math.radians(3.0)
 """Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
@@ -188,9 +187,7 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
-def _result(
-    table: NDArray[np.void], start: Start, follower: Follower | StickFollower, source: FrameSource
-) -> TrackResult:
+def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
     moving = follower.moving
     if moving is None or (start.doubtful and not _moves(table, moving)):
         raise _nothing_moves(table, start, where=source.name)

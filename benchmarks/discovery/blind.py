@@ -16,7 +16,7 @@ import numpy as np
 from blind_hidden import FORMS, PLACES, Key, drawn_effect, effect_piece, law_piece, shown_deg, together
 from blind_rig import Record, draw_rig, log_uniform, run_rig, seen
 
-FIRST_SEED: Final = {"work": 100_000, "report": 200_000}
+FIRST_SEED: Final = {"work": 100_000, "report": 300_000}
 COUNTS: Final = {"clean": 100, "law": 100, "form": 50, "pair": 50}
 _SIZE_DEG: Final = (0.3, 10.0)
 

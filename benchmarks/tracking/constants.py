@@ -34,12 +34,12 @@ FILMS = (
 CONSTANTS = {
     "appearance/motion_blur": ("SHARP_PX", "_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/judgement": (
-        "SHAKE_PX", "_RIGID_PX", "TURN_RAD", "SURE_RAD", "LENGTH", "_CLOSE", "NEAR", "_OWN_PX", "_OFF_CIRCLE",
+        "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OWN_PX", "_OFF_CIRCLE",
     ),
     "follow/learning": ("RATE", "_FIT_RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER", "_BASIN"),
-    "follow/redetect": ("REACH_PX", "_BUMP_PX", "_LIKELY"),
+    "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),
 }  # fmt: skip
 
 

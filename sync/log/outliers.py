@@ -63,7 +63,7 @@ def clean_channel(
         repairs.append(Repair("not_a_number", missing, f"{name}: {missing} fields held no number"))
     wild = np.isfinite(clean) & ~np.isfinite(in_range(clean))
     clean[wild] = np.nan
-    spike = _spikes(time_s, clean)
+    spike = spikes(time_s, clean)
     clean[spike] = np.nan
     total = int(np.count_nonzero(wild | spike))
     if total:
@@ -99,7 +99,8 @@ def noise_c(temp_c: NDArray[np.float64]) -> float:
     return scatter(known, order=2)
 
 
-def _spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
+def spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which readings (n,) stand out from those around them by more than noise and a corner can make."""
     index = np.flatnonzero(np.isfinite(temp_c))
     found = np.zeros(len(temp_c), dtype=np.bool_)
     if len(index) < 9:

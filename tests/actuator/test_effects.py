@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -175,6 +176,15 @@ def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
     for name in ("heating_bend", "cooling_bend"):
         assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
+
+
+def test_thermometers_that_read_too_high_by_the_same_everywhere_have_no_gain():
+    made = record("sensor_lag")
+    table = replace(made.table, temp_a_c=made.table.temp_a_c + 2.0, temp_b_c=made.table.temp_b_c + 2.0)
+    model = ActuatorModel(spec_of(made), ("sensor_lag", "sensor_offset", "sensor_gain"))
+    found = fit_model(model, model.prepare(table)).estimates
+    assert found["thermometer_offset_c"].value == pytest.approx(2.0, abs=0.15)
+    assert found["contact_gain"].value == pytest.approx(1.0, abs=0.004)
 
 
 @pytest.mark.parametrize(("form", "lower", "upper"), [("saturating", 0.0, 0.35), ("plastic", 0.65, 1.0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +19,7 @@ from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
 from torsight.cli.fit import fit_to_folder
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
-from torsight.core.records import SyncedTable
+from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
@@ -117,6 +118,25 @@ def test_a_wrong_frame_does_not_count():
     assert np.isnan(drive.angle_rad[wrong]).all()
     result = fit_model(model, drive)
     assert result.values["tau_c_mnm"] == pytest.approx(0.79, abs=4 * result.estimates["tau_c_mnm"].sigma + 1e-4)
+
+
+def test_a_lone_reading_that_no_wire_can_have_had_does_not_drive_the_model():
+    table = rig_record().table
+    rows = np.random.default_rng(4).choice(len(table) - 40, 12, replace=False) + 20
+    model = ActuatorModel(reference_spec())
+    clean, glitched = (
+        model.prepare(replace(table, temp_a_c=temp_a_c))
+        for temp_a_c in (table.temp_a_c, table.temp_a_c + np.where(np.isin(np.arange(len(table)), rows), 15.0, 0.0))
+    )
+    assert np.abs(glitched.temp_a_c - clean.temp_a_c).max() < 6.0 * clean.noise_c
+    assert glitched.known.all()
+
+
+def test_the_top_of_a_heating_between_far_readings_is_no_spike():
+    time_s = np.arange(12) * 400.0
+    heated = np.where(np.arange(12) % 4 == 1, 75.0, 23.0)
+    log = TemperatureLog(time_s, heated, np.roll(heated, 2))
+    assert ActuatorModel(reference_spec()).prepare_log(log, start_angle_rad=3.0).temp_a_c.max() == 75.0
 
 
 def test_no_motion_is_refused_with_what_is_missing():

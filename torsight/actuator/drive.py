@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.log.outliers import spikes
 from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
@@ -306,8 +307,12 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
 
 
 def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the temperature with gaps bridged by lines, and where it is known."""
-    good = np.isfinite(temp_c)
+    """Return the temperature with gaps and spikes bridged by lines, and where it is known.
+
+    Only a reading whose neighbours are near in time can be a spike: further apart it may be the top of a heating.
+    """
+    near = np.gradient(time_s) <= 0.5 * MAX_GAP_S if len(time_s) > 1 else np.zeros(1, bool)
+    good = np.isfinite(temp_c) & ~(near & spikes(time_s, temp_c))
     if good.all():
         return temp_c, good
     if good.sum() < 2:

@@ -17,10 +17,6 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
 from tracker.appearance.disc import SHAPE, Floats, Record, disc_point
-from tracker.appearance.lucas_kanade import inner, invert, products
-
-LIGHT, STEP, SQUARE, EXPLAINED = 6, 7, 8, 9
-"""Where the outcome stands behind the six parameters of a fit."""
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
@@ -97,164 +93,114 @@ def fit_dot(
     for _ in range(2):
         if found is None:
             return None
-        last = found[:6]
-        found = _fitted(luma, last, 6 if ellipse else 4, window_for(last[2], last[3], room_px), radius_px)
+        window_px = window_for(found.values[2], found.values[3], room_px)
+        found = _fitted(luma, found.values, 6 if ellipse else 4, window_px, radius_px)
     if found is None:
         return None
-    return _result(found, 1.0 if light_dot else -1.0, window_for(found[2], found[3], room_px))
-
-
-def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> Floats | None:
-    """Fit the first ``free`` parameters in one window; None where it is hopeless, or leaves the picture."""
-    window = cut_window(luma, start[0], start[1], window_px)
-    if not len(window[0]):
+    x, y, radius, edge, across, diagonal = found.values.tolist()
+    light, step = found.linear[:2].tolist()
+    if light <= 0 or step * (1.0 if light_dot else -1.0) <= 0:
         return None
-    found = minimise(window, start, free, radius_px, np.zeros(1, SHAPE))
-    return found if found[EXPLAINED] > 0.0 else None
+    shape = DotShape(radius, edge, (across, diagonal), step / max(light, 1.0), window_for(radius, edge, room_px))
+    return DotFit(x, y, shape, light, math.sqrt(found.square / len(found.left)), found.explained)
 
 
-@compiled
-def cut_window(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats:
-    """Return x, y and brightness (3, n) of the pixels around a place; none where they leave the picture."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Trial:
+    """A dot in a window: its ``values`` x, y, radius, edge and stretch (6,), and how it fits.
+
+    ``linear`` (4,) are light, step and two slopes of the light that fit best; ``left`` (n,) is what they leave,
+    ``slopes`` (k, n) its derivatives, ``spread`` the window's sum of squares.
+    """
+
+    values: Floats
+    linear: Floats
+    left: Floats
+    slopes: Floats
+    spread: float
+
+    @classmethod
+    def of(cls, window: Floats, values: Floats, free: int) -> _Trial:
+        """Solve the linear part for a given shape (variable projection); the first ``free`` values are to be fitted."""
+        shape, rows = np.zeros(1, SHAPE), np.empty((10, window.shape[1]))
+        shape["radius"], shape["edge"], shape["stretch"] = values[2], values[3], values[4:6]
+        fill_rows(window, values, shape[0], rows)
+        plain, wanted = rows[:4], np.vstack([window[2], rows[4 : 4 + free]])
+        weights = np.linalg.solve(plain @ plain.T, plain @ wanted.T)
+        left = wanted - weights.T @ plain
+        spread = float(np.sum((window[2] - window[2].mean()) ** 2))
+        return cls(values, weights[:, 0], left[0], weights[1, 0] * left[1:], spread)
+
+    @property
+    def square(self) -> float:
+        """Sum of the squares of what is left."""
+        return float(self.left @ self.left)
+
+    @property
+    def explained(self) -> float:
+        """Share of the window's variance that the dot explains."""
+        return 1.0 - self.square / max(self.spread, 1e-12 * len(self.left))
+
+
+def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Trial | None:
+    """Fit the first ``free`` values in one window by Levenberg and Marquardt.
+
+    None where that is hopeless, or the window leaves the picture.
+    """
+    window = _cut(luma, start[0], start[1], window_px)
+    if window is None:
+        return None
+    found, damping = _Trial.of(window, start, free), 1e-3
+    for step in range(_ROUNDS):
+        if found.explained < (_DOUBTFUL if step < _LOOK else _HOPELESS):
+            return None
+        normal = found.slopes @ found.slopes.T
+        # Where a value changes nothing its step is nought.
+        normal += np.diag(damping * np.diag(normal) + 1e-9)
+        delta = np.linalg.solve(normal, found.slopes @ found.left)
+        values = found.values.copy()
+        values[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
+        values[3] = max(values[3], _SHARPEST_PX)
+        trial = _Trial.of(window, values, free) if _is_sane(values, found.values, start, radius_px) else None
+        if trial is None or trial.square > found.square:
+            damping = 10.0 * max(damping, 1e-4)
+            continue
+        gain = 1.0 - trial.square / max(found.square, 1e-12)
+        found, damping = trial, 0.2 * damping
+        # Steps shrink with their square: what is left after one of a thousandth of a pixel is nothing.
+        if gain < 1e-5 or np.abs(delta).max() < 1e-3:
+            break
+    return found
+
+
+def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats | None:
+    """Return x, y and brightness (3, n) of the pixels around a place; None where they leave the picture."""
     cx, cy, half = round(x_px), round(y_px), math.ceil(radius_px)
     height, width = luma.shape
-    out = np.empty((3, (2 * half + 1) ** 2))
-    n = 0
     if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
-        return out[:, :0].copy()
-    for y in range(cy - half, cy + half + 1):
-        for x in range(cx - half, cx + half + 1):
-            if (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px * radius_px:
-                out[0, n], out[1, n], out[2, n] = x, y, luma[y, x]
-                n += 1
-    return out[:, :n].copy()
+        return None
+    y, x = np.mgrid[cy - half : cy + half + 1, cx - half : cx + half + 1].reshape(2, -1)
+    inside = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2
+    return np.array([x[inside], y[inside], luma[y[inside], x[inside]]], dtype=np.float64)
 
 
 @compiled
-def set_shape(shape: Record, found: Floats) -> None:
-    """Take radius, edge and stretch from the parameters."""
-    shape.radius, shape.edge = found[2], found[3]
-    shape.stretch[0], shape.stretch[1] = found[4], found[5]
-
-
-@compiled
-def solve_linear(window: Floats, found: Floats, free: int, shape: Record, rows: Floats) -> None:
-    """Solve the linear part (light, contrast, slope) for a given shape, and find the slopes of the rest.
-
-    ``rows`` (11, n): four columns of the linear part, the slopes by six parameters, freed of what the linear part can
-    make up for (variable projection), and the residual.
-    """
-    n = window.shape[1]
-    set_shape(shape, found)
-    for i in range(n):
+def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> None:
+    """Fill the columns of the linear part (light, step, slope), and the slopes of D by the six values (10, n)."""
+    for i in range(window.shape[1]):
         dx, dy = window[0, i] - found[0], window[1, i] - found[1]
         inside, along_x, along_y, rows[7, i] = disc_point(dx, dy, shape)
         rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, inside, dx * (1.0 - inside), dy * (1.0 - inside)
         rows[4, i], rows[5, i], rows[6, i] = -along_x, -along_y, -(dx * along_x + dy * along_y) / found[2]
         rows[8, i], rows[9, i] = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
-    inverse = invert(products(rows, 4))
-    linear = project_out(window[2], rows, inverse, rows[10])
-    for k in range(4, 4 + free):
-        for i in range(n):
-            rows[k, i] *= linear[1]
-        project_out(rows[k].copy(), rows, inverse, rows[k])
-    square, mean = 0.0, window[2].sum() / n
-    spread = 0.0
-    for i in range(n):
-        square += rows[10, i] ** 2
-        spread += (window[2, i] - mean) ** 2
-    found[LIGHT], found[STEP], found[SQUARE] = linear[0], linear[1], square / n
-    found[EXPLAINED] = 1.0 - square / max(spread, 1e-12 * n)
 
 
-@compiled
-def project_out(values: Floats, rows: Floats, inverse: Floats, out: Floats) -> Floats:
-    """Leave in ``out`` of values what the first rows cannot make up for; return what they can, by row."""
-    weights = solved(inverse, rows, values)
-    out[:] = values
-    for k in range(len(inverse)):
-        for i in range(len(values)):
-            out[i] -= weights[k] * rows[k, i]
-    return weights
-
-
-@compiled
-def solved(inverse: Floats, rows: Floats, values: Floats) -> Floats:
-    """Return an inverse (k, k) times the first k rows times values."""
-    weights = np.zeros(len(inverse))
-    for m in range(len(inverse)):
-        total = inner(rows[m], values)
-        for k in range(len(inverse)):
-            weights[k] += inverse[k, m] * total
-    return weights
-
-
-@compiled
-def minimise(window: Floats, start: Floats, free: int, radius_px: float, shapes: NDArray[np.void]) -> Floats:
-    """Fit the first ``free`` parameters by Levenberg and Marquardt.
-
-    Returned (10,) are x, y, radius, edge, stretch (2), light, step, mean square of the residual, and the share that is
-    explained: 0 where it is hopeless.
-    """
-    n = window.shape[1]
-    best, other = np.empty((11, n)), np.empty((11, n))
-    found, trial = np.zeros(10), np.zeros(10)
-    found[:6] = start[:6]
-    damping = 1e-3
-    solve_linear(window, found, free, shapes[0], best)
-    if found[EXPLAINED] < _DOUBTFUL:
-        found[EXPLAINED] = 0.0
-        return found
-    for step in range(_ROUNDS):
-        if step == _LOOK and found[EXPLAINED] < _HOPELESS:
-            found[EXPLAINED] = 0.0
-            break
-        largest = step_from(found, best, free, damping, radius_px, trial)
-        good = is_sane(trial, found, start, radius_px)
-        if good:
-            solve_linear(window, trial, free, shapes[0], other)
-        if not good or trial[SQUARE] > found[SQUARE] * (1.0 + 1e-9):
-            damping = max(damping, 1e-4) * 10.0
-            if damping > 1e4:
-                break
-            continue
-        gain = 1.0 - trial[SQUARE] / max(found[SQUARE], 1e-12)
-        damping = max(damping * 0.2, 1e-9)
-        found[:], best[:] = trial, other
-        if gain < 1e-5 or largest < 1e-4:
-            break
-    return found
-
-
-@compiled
-def step_from(found: Floats, rows: Floats, free: int, damping: float, radius_px: float, trial: Floats) -> float:
-    """Put the parameters after a damped step into ``trial``; return the largest change that it would make."""
-    normal = products(rows[4:], free)
-    for k in range(free):
-        normal[k, k] += damping * (normal[k, k] + 1e-9)
-    delta = solved(invert(normal), rows[4:], rows[10])
-    trial[:6] = found[:6]
-    for k in range(free):
-        trial[k] += min(max(delta[k], -0.3 * radius_px), 0.3 * radius_px)
-    trial[3] = max(trial[3], _SHARPEST_PX)
-    return float(np.abs(delta).max())
-
-
-@compiled
-def is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
-    """Return whether parameters may still be those of the dot at the start."""
+def _is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
+    """Return whether values may still be those of the dot at the start."""
     return bool(
-        np.isfinite(trial[:6]).all()
+        np.isfinite(trial).all()
         and math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
         and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
         and math.hypot(trial[4], trial[5]) < 0.45
     )
-
-
-def _result(found: Floats, sign: float, window_px: float) -> DotFit | None:
-    x_px, y_px, radius, edge, across, diagonal, light, step, mean_square, explained = found.tolist()
-    if light <= 0 or step * sign <= 0:
-        return None
-    shape = DotShape(radius, edge, (across, diagonal), step / max(light, 1.0), window_px)
-    return DotFit(x_px, y_px, shape, light, math.sqrt(mean_square), explained)

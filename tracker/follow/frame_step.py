@@ -1,23 +1,20 @@
 """The frame step: predict, read by Lucas–Kanade, judge, and learn (compiled).
 
-It stops where a marker that should be seen was not found where it was predicted, and says where: then
+It stops where a stick that should be seen was not found where it was predicted, and says where: then
 :mod:`tracker.follow.redetect` looks for it, and the step goes on. A usual frame is one call.
 """
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
     KNOWN,
-    SOON,
-    check_length,
     covers,
     find_shift,
     judge_base,
     judge_moving,
+    judge_pair,
     seen,
 )
 from tracker.follow.learning import note
@@ -26,25 +23,9 @@ from tracker.follow.reading import read_marker
 from tracker.follow.state import Scene
 from tracker.rows import SHADOWED
 
-START, NEARBY, FIRST, SECOND, DONE = range(5)
-"""Where a step begins; where it stops: markers are to be looked for next to where they were predicted, or the stick
-that is judged first or second (the base and the moving one, once they are known) anywhere; and where it ends."""
-
-SPARSE: Final = 16
-"""Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
-DARK_SHARE: Final = 0.4
-"""Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
-
-
-@lending
-def brightness_of(luma: Luma) -> float:
-    """Return the brightness of a picture, from a sparse grid."""
-    total, count = 0, 0
-    for y in range(0, luma.shape[0], SPARSE):
-        for x in range(0, luma.shape[1], SPARSE):
-            total += luma[y, x]
-            count += 1
-    return total / count
+START, FIRST, SECOND, DONE = range(4)
+"""Where a step begins; where it stops, since the stick that is judged first or second (the base and the moving one,
+once they are known) has to be looked for; and where it ends."""
 
 
 @lending
@@ -59,24 +40,21 @@ def stick_at(scene: Scene, stage: int) -> int:
 
 
 @compiled
-def read_all(scene: Scene, luma: Luma) -> bool:
-    """Read all markers from where they are predicted; return whether one of them has to be looked for nearby.
+def read_all(scene: Scene, luma: Luma) -> None:
+    """Read all markers from where they are predicted, the moving stick's first.
 
     A base marker that the moving stick reaches is read only while it may tell which stick lies above.
     """
-    rig, missing = scene.rig[0], False
+    rig = scene.rig[0]
     for base in (False, True):
         for index in range(len(scene.markers)):
             if is_base(rig, index // 2) != base:
                 continue
             marker = scene.markers[index]
-            covered = base and covers(scene, (marker.x, marker.y), index)
-            if covered and rig.above >= KNOWN:
+            if base and rig.above >= KNOWN and covers(scene, (marker.x, marker.y), index):
                 scene.readings[index].state = SHADOWED
             else:
                 read_marker(scene, luma, index)
-                missing |= not covered and not seen(scene, index) and marker.lost <= SOON
-    return missing
 
 
 @compiled
@@ -86,7 +64,7 @@ def judge_stick(scene: Scene, stage: int) -> bool:
     if stick < 0:
         return False
     if scene.rig[0].moving < 0:
-        check_length(scene, stick)
+        judge_pair(scene, stick)
         return not (seen(scene, 2 * stick) and seen(scene, 2 * stick + 1))
     if is_base(scene.rig[0], stick):
         return judge_base(scene)
@@ -98,15 +76,14 @@ def judge_stick(scene: Scene, stage: int) -> bool:
 def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
     """Go on with a frame from a stage; return the one at which it stops."""
     rig = scene.rig[0]
-    level = brightness_of(luma)
     if stage == START:
-        rig.dark = level < DARK_SHARE * rig.brightness
         rig.shift_now[:] = rig.shift
         predict(scene, time_s)
-        if read_all(scene, luma) and not rig.dark:
-            return NEARBY
+        read_all(scene, luma)
     for stop in (FIRST, SECOND):
-        if stage < stop and judge_stick(scene, stop) and not rig.dark:
+        if stage < stop and judge_stick(scene, stop):
             return stop
-    note(scene, luma, time_s, level)
+    if rig.moving >= 0:
+        rig.unknown = 0 if find_shift(scene) else rig.unknown + 1
+    note(scene, luma, time_s)
     return DONE

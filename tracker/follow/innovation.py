@@ -11,8 +11,8 @@ from typing import Final
 
 from torsight.core.compiled import lending
 
-_LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06)
-"""99.73 % quantiles of χ² with one to six degrees of freedom."""
+_LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
+"""99.73 % quantiles of χ² with one to seven degrees of freedom."""
 
 
 @lending

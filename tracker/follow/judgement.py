@@ -16,7 +16,7 @@ from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.innovation import passes
-from tracker.follow.motion_model import STALE
+from tracker.follow.motion_model import STALE, is_base
 from tracker.follow.rotation_axis import arm_px, on_circle, turned
 from tracker.follow.state import Scene
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
@@ -25,8 +25,9 @@ SHAKE_PX: Final = 2.0
 """Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
-_RIGID_PX: Final = 0.8
-"""Standard deviation of the difference of both base markers' steps: noise, and an edge of the moving stick nearby."""
+_STANDS_PX: Final = 0.8
+"""Standard deviation of a base marker against where it stood, and of the difference of both markers' steps: noise, and
+an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
@@ -95,9 +96,12 @@ def covers(scene: Scene, point: Point, index: int) -> bool:
     return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
 
 
+# --- one rigid stick ------------------------------------------------------------------------------------------------
+
+
 @lending
-def length_misfit(own: Record, length: float, lost: int) -> float:
-    """Return by how many standard deviations a distance of a stick's markers is off; ``own`` is a STICK.
+def _length_misfit(own: Record, length: float, lost: int) -> float:
+    """Return by how many standard deviations a distance of a stick's markers is off.
 
     Seen from aside its length changes as it turns: by more, the longer the stick was not seen, but within the bounds
     that it has shown.
@@ -110,24 +114,86 @@ def length_misfit(own: Record, length: float, lost: int) -> float:
 
 
 @lending
-def check_length(scene: Scene, stick: int) -> None:
-    """Refuse the marker that is further from its prediction where the distance of both is not right."""
-    i, j = 2 * stick, 2 * stick + 1
+def circle_sigma_px(own: Record, end: int) -> float:
+    """Return the standard deviation of a marker's distance from the axis.
+
+    Seen from aside circles are ellipses, as flat as the stick's own length varies.
+    """
+    varies = own.longest / own.shortest - 1.0
+    return ((_OFF_CIRCLE + varies) * arm_px(own.axis, end) + _OFF_CIRCLE_PX) / 3.0  # type: ignore[no-any-return]
+
+
+@lending
+def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
+    """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
+
+    ``own`` is a STICK, ``shift`` that of the picture.
+    """
+    axis = own.axis
+    if not axis.known:
+        return 0.0
+    away = math.hypot(point[0] - axis.centre[0] - shift[0], point[1] - axis.centre[1] - shift[1])
+    return abs(away - arm_px(axis, end)) / circle_sigma_px(own, end)
+
+
+@compiled
+def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expected_px: float) -> tuple[float, int]:
+    """Return χ² of two places as both markers of a stick, and its degrees of freedom; ``own`` is a STICK.
+
+    Told by their distance (``expected_px`` from where both were predicted), the direction of a stick that stands still,
+    and the circles of one that turns, where it was ``lost`` for some frames: followed from frame to frame it may find
+    that the axis is not where it was thought to be.
+    """
+    length = math.hypot(b[0] - a[0], b[1] - a[1])
+    off = _length_misfit(own, length, lost)
+    if lost == 0:
+        # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
+        off = min(off, _length_misfit(own, own.length + length - expected_px, 0))
+    found, freedom = off * off, 1
+    if own.still:
+        found += (turned(math.atan2(b[1] - a[1], b[0] - a[0]), own.start_rad) / TURN_RAD) ** 2
+        freedom += 1
+    elif lost > 0 and own.axis.known:
+        found += circle_misfit(own, shift, a, 0) ** 2 + circle_misfit(own, shift, b, 1) ** 2
+        freedom += 2
+    return found, freedom
+
+
+@lending
+def sure_misfit(rig: Record, a: Point, b: Point) -> float:
+    """Return by how many standard deviations the base has turned since the moving stick was seen elsewhere.
+
+    While that is not seen it may lie anywhere, even over the base.
+    """
+    return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
+
+
+@compiled
+def judge_pair(scene: Scene, stick: int) -> None:
+    """Refuse the marker that is further from its prediction where both are not of one rigid stick; of the base both.
+
+    A base that is not where it stood is another stick.
+    """
+    rig, i, j = scene.rig[0], 2 * stick, 2 * stick + 1
     if not (seen(scene, i) and seen(scene, j)):
         return
-    (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-    own, length = scene.sticks[stick], math.hypot(bx - ax, by - ay)
+    a, b, p, q = at(scene, i), at(scene, j), scene.readings[i].predicted, scene.readings[j].predicted
     lost = scene.markers[i].lost + scene.markers[j].lost
-    p, q = scene.readings[i].predicted, scene.readings[j].predicted
-    misfit = length_misfit(own, length, lost)
-    # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
-    foreseen = own.length + length - math.hypot(q[0] - p[0], q[1] - p[1])
-    if passes(misfit * misfit, 1) or (lost == 0 and passes(length_misfit(own, foreseen, 0) ** 2, 1)):
+    expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
+    found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
+    if is_base(rig, stick):
+        # The camera takes both along.
+        one, two = scene.markers[i], scene.markers[j]
+        apart = (a[0] - one.x - b[0] + two.x) ** 2 + (a[1] - one.y - b[1] + two.y) ** 2
+        found, freedom = found + apart / _STANDS_PX**2, freedom + 2
+        if rig.anchored:
+            found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
+    if passes(found, freedom):
         return
-    one, two = math.hypot(ax - p[0], ay - p[1]), math.hypot(bx - q[0], by - q[1])
-    if one > 2.0 * two + 0.5:
+    off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
+    if not is_base(rig, stick) and off_a > 2.0 * off_b + 0.5:
         scene.readings[i].state = HIDDEN
-    elif two > 2.0 * one + 0.5:
+    elif not is_base(rig, stick) and off_b > 2.0 * off_a + 0.5:
         scene.readings[j].state = HIDDEN
     else:
         scene.readings[i].state = scene.readings[j].state = HIDDEN
@@ -170,20 +236,20 @@ def judge_base(scene: Scene) -> bool:
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
     vote(rig, _cover(scene, i) + _cover(scene, j))
-    check_length(scene, base)
     elsewhere = seen(scene, k) and seen(scene, k + 1)
     if not elsewhere and not rig.anchored:
         rig.anchor[:] = rig.shift
     rig.anchored = not elsewhere
+    judge_pair(scene, base)
     if seen(scene, i) and seen(scene, j):
-        if not _stands(scene, base):
-            scene.readings[i].state = scene.readings[j].state = LOST
-        elif elsewhere:
+        if elsewhere:
             (ax, ay), (bx, by) = at(scene, i), at(scene, j)
             rig.last_rad = math.atan2(by - ay, bx - ax)
-    else:
+    elif not elsewhere:
         for end in range(2):
-            if seen(scene, i + end) and not _stands_alone(scene, i + end, end):
+            (x, y), zero = at(scene, i + end), rig.zero[end]
+            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / _STANDS_PX**2
+            if seen(scene, i + end) and not passes(off, 2):
                 scene.readings[i + end].state = LOST
     return _gone(scene, i) and _gone(scene, j)
 
@@ -191,33 +257,6 @@ def judge_base(scene: Scene) -> bool:
 @lending
 def _gone(scene: Scene, index: int) -> bool:
     return scene.readings[index].state not in (SEEN, SHADOWED)
-
-
-@lending
-def _stands(scene: Scene, base: int) -> bool:
-    """Return whether both markers are of a stick that stands still but for the camera."""
-    rig, i, j = scene.rig[0], 2 * base, 2 * base + 1
-    (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-    one, two = (ax - scene.markers[i].x, ay - scene.markers[i].y), (bx - scene.markers[j].x, by - scene.markers[j].y)
-    shift = 0.25 * ((one[0] + two[0]) ** 2 + (one[1] + two[1]) ** 2)
-    apart = (one[0] - two[0]) ** 2 + (one[1] - two[1]) ** 2
-    direction = math.atan2(by - ay, bx - ax)
-    found = shift / (_STEP_PX2 * (1 + rig.unknown)) + apart / _RIGID_PX**2
-    found += (turned(direction, rig.reference_rad) / TURN_RAD) ** 2
-    if not rig.anchored:
-        return passes(found, 5)
-    return passes(found + (turned(direction, rig.last_rad) / SURE_RAD) ** 2, 6)
-
-
-@lending
-def _stands_alone(scene: Scene, index: int, end: int) -> bool:
-    """Return whether one marker alone is where it was, but for the camera."""
-    rig, marker, (x, y) = scene.rig[0], scene.markers[index], at(scene, index)
-    step = (x - marker.x) ** 2 + (y - marker.y) ** 2
-    if not passes(step / (_STEP_PX2 * (1 + rig.unknown)), 2):
-        return False
-    dx, dy = x - rig.zero[end, 0] - rig.anchor[0], y - rig.zero[end, 1] - rig.anchor[1]
-    return not rig.anchored or passes((dx * dx + dy * dy) / _RIGID_PX**2, 2)
 
 
 # --- the camera -----------------------------------------------------------------------------------------------------
@@ -238,22 +277,24 @@ def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
 
 
 @compiled
-def find_shift(scene: Scene) -> None:
-    """Find the shift of the picture: from the base, or from the moving stick's circles while the base is not seen."""
+def find_shift(scene: Scene) -> bool:
+    """Find the shift of the picture; return whether anything tells it.
+
+    That is the base, or the moving stick's circles while the base is not seen.
+    """
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
     rig.shift_now[:] = rig.shift
     if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
-        rig.unknown = 0
-        return
-    rig.unknown += 1
+        return True
     off = np.empty((2, 2))
     # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
     if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
         x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
         away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
-        if passes(away / (_STEP_PX2 * (1 + rig.unknown)), 2):
+        if passes(away / (_STEP_PX2 * (2 + rig.unknown)), 2):
             rig.shift_now[0], rig.shift_now[1] = x, y
-            rig.unknown = 0
+            return True
+    return False
 
 
 @compiled
@@ -303,27 +344,11 @@ def both_own(scene: Scene) -> bool:
     return math.hypot(off[1, 0] - off[0, 0], off[1, 1] - off[0, 1]) < _OWN_PX
 
 
-@lending
-def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
-    """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
-
-    ``own`` is a STICK, ``shift`` that of the picture. Seen from aside circles are ellipses, as flat as the stick's own
-    length varies.
-    """
-    axis = own.axis
-    if not axis.known:
-        return 0.0
-    arm = arm_px(axis, end)
-    away = math.hypot(point[0] - axis.centre[0] - shift[0], point[1] - axis.centre[1] - shift[1])
-    varies = own.longest / own.shortest - 1.0
-    return 3.0 * abs(away - arm) / ((_OFF_CIRCLE + varies) * arm + _OFF_CIRCLE_PX)  # type: ignore[no-any-return]
-
-
 @compiled
 def judge_moving(scene: Scene) -> bool:
     """Refuse readings that could be of a base dot or are off their circle; return whether to look for the stick."""
     rig, i, j = scene.rig[0], 2 * scene.rig[0].moving, 2 * scene.rig[0].moving + 1
-    check_length(scene, rig.moving)
+    judge_pair(scene, rig.moving)
     company = _ALONE if seen(scene, i) != seen(scene, j) else (_OWN if both_own(scene) else _TWO)
     for index in (i, j):
         if seen(scene, index):
@@ -354,7 +379,7 @@ def _judge_dot(scene: Scene, index: int, company: int) -> None:
     if near and company != _OWN and (alone or rig.above < KNOWN):
         # One dot alone next to a base dot may be either, whichever stick is above.
         reading.state = SHADOWED
-    elif marker.lost or alone:
+    elif alone:
         # While its partner is hidden nothing but its circle tells that it slides onto something else.
         off = circle_misfit(scene.sticks[rig.moving], rig.shift_now, place, index % 2)
         if not passes(off * off, 1):

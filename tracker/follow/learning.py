@@ -21,7 +21,7 @@ from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
 from tracker.follow.state import KEPT, Scene
-from tracker.rows import DARK, SEEN
+from tracker.rows import SEEN
 
 RATE: Final = 0.1
 """Share of the new in averages of shape, light (also that of the picture) and misses: ten frames, over which noise
@@ -93,12 +93,10 @@ def miss(marker: Record, x: float, y: float) -> None:
 
 
 @compiled
-def note(scene: Scene, luma: Luma, time_s: float, level: float) -> None:
+def note(scene: Scene, luma: Luma, time_s: float) -> None:
     """Take in what was read of all markers."""
     rig = scene.rig[0]
     rig.shift[:] = rig.shift_now
-    if not rig.dark:
-        rig.brightness += (RATE if rig.brightness > 0.0 else 1.0) * (level - rig.brightness)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
@@ -123,8 +121,6 @@ def skip(scene: Scene, time_s: float) -> None:
 def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     rig, marker, reading = scene.rig[0], scene.markers[index], scene.readings[index]
     if reading.state != SEEN:
-        if rig.dark:
-            reading.state = DARK
         if is_base(rig, index // 2):
             # It goes with the picture.
             end = index % 2

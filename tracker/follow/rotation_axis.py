@@ -1,20 +1,21 @@
 """Where a stick's axis is in the picture and how its markers go around it, learned while it turns (compiled).
 
-Each marker of a stick that turns is at p = c + R(ψ) q, with ψ the direction of the line through both markers: linear in
-the axis c and the two arms q, so that sums over the frames so far are all that is kept. Tilt makes circles into
-ellipses; for finding a marker again a few pixels do not matter.
+Each marker of a stick that turns is at p = c + q exp(iψ) in the complex plane, with ψ the direction of the line through
+both markers: linear in the axis c and the two arms q, so that four sums over the frames so far are all that is kept.
+Tilt makes circles into ellipses; for finding a marker again a few pixels do not matter.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Final
 
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import Floats, Record
-from tracker.appearance.lucas_kanade import Point, inner, invert
+from tracker.appearance.disc import Record
+from tracker.appearance.lucas_kanade import Point
 
 PARTS: Final = 36
 AXIS: Final = np.dtype(
@@ -22,16 +23,19 @@ AXIS: Final = np.dtype(
         ("known", "i8"),
         ("centre", "f8", (2,)),
         ("arm", "f8", (2, 2)),
-        ("normal", "f8", (6, 6)),
-        ("right", "f8", (6,)),
+        ("frames", "f8"),
+        ("unit", "c16"),
+        ("places", "c16"),
+        ("back", "c16", (2,)),
+        ("guess", "c16"),
+        ("guessed", "f8"),
         ("last_rad", "f8"),
         ("seen", "i8", (PARTS,)),
-        ("supposed", "i8"),
     ]
 )
-"""Axis c and arms q (inner, outer), px, in the picture of the camera as it stood at the start; their normal equations;
-the direction at which a frame was added last; how many frames were added of each ten degrees; whether there was a
-first guess."""
+"""Axis c and arms q (inner, outer), px, in the picture of the camera as it stood at the start. Sums over the frames
+that were added: their number, exp(iψ), both places, and each place times exp(−iψ). A first guess of the axis, and its
+weight. The direction at which a frame was added last; how many frames were added of each ten degrees."""
 _PRIOR: Final = 0.05
 """Weight of the first guess of the axis, in frames: two frames outweigh it forty times."""
 _STEP_RAD: Final = math.radians(3.0)
@@ -57,10 +61,7 @@ def turned(one: float, other: float) -> float:
 @compiled
 def suppose_axis(axis: Record, x: float, y: float) -> None:
     """Take a first guess of the axis, which motion will soon outweigh."""
-    axis.supposed = 1
-    for k, value in ((0, x), (1, y)):
-        axis.normal[k, k] += _PRIOR
-        axis.right[k] += _PRIOR * value
+    axis.guess, axis.guessed = complex(x, y), _PRIOR
     solve_axis(axis)
 
 
@@ -75,40 +76,31 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
         return
     axis.seen[part] += 1
     axis.last_rad = angle
-    add_frame(axis.normal, axis.right, angle, inner, outer)
+    unit, one, two = cmath.exp(1j * angle), complex(inner[0], inner[1]), complex(outer[0], outer[1])
+    axis.frames += 1.0
+    axis.unit += unit
+    axis.places += one + two
+    axis.back[0] += one / unit
+    axis.back[1] += two / unit
     solve_axis(axis)
 
 
 @compiled
-def add_frame(normal: Floats, right: Floats, angle: float, inner: Point, outer: Point) -> None:
-    """Add one frame to the normal equations of (c, q_inner, q_outer)."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    row = np.zeros(6)
-    for end, point in ((0, inner), (1, outer)):
-        at = 2 + 2 * end
-        for k in range(2):
-            row[:] = 0.0
-            row[k] = 1.0
-            row[at], row[at + 1] = (cos, -sin) if k == 0 else (sin, cos)
-            for i in range(6):
-                right[i] += row[i] * point[k]
-                for j in range(6):
-                    normal[i, j] += row[i] * row[j]
-
-
-@compiled
 def solve_axis(axis: Record) -> None:
-    """Solve the normal equations."""
+    """Solve the normal equations: of the arms for a given axis, so that one equation is left for that."""
     parts = 0
     for k in range(PARTS):
         parts += axis.seen[k] > 0
-    axis.known = parts >= (1 if axis.supposed else _ARC)
+    axis.known = parts >= (1 if axis.guessed > 0.0 else _ARC)
     if axis.known:
-        inverse, right = invert(axis.normal.copy()), axis.right.copy()
-        for k in range(2):
-            axis.centre[k] = inner(inverse[k], right)
-            for end in range(2):
-                axis.arm[end, k] = inner(inverse[2 + 2 * end + k], right)
+        n = axis.frames
+        weight = axis.guessed + 2.0 * n - 2.0 * abs(axis.unit) ** 2 / n
+        right = axis.guessed * axis.guess + axis.places - axis.unit * (axis.back[0] + axis.back[1]) / n
+        centre = right / weight
+        axis.centre[0], axis.centre[1] = centre.real, centre.imag
+        for end in range(2):
+            arm = (axis.back[end] - centre * axis.unit.conjugate()) / n
+            axis.arm[end, 0], axis.arm[end, 1] = arm.real, arm.imag
 
 
 @lending

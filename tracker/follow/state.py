@@ -43,19 +43,17 @@ STICK: Final = np.dtype(
     [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]
 )
 """A stick: distance of its markers in the picture, px, now and within which bounds so far; its direction at the start
-(y down); whether it is known not to turn though no other stick tells; and the axis about which it turns."""
+(y down), or as it stands once it is known to be the base; whether it is known not to turn; and the axis about which it
+turns."""
 
 RIG: Final = np.dtype(
     [
         ("moving", "i8"),
         ("above", "i8"),
-        ("brightness", "f8"),
-        ("dark", "i8"),
         ("shift", "f8", (2,)),
         ("shift_now", "f8", (2,)),
         ("unknown", "i8"),
         ("zero", "f8", (2, 2)),
-        ("reference_rad", "f8"),
         ("last_rad", "f8"),
         ("anchor", "f8", (2,)),
         ("anchored", "i8"),
@@ -67,9 +65,9 @@ RIG: Final = np.dtype(
     ]
 )
 """Both sticks and the camera. moving: which stick moves, −1 while that is not known. above: votes that the moving stick
-lies above the base. brightness: of the whole picture, running mean; dark: whether this frame is. shift: of the picture
+lies above the base. shift: of the picture
 since the start, px, and as this frame tells it; unknown: frames since it was last told. zero: the base's markers at the
-start. reference_rad, last_rad: directions of the base at the start and when last seen. anchor: the shift when the
+start. last_rad: direction of the base when last seen. anchor: the shift when the
 moving stick was last seen, while it is not. offset: how far the moving stick's circles are off where the base says.
 The rest is for :mod:`tracker.appearance.motion_blur`."""
 

@@ -17,11 +17,11 @@ from torsight.core.words.wording import listed
 from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.follow.follower import DotState
+from tracker.follow.dots import DotState
 from tracker.follow.marker import given_markers
+from tracker.follow.stick import Stick
 from tracker.frames.frame import Frame
 from tracker.patches.align import Patch, cut_out
-from tracker.patches.stick import Stick
 from tracker.patches.tag_stick import TagStick
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.fiducials import find_tags
+from tracker.follow.stick import Point, nothing
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import KEPT, Point, nothing, put
+from tracker.patches.stick import KEPT, put
 from tracker.patches.tag_template import Tag
 from tracker.patches.warps import Floats, place, size_of
 from tracker.rows import CODE
@@ -33,6 +34,8 @@ class TagStick:
 
     Its markers are the middles of the tag's left and right edge, so that the stick points along the tag's own x axis.
     """
+
+    drawn = True
 
     def __init__(self, family: str, number: int) -> None:
         self.family, self.number = family, number

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.follow.judgement import TURN_RAD
+from tracker.follow.redetect import Region
 from tracker.patches.align import Look, Patch
 from tracker.patches.warps import Floats
 
@@ -91,16 +92,12 @@ class TurnedSearch:
         wrong_rad = 3.0 * TURN_RAD if still else math.pi / _ANGLES
         self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(wrong_rad) / _COARSE) + 1
 
-    def find(self, luma: NDArray[np.uint8], *, around: tuple[Point, float] | None = None) -> list[Candidate]:
-        """Return places where the stick may be, the likeliest first; ``around`` limits the first point to a square."""
+    def find(self, luma: NDArray[np.uint8], region: Region) -> list[Candidate]:
+        """Return places where the stick may be, with its first point in a region, the likeliest first."""
         height, width = luma.shape
-        left = top = 0
-        right, bottom = width, height
-        if around is not None:
-            (x, y), half_px = around
-            reach = half_px + math.hypot(*self._offset)
-            left, right = max(0, int(x - reach)), min(width, int(x + reach))
-            top, bottom = max(0, int(y - reach)), min(height, int(y + reach))
+        reach = math.hypot(*self._offset)
+        left, right = max(0, int(region.left - reach)), min(width, int(region.right + reach))
+        top, bottom = max(0, int(region.top - reach)), min(height, int(region.bottom + reach))
         part = luma[top:bottom, left:right]
         if min(part.shape) < _COARSE * (2 * self._half + 3):
             return []
@@ -115,10 +112,13 @@ class TurnedSearch:
                 x = left + middle + _COARSE * (column + self._half)
                 y = top + middle + _COARSE * (row + self._half)
                 found.append(Candidate(float(score[row, column]), x, y, turn))
-        if around is not None:
-            (x, y), half_px = around
-            found = [one for one in found if max(abs(one.x_px - x), abs(one.y_px - y)) <= half_px]
-        found = [one for one in found if one.score > _LIKELY]
+        found = [
+            one
+            for one in found
+            if one.score > _LIKELY
+            and region.left <= one.x_px <= region.right
+            and region.top <= one.y_px <= region.bottom
+        ]
         return sorted(found, key=lambda one: -one.score)[:_KEPT]
 
     def _joint(

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import TURN_RAD, circle_misfit, length_misfit
-from tracker.follow.rotation_axis import arm_px, learn_axis
+from tracker.follow.judgement import circle_misfit, rigid_misfit
+from tracker.follow.redetect import Prediction, jump_px
+from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
+from tracker.follow.stick import Point
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import KEPT, Point, put
+from tracker.patches.stick import KEPT, put
 from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
@@ -34,14 +36,9 @@ _FLAT: Final = 0.5
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
 sides and its diagonals bent by 11 degrees against each other."""
-_NEAR_PX: Final = 48.0
-"""Around its last place a stick is looked for in the first frames after it was lost."""
-_NEARBY: Final = 5
 _OFTEN: Final = 3
-_SELDOM: Final = 30
-_WHOLE: Final = (3, 10)
-"""Frames in which a lost stick is looked for around its axis, and in the whole picture, for what that costs: 15 and 100
-times as much as to follow it."""
+"""Every so many frames a lost stick is looked for, for what that costs: 15 times as much as to follow it around its
+axis, and 100 times in the whole picture."""
 
 
 class TextureStick:
@@ -52,6 +49,8 @@ class TextureStick:
     change.
     """
 
+    drawn = False
+
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
     ) -> None:
@@ -61,12 +60,12 @@ class TextureStick:
             PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
         ]
         self._search = search
-        self._still = still
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
         self._own = np.zeros(1, STICK)
         self._own["length"] = self._own["shortest"] = self._own["longest"] = np.hypot(*self._offset)
         self._own["axis"]["last_rad"] = math.nan
+        self._own["still"], self._own["start_rad"] = still, math.atan2(y2 - y1, x2 - x1)
         self._shift = np.zeros(2)
 
     @property
@@ -88,7 +87,7 @@ class TextureStick:
         """Return what is read of both markers in the next frame."""
         self._shift = shift
         # Seen from aside the distance changes as the stick turns.
-        expected_px = math.dist(*(place(track.predict(time_s)) for track in self._tracks))
+        ahead = [place(track.predict(time_s)) for track in self._tracks]
         found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
         fits: list[Fit | None] = [None if why else fit for fit, why in found]
         whys = [why for _, why in found]
@@ -96,9 +95,9 @@ class TextureStick:
             partner = fits[seen]
             if whys[lost] and partner is not None:
                 fits[lost], whys[lost] = self._beside(luma, lost, partner, whys[lost])
-        self._judge_together(fits, whys, expected_px)
+        self._judge_together(fits, whys, math.dist(*ahead))
         if all(whys):
-            again = self._find(luma)
+            again = self._find(luma, ahead)
             if again is not None:
                 fits, whys = [*again], ["", ""]
         if not any(whys):
@@ -152,10 +151,13 @@ class TextureStick:
         if one is None or two is None or any(whys):
             for end, fit in enumerate(fits):
                 # While its partner is hidden nothing but its circle tells that it slides onto something else.
-                if fit is not None and not whys[end] and not passes(self._off_circle(fit, end) ** 2, 1):
-                    whys[end] = "hidden"
+                if fit is not None and not whys[end]:
+                    off = circle_misfit(self._own[0], self._shift, place(fit.warp), end)
+                    whys[end] = "" if passes(off**2, 1) else "hidden"
             return
-        if not self._is_stick(one, two, lost=max(track.lost for track in self._tracks), expected_px=expected_px):
+        a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
+        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, expected_px)
+        if not (passes(*rigid) and self._turns_along(one, two)):
             # The one that fits less well than it usually does is the wrong one.
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
             wrong = 0 if short[0] > short[1] else 1
@@ -174,56 +176,34 @@ class TextureStick:
             for track, fit in zip(self._tracks, fits, strict=True)
         ]
 
-    def _is_stick(self, one: Fit, two: Fit, *, lost: int, expected_px: float) -> bool:
+    def _turns_along(self, one: Fit, two: Fit) -> bool:
+        """Return whether both patches are turned as the line through both points is."""
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
-        length = float(np.hypot(*(b - a)))
-        foreseen = self.length_px + length - expected_px
-        if not any(passes(length_misfit(self._own[0], value, lost) ** 2, 1) for value in (length, foreseen)):
-            return False
-        if lost and not passes(self._off_circle(one, 0) ** 2 + self._off_circle(two, 1) ** 2, 2):
-            return False
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
-        if self._still and abs(math.remainder(turn, math.tau)) > 3.0 * TURN_RAD:
-            return False
         return all(
-            math.isinf(track.patch.turn_doubt)
-            or abs(math.remainder(turn_of(fit.warp) - turn, math.tau)) < _OWN_TURN_RAD
+            math.isinf(track.patch.turn_doubt) or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
             for track, fit in zip(self._tracks, (one, two), strict=True)
         )
 
-    def _off_circle(self, fit: Fit, end: int) -> float:
-        """Return by how many standard deviations a point is off its circle about the axis; 0 while that is unknown."""
-        return float(circle_misfit(self._own[0], self._shift, place(fit.warp), end))
-
-    def _find(self, luma: NDArray[np.uint8]) -> tuple[Fit, Fit] | None:
-        """Look for the stick around its last place or its axis, now and then in the whole picture."""
+    def _find(self, luma: NDArray[np.uint8], ahead: Sequence[Point]) -> tuple[Fit, Fit] | None:
+        """Look for the stick where it may be, which is in the whole picture soon after it was lost."""
         lost = min(track.lost for track in self._tracks) + 1
-        regions: list[tuple[Point, float] | None] = []
-        if lost <= _NEARBY:
-            regions.append((place(self._tracks[0].warp), _NEAR_PX))
-        axis = self._own[0]["axis"]
-        if axis["known"] and lost % _OFTEN == 0:
-            x, y = (axis["centre"] + self._shift).tolist()
-            regions.append(((x, y), arm_px(axis, 0) + _NEAR_PX))
-        if lost in _WHOLE or lost % _SELDOM == 0:
-            regions.append(None)
-        for region in regions:
-            for candidate in self._search.find(luma, around=region):
-                fits = self._closely(luma, candidate.x_px, candidate.y_px, candidate.turn_rad, lost)
-                if fits is not None:
-                    return fits
-        return None
-
-    def _closely(
-        self, luma: NDArray[np.uint8], x_px: float, y_px: float, turn_rad: float, lost: int
-    ) -> tuple[Fit, Fit] | None:
-        one = self._tracks[0].patch.align(luma, similarity(x_px, y_px, turn_rad=turn_rad))
-        if one is None or self._judge(one):
+        if lost > 1 and lost % _OFTEN:
             return None
-        two, why = self._beside(luma, 1, one, "lost")
-        return (
-            None if why or two is None or not self._is_stick(one, two, lost=lost, expected_px=math.inf) else (one, two)
-        )
+        expected = Prediction((ahead[0], ahead[1]), jump_px(lost), self._own[0], self._shift)
+        height, width = luma.shape
+        for candidate in self._search.find(luma, expected.region([0], (width, height))):
+            one = self._tracks[0].patch.align(
+                luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
+            )
+            if one is None or self._judge(one):
+                continue
+            two, why = self._beside(luma, 1, one, "lost")
+            if two is None or why or not self._turns_along(one, two):
+                continue
+            if passes(*expected.innovation([place(one.warp), place(two.warp)], lost=lost)):
+                return one, two
+        return None
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.detect.sticks import crossing_point
-from tracker.follow.redetect import REACH_PX
+from tracker.follow.redetect import JUMP_PX
 from tracker.quality.track_warnings import axis_px
 
 Luma = NDArray[np.uint8]
@@ -75,7 +75,7 @@ class Seen:
         if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
             return None
         # Beyond the search's reach a stick is followed only as long as its speed stays the same.
-        if abs(self.step_deg) < (usual_deg if self.step_px >= REACH_PX else FAST * usual_deg):
+        if abs(self.step_deg) < (usual_deg if self.step_px >= 3.0 * JUMP_PX else FAST * usual_deg):
             return None
         return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 

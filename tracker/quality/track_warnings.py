@@ -89,7 +89,9 @@ def _missing_base(result: TrackResult) -> list[str]:
     """Tell that the base is hardly ever where it was given, though it should rest: what was given may turn."""
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
-    gone = usable & np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).all(axis=1)
+    # The other stick may lie over one of both.
+    gone = usable & (state[:, :2] != CODE["seen"]).all(axis=1)
+    gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
     if not usable.any() or gone.sum() < _GONE * usable.sum():
         return []
     words = (

@@ -7,6 +7,7 @@ import pytest
 
 from tracker.detect.dots import dot_near
 from tracker.detect.sticks import Stick
+from tracker.follow.dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame
@@ -43,7 +44,7 @@ def followed(scenes: list[list[complex]]) -> list[np.ndarray]:
     first = picture(scenes[0], seed=0)
     dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scenes[0]]
     sticks = [Stick(dots[k], dots[k + 1], 0.0) for k in (0, 2)]
-    follower = Follower([marker for stick in sticks for marker in markers_on(first, stick)], moving=1)
+    follower = Follower([DotState([marker for stick in sticks for marker in markers_on(first, stick)])], moving=1)
     return [
         follower.step(Frame(number, number / 30.0, picture(scene, seed=number))).copy()
         for number, scene in enumerate(scenes)
@@ -61,7 +62,7 @@ def turning(count: int, *, first: float = 100.0, step: float = 2.0) -> list[list
 
 
 def test_a_usual_turn_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.follow.follower.redetect", lambda *_: pytest.fail("nothing was lost"))
+    monkeypatch.setattr("tracker.follow.dots.redetect", lambda *_: pytest.fail("nothing was lost"))
     scenes = turning(12, step=1.0)
     for row, scene in zip(followed(scenes), scenes, strict=True):
         check(row, scene)

@@ -84,7 +84,7 @@ def test_the_cause_is_named(cause: str, rig: Any, words: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     ("step_deg", "step_px", "cause"),
-    [(0.0, 0.0, None), (4.0, 12.0, None), (8.0, 12.0, "speed"), (8.0, 5.0, None), (13.0, 5.0, "speed")],
+    [(0.0, 0.0, None), (4.0, 60.0, None), (8.0, 60.0, "speed"), (8.0, 12.0, None), (13.0, 12.0, "speed")],
 )
 def test_a_stick_that_was_followed_faster_elsewhere_is_not_too_fast(
     step_deg: float, step_px: float, cause: str | None

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from torsight.viewer.live.frames.intake import LiveFrame
     from tracker.detect.marker_file import MarkerHints
     from tracker.follow.follower import Follower
-    from tracker.patches.stick_follower import StickFollower
 
 _LOOK_EVERY_S: Final = 0.5
 """How often markers are looked for until they are seen."""
@@ -107,7 +106,7 @@ class LiveTracker:
         self._name = name
         self._tell = tell
         self._angle = LiveAngle(camera, pixel_aspect=pixel_aspect)
-        self._follower: Follower | StickFollower | None = None
+        self._follower: Follower | None = None
         self._looked_s = -math.inf
         self._away = np.zeros(4, np.int64)
         self._told = np.zeros(4, bool)

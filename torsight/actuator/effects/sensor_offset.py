@@ -1,0 +1,46 @@
+r"""Thermometers that read too high or too low, both alike.
+
+.. math:: T_m = T + o
+
+T_m measured, T wire temperature, o offset (°C). The angle shows nothing of it where the transformation temperatures are
+free: all four then move by the same. It shows in them, where they were characterised with another thermometer.
+Predicted residual, with characterised values: a pulse on every flank, alike at the onset of motion and at its end.
+Source: tolerance of a thermocouple, 1.5 °C for class 1 and 2.5 °C for class 2 (IEC 60584-1, types K and N).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Take the offset off both readings."""
+    offset_c = values["thermometer_offset_c"]
+    return ports.with_temperatures(lambda temp, rate: (temp - offset_c, rate))
+
+
+EFFECT: Final = Effect(
+    id="sensor_offset",
+    family="sensor",
+    acts_on="temperature",
+    title="both thermometers read too high or too low",
+    parameters=(
+        Parameter(
+            name="thermometer_offset_c",
+            value=1.5,
+            unit="°C",
+            lower=-10.0,
+            upper=10.0,
+            null=0.0,
+            symbol="o",
+            title="offset of both thermometers",
+        ),
+    ),
+    apply=apply,
+    starts=({"thermometer_offset_c": -1.5},),
+    laws=("temperature_temp_active_c",),
+)

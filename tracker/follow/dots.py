@@ -1,0 +1,98 @@
+"""The dots of one stick or of two, frame by frame: the state of all that is known of them."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracker.appearance.lucas_kanade import READING
+from tracker.detect.sticks import crossing_point
+from tracker.follow.frame_step import DONE, START, advance
+from tracker.follow.learning import skip
+from tracker.follow.marker import Marker
+from tracker.follow.redetect import direction, place_of, redetect
+from tracker.follow.rotation_axis import suppose_axis
+from tracker.follow.state import Scene, state_type
+
+
+class DotState:
+    """All that is known of the dots of one stick or of two, as one record; one alone may be ``still``."""
+
+    drawn = False
+
+    def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
+        self._all = np.zeros((), state_type(len(markers) // 2))
+        # Always of four markers: a tuple of another length would be compiled anew.
+        looks = (*(marker.look for marker in markers), *(markers[0].look,) * (4 - len(markers)))
+        readings = np.zeros(len(markers), READING)
+        self.scene = Scene(self._all["markers"], self._all["sticks"], self._all["rig"], readings, looks)
+        for index, marker in enumerate(markers):
+            self.scene.markers[index] = marker.record[0]
+        self.scene.rig["moving"] = -1
+        for stick, own in enumerate(self.scene.sticks):
+            own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
+            own["start_rad"], own["still"] = direction(*self.ends(stick)), still
+            own["axis"]["last_rad"] = math.nan
+
+    def ends(self, stick: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return where both markers of a stick are."""
+        one, two = (place_of(marker) for marker in self.scene.markers[2 * stick : 2 * stick + 2])
+        return one, two
+
+    @property
+    def radius_px(self) -> float:
+        """Usual radius of a dot."""
+        return float(np.median(self.scene.markers["first_radius"]))
+
+    @property
+    def length_px(self) -> float:
+        """Usual distance of a stick's dots."""
+        return float(np.median(self.scene.sticks["length"]))
+
+    @property
+    def shutter_share(self) -> float:
+        """Share of a frame's time for which the shutter is open."""
+        return float(self.scene.rig["shutter_share"][0])
+
+    def name_moving(self, moving: int) -> None:
+        """Take in which of two sticks moves."""
+        if len(self.scene.sticks) == 1:
+            return
+        scene, ends = self.scene, self.ends(1 - moving)
+        rig, base = scene.rig[0], scene.sticks[1 - moving]
+        rig["moving"], rig["zero"], rig["last_rad"] = moving, ends, direction(*ends)
+        base["still"], base["start_rad"] = True, rig["last_rad"]
+        centre = crossing_point(*ends, *self.ends(moving))
+        if centre is not None:
+            suppose_axis(scene.sticks[moving]["axis"], *centre)
+
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: NDArray[np.float64]) -> NDArray[np.void]:
+        """Follow the markers into the next frame and return their readings, which the next frame overwrites.
+
+        The axis of one stick alone is taken as the picture shows it.
+        """
+        del shift
+        stage = advance(self.scene, luma, time_s, START)
+        while stage != DONE:
+            redetect(self.scene, luma, stage)
+            stage = advance(self.scene, luma, time_s, stage)
+        return self.scene.readings
+
+    def miss(self, time_s: float) -> None:
+        """Pass over a frame that shows nothing."""
+        skip(self.scene, time_s)
+
+    def to_state(self) -> dict[str, Any]:
+        """Return everything that :meth:`restore` needs to go on in the same way."""
+        return {"dots": base64.b64encode(self._all.tobytes()).decode()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state, exactly; it has to be made from the same first frame."""
+        self._all[...] = np.frombuffer(base64.b64decode(state["dots"]), self._all.dtype)[0]
+        for _, _, extras in self.scene.looks:
+            extras[:, -1] = 0.0
