@@ -153,6 +153,12 @@ def write_made_up_run(folder: Path, *, half_cycles: int = 4, rate_hz: float = 10
     return table
 
 
+def rewrite(folder: Path, name: str, **changes: object) -> None:
+    """Write one of the run's JSON files with other values of some of its keys."""
+    content = documents()[name] | changes
+    (folder / f"{name}.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
+
+
 def documents() -> dict[str, dict[str, object]]:
     return {
         "track": {

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.actuator.spring_bench import write_bench
+from tests.command_line import leave
 from tests.full_disk import full_disk
-from torsight.cli.main import main
 
 
 @pytest.mark.parametrize("command", ["characterise", "paper"])
@@ -20,10 +20,10 @@ def test_nothing_is_lost(command: str, tmp_path: Path, capsys: pytest.CaptureFix
         (out / name).write_text("older")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     words = [command, *([str(tmp_path / "tests.toml")] if command == "characterise" else []), "--out", str(out)]
-    with full_disk(100), pytest.raises(SystemExit) as end:
-        main(words)
+    with full_disk(100):
+        code = leave(*words)
     told = capsys.readouterr().err
-    assert end.value.code == 3, told
+    assert code == 3, told
     assert "cannot be written (File too large)" in told
     assert told.count("\n") == 1
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before

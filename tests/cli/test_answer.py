@@ -11,20 +11,20 @@ from typing import Any
 import pytest
 
 from tests.cli.bad_inputs import make_world
+from tests.command_line import leave
 from torsight.cli.answer import Answer
-from torsight.cli.main import COMMANDS, main
+from torsight.cli.main import COMMANDS
 
 SILENT = ("view",)
 """Commands that show something and have no result to give."""
 
 
 def answer_of(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str, Any], str]:
-    with pytest.raises(SystemExit) as end:
-        main([*words, "--json"])
+    code = leave(*words, "--json")
     told = capsys.readouterr()
     answer = json.loads(told.out)
     assert answer["schema"] == 1
-    assert answer["exit_code"] == int(end.value.code or 0)
+    assert answer["exit_code"] == code
     assert answer["command"] == f"torsight {words[0]}"
     return answer, told.err
 
@@ -41,8 +41,7 @@ def test_every_command_that_reports_answers_scripts(name: str, capsys: pytest.Ca
     command = getattr(import_module(f"torsight.cli.{name}"), name)
     reports = inspect.signature(command, eval_str=True).return_annotation is Answer
     assert reports == (name not in SILENT)
-    with pytest.raises(SystemExit):
-        main([name, "--help"])
+    leave(name, "--help")
     assert ("--json" in capsys.readouterr().out) == reports
 
 

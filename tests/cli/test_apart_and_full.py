@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import command_line
 from tests.cli.bad_inputs import make_world
 from tests.full_disk import full_disk
 from tests.fuzz.readers import READERS, TESTS, make_neighbours
-from torsight.cli.main import main
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +33,7 @@ def world(good: Path, tmp_path: Path) -> Path:
 
 
 def leave(command: str, folder: Path) -> int:
-    words = shlex.split(re.sub(r"\{([^}]*)\}", lambda found: str(folder / found[1]), command))
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    return int(end.value.code or 0)
+    return command_line.leave(*shlex.split(re.sub(r"\{([^}]*)\}", lambda found: str(folder / found[1]), command)))
 
 
 @pytest.mark.parametrize(

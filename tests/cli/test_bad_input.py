@@ -13,7 +13,7 @@ from tests.cli.bad_inputs import BAD as FIRST
 from tests.cli.bad_inputs import make_world
 from tests.cli.bad_oddities import ODD
 from tests.cli.bad_units import MORE
-from torsight.cli.main import main
+from tests.command_line import leave
 
 BAD = FIRST | MORE | ODD
 
@@ -38,11 +38,10 @@ def test_bad_input(name: str, world: Path, tmp_path: Path, capsys: pytest.Captur
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     command = re.sub(r"\{([^}]+)\}", lambda found: str(folder / found[1]), bad.command)
 
-    with pytest.raises(SystemExit) as end:
-        main(shlex.split(command))
+    code = leave(*shlex.split(command))
 
     told = capsys.readouterr().err
-    assert end.value.code == bad.code, told
+    assert code == bad.code, told
     assert bad.words in told
     assert "Traceback" not in told
     # nothing of what was there is lost, and no half-written file is left

@@ -12,6 +12,7 @@ import pytest
 from sync import LogReading, find_clock
 from sync.clock.clock_priors import PRIORS
 from tests.cli.bad_inputs import ACTUATOR, make_world
+from tests.command_line import leave
 from tests.tracker.films import Rig, write_film
 from torsight.actuator.spec import reference_spec
 from torsight.cli.checkup import separable
@@ -21,7 +22,6 @@ from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by
 from torsight.cli.checkup.rig import distinct_rates, half_cycles_of, limits_of
 from torsight.cli.doctor import told
-from torsight.cli.main import main
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -172,8 +172,7 @@ def test_an_event_that_both_see_is_known_to_a_frame_and_a_row(tmp_path: Path) ->
 
 
 def test_what_a_new_folder_lacks_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["init", str(tmp_path / "rig")])
+    leave("init", tmp_path / "rig")
     capsys.readouterr()
     code, answer, err = doctor(str(tmp_path / "rig"), capsys=capsys)
     assert code == 3
@@ -231,10 +230,9 @@ def test_the_exit_code_is_the_one_of_the_refusal() -> None:
 
 
 def doctor(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict, str]:
-    with pytest.raises(SystemExit) as end:
-        main(["doctor", *words, "--json"])
+    code = leave("doctor", *words, "--json")
     out, err = capsys.readouterr()
-    return int(end.value.code or 0), json.loads(out), err
+    return code, json.loads(out), err
 
 
 def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from torsight.cli.main import main
+from tests.command_line import leave
 
 FRAMES = 900
 FILES = ("angle.csv", "markers.csv", "track.json", "track.png")
@@ -38,9 +38,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def undisturbed(film: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     out = tmp_path_factory.mktemp("undisturbed")
-    with pytest.raises(SystemExit) as end:
-        main(["track", str(film), "--out", str(out)])
-    assert end.value.code == 0
+    assert leave("track", film, "--out", out) == 0
     return {name: (out / name).read_bytes() for name in FILES}
 
 
@@ -68,9 +66,7 @@ def test_a_killed_track_goes_on_to_the_same_bytes(
     process.communicate()
     found = [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")]
     assert all((tmp_path / name).read_bytes() == undisturbed[name] for name in found)
-    with pytest.raises(SystemExit) as end:
-        main(["track", str(film), "--out", str(tmp_path), "--resume"])
-    assert end.value.code == 0
+    assert leave("track", film, "--out", tmp_path, "--resume") == 0
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == undisturbed
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_run import LOST_S, discovery, write_made_up_run
+from made_up_run import LOST_S, discovery, rewrite, write_made_up_run
 from report_words import figures_of, words_of
 
 from torsight.report import write_report
@@ -40,11 +39,6 @@ def nothing_valid(table: pd.DataFrame) -> pd.DataFrame:
         if name == "valid" or name.endswith("_valid"):
             table[name] = 0
     return table
-
-
-def rewrite(folder: Path, **changes: object) -> None:
-    content = discovery() | changes
-    (folder / "discovery.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
 
 
 @pytest.mark.parametrize("rows", [1, 2])
@@ -101,7 +95,7 @@ def test_a_long_gap_is_a_gap_in_the_curves_and_shaded_in_the_measurement(run: Pa
     ],
 )
 def test_answers_with_little_in_them_still_make_a_page(run: Path, changes: dict[str, object]) -> None:
-    rewrite(run, **changes)
+    rewrite(run, "discovery", **changes)
     text = words_of(run)
     assert "Torsight report" in text
     assert ">None<" not in text
@@ -134,13 +128,13 @@ def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: P
         "segments": [segment, {**segment, "action": "cool", "rate_c_per_s": None}],
     }
     planned_table().to_csv(run / "next_experiment.csv", index=False)
-    rewrite(run, verdict="ambiguous", alternatives=[["clock_offset", "fatigue"]], next_experiment=plan)
+    rewrite(run, "discovery", verdict="ambiguous", alternatives=[["clock_offset", "fatigue"]], next_experiment=plan)
     text = write_report(run).read_text(encoding="utf-8")
     for words in ("Heat A fast.", "12.3 standard deviations", "3.46 standard deviations", "10 min", "by itself"):
         assert words in text, words
     assert "clock offset with fatigue less sensor lag" in text
     assert (run / "figures" / "next_experiment.svg").exists()
-    rewrite(run)
+    rewrite(run, "discovery")
     assert "next_experiment.svg" not in write_report(run).read_text(encoding="utf-8")
     assert not (run / "figures" / "next_experiment.svg").exists()
 
@@ -158,7 +152,7 @@ def test_candidates_are_drawn_only_where_something_was_explained(
     run: Path, verdict: str, best_set: list[str], percent: dict[str, float] | None
 ) -> None:
     gains = {"fatigue": 80.0, "stiffening": 20.0}
-    rewrite(run, verdict=verdict, effects=[], evidence={"gains": gains, "best_set": best_set})
+    rewrite(run, "discovery", verdict=verdict, effects=[], evidence={"gains": gains, "best_set": best_set})
     figure = figures_of(run).get("candidates")
     found = None if figure is None else dict(zip(figure.data["effect"], figure.data["percent"], strict=True))
     assert found == (None if percent is None else pytest.approx(percent))
@@ -177,7 +171,11 @@ def test_what_others_keep_in_the_figures_folder_stays(run: Path) -> None:
 
 
 def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path) -> None:
-    rewrite(run, evidence={"gains": {"sensor_lag": 4000.0, "clock_offset": 3000.0, "fatigue": -1.0}, "best_set": []})
+    rewrite(
+        run,
+        "discovery",
+        evidence={"gains": {"sensor_lag": 4000.0, "clock_offset": 3000.0, "fatigue": -1.0}, "best_set": []},
+    )
     text = write_report(run).read_text(encoding="utf-8")
     pictures = sorted((run / "figures").glob("*.svg"))
     assert len(pictures) >= 12
@@ -201,7 +199,7 @@ def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path) -
 def test_the_errors_of_unseen_half_cycles_are_those_of_the_answer(run: Path) -> None:
     before = discovery()["before"] | {"by_half_cycle_deg": [31.0, 35.5]}  # type: ignore[operator]
     after = discovery()["after"] | {"by_half_cycle_deg": [0.4, None]}  # type: ignore[operator]
-    rewrite(run, before=before, after=after, held_out=[2, 3])
+    rewrite(run, "discovery", before=before, after=after, held_out=[2, 3])
     figures = figures_of(run)
     assert "residual_half_cycle" not in figures
     table = figures["unseen_half_cycles"].data

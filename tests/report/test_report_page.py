@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_run import curves, discovery, documents, parameter, write_made_up_run
+from made_up_run import curves, discovery, parameter, rewrite, write_made_up_run
 from report_words import words_of
 
 from torsight.core.errors import InputError
@@ -40,11 +40,6 @@ def run(tmp_path: Path) -> Path:
     actuator.write_text(ACTUATOR, encoding="utf-8")
     rewrite(tmp_path, "provenance", configuration={"actuator": {"file": str(actuator)}})
     return tmp_path
-
-
-def rewrite(folder: Path, name: str, **changes: object) -> None:
-    content = documents()[name] | changes
-    (folder / f"{name}.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
 
 
 text_of = words_of

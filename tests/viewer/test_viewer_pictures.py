@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from made_up_run import discovery, made_up_law, write_made_up_run
+from made_up_run import made_up_law, rewrite, write_made_up_run
 
-from torsight.cli.main import main
+from tests.command_line import leave
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.storage import write_table
 from torsight.viewer import save_pictures, view_layout, write_recording
@@ -27,8 +26,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
     law = made_up_law()
     write_table(folder / law.csv_name, law.table())
-    content = discovery() | {"laws": [law.to_json()]}
-    (folder / "discovery.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
+    rewrite(folder, "discovery", laws=[law.to_json()])
     write_recording(folder)
     return folder
 
@@ -93,11 +91,10 @@ def test_without_a_driver_the_command_says_what_to_install(
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     monkeypatch.setattr(tempfile, "tempdir", None)
-    with pytest.raises(SystemExit) as ended:
-        main(["view", str(run), "--pictures", str(tmp_path / "out")])
+    code = leave("view", run, "--pictures", tmp_path / "out")
     assert not list((tmp_path / "temporary").iterdir())
     said = capsys.readouterr().err
-    assert ended.value.code == 3
+    assert code == 3
     assert "the viewer cannot draw here" in said
     assert "mesa-vulkan-drivers" in said
     assert not (tmp_path / "out").exists()
@@ -108,7 +105,5 @@ def test_a_folder_without_a_recording_and_a_time_without_pictures_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=r"no such recording"):
         save_pictures(tmp_path, tmp_path / "out")
-    with pytest.raises(SystemExit) as ended:
-        main(["view", str(run), "--at", "3"])
-    assert ended.value.code == 2
+    assert leave("view", run, "--at", "3") == 2
     assert "--pictures" in capsys.readouterr().err

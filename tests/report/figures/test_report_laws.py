@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_run import discovery, made_up_law, write_made_up_run
+from made_up_run import made_up_law, rewrite, write_made_up_run
 from report_words import figures_of, words_of
 
 from torsight.core.errors import InputError
@@ -23,8 +23,7 @@ def run(tmp_path: Path) -> Path:
     write_made_up_run(tmp_path, rate_hz=1.0)
     law = made_up_law()
     write_laws(tmp_path, [law])
-    content = discovery() | {"laws": [law.to_json()]}
-    (tmp_path / "discovery.json").write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
+    rewrite(tmp_path, "discovery", laws=[law.to_json()])
     return tmp_path
 
 
@@ -65,17 +64,17 @@ def test_without_laws_there_is_no_section_and_their_files_go_but_nobody_elses(ru
     own.write_text("a,b\n1,2\n", encoding="utf-8")
     write_laws(run, [])
     assert sorted(run.glob("law_*")) == [own]
-    (run / "discovery.json").write_text(json.dumps(discovery()), encoding="utf-8")
+    rewrite(run, "discovery")
     assert 'id="laws"' not in words_of(run)
 
 
 def test_a_law_without_its_file_or_with_a_key_missing_is_named(run: Path) -> None:
     entry = made_up_law().to_json()
     del entry["port"]
-    (run / "discovery.json").write_text(json.dumps(discovery() | {"laws": [entry]}), encoding="utf-8")
+    rewrite(run, "discovery", laws=[entry])
     with pytest.raises(InputError, match=r"discovery\.json, laws: a law has no 'port'"):
         words_of(run)
-    (run / "discovery.json").write_text(json.dumps(discovery() | {"laws": [made_up_law().to_json()]}), encoding="utf-8")
+    rewrite(run, "discovery", laws=[made_up_law().to_json()])
     (run / "law_friction_angle_deg.csv").unlink()
     with pytest.raises(InputError, match=r"law_friction_angle_deg\.csv"):
         words_of(run)

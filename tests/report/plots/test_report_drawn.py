@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import stat
@@ -18,7 +17,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from browser import open_browser
-from made_up_run import discovery, write_made_up_run
+from made_up_run import rewrite, write_made_up_run
 
 from torsight.report import write_report
 from torsight.report.plots.interactive import library
@@ -56,8 +55,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("drawn")
     write_made_up_run(folder, rate_hz=10.0)
     gains = {"sensor_lag": 4000.0, "clock_offset": 3000.0}
-    content = discovery() | {"evidence": {"gains": gains, "best_set": []}}
-    (folder / "discovery.json").write_text(json.dumps(content), encoding="utf-8")
+    rewrite(folder, "discovery", evidence={"gains": gains, "best_set": []})
     path = write_report(folder)
     for one in (path, folder):
         one.chmod(one.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from made_up_run import discovery, parameter, write_made_up_run
+from made_up_run import discovery, parameter, rewrite, write_made_up_run
 from markupsafe import Markup
 from report_words import words_of
 
@@ -31,7 +30,7 @@ def run(tmp_path: Path) -> Path:
 
 def steps(folder: Path, **changes: object) -> dict[str, Step]:
     """Return the steps by their questions' first words, after changes to the answer."""
-    (folder / "discovery.json").write_text(json.dumps(discovery() | changes), encoding="utf-8")
+    rewrite(folder, "discovery", **changes)
     return {step.question.split()[0]: step for step in next_steps(read_results(folder))}
 
 

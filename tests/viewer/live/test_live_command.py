@@ -16,8 +16,8 @@ import pandas as pd
 import pytest
 from live_rig import FPS, log_text, write_film
 
+from tests.command_line import leave
 from torsight.cli.experiment_file import read_experiment
-from torsight.cli.main import main
 from torsight.cli.view import recording_of
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.viewer import program
@@ -200,9 +200,7 @@ def test_what_cannot_be_watched_is_named(
     (rig / "taken").mkdir(exist_ok=True)
     (rig / "taken" / "angle.csv").write_text("frame\n", encoding="utf-8")
     monkeypatch.chdir(rig)
-    with pytest.raises(SystemExit) as end:
-        main(["live", *words.split()])
-    assert end.value.code == code
+    assert leave("live", *words.split()) == code
     said = capsys.readouterr().err
     assert told in said
     assert "internal error" not in said
