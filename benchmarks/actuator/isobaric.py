@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.figures import Line, draw
-from torsight.actuator.stepping.phase import COOLING_LAWS, HEATING_LAWS
+from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.parameter import Parameter
-from torsight.core.series import share_explained
+from torsight.core.series import rms, share_explained
 from torsight.core.units import GPA, MPA
 
 Array = NDArray[np.float64]
@@ -52,22 +52,11 @@ def read_loop(path: Path) -> Loop:
 
 def fraction(loop: Loop, values: Mapping[str, float], *, law: str) -> Array:
     """Return ξ along a loop: cooled from austenite, and heated from what fraction was reached."""
-    cooling = COOLING_LAWS[law](
-        np.minimum.accumulate(loop.temp_c[: loop.turn + 1]),
-        loop.stress_pa,
-        start_c=values["M_s_c"],
-        finish_c=values["M_s_c"] - values["M_width_c"],
-        influence=values["C_M_mpa_per_k"] * MPA,
-        xi_0=0.0,
-    )
-    heating = HEATING_LAWS[law](
-        np.maximum.accumulate(loop.temp_c[loop.turn + 1 :]),
-        loop.stress_pa,
-        start_c=values["A_s_c"],
-        finish_c=values["A_s_c"] + values["A_width_c"],
-        influence=values["C_A_mpa_per_k"] * MPA,
-        xi_0=float(cooling[-1]),
-    )
+    start_c = {of: values[f"{of}_s_c"] + loop.stress_pa / (values[f"C_{of}_mpa_per_k"] * MPA) for of in ("M", "A")}
+    coolest = np.minimum.accumulate(loop.temp_c[: loop.turn + 1])
+    warmest = np.maximum.accumulate(loop.temp_c[loop.turn + 1 :])
+    cooling = SHARE_DONE[law]((start_c["M"] - coolest) / values["M_width_c"])
+    heating = cooling[-1] * (1.0 - SHARE_DONE[law]((warmest - start_c["A"]) / values["A_width_c"]))
     return np.concatenate([cooling, heating])
 
 
@@ -128,8 +117,8 @@ def left_out(loops: Mapping[int, Loop], *, law: str) -> dict[str, dict[str, floa
         predicted = strain(loop, found.values, law=law)
         error = loop.strain_percent - predicted
         table[f"{stress} MPa"] = {
-            "rmse_percent": float(np.sqrt(np.mean(error**2))),
-            "of_its_range": float(np.sqrt(np.mean(error**2)) / np.ptp(loop.strain_percent)),
+            "rmse_percent": rms(error),
+            "of_its_range": rms(error) / float(np.ptp(loop.strain_percent)),
             "r2": share_explained(loop.strain_percent, predicted),
             "cooling_off_c": _at_half(loop, slice(None, loop.turn + 1))
             - _at_half(_like(loop, predicted), slice(None, loop.turn + 1)),

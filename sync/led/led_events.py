@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import read_table
+from torsight.core.files.storage import first_row, read_table
 from torsight.core.files.tables import switch_column
 from torsight.core.words.shown import Shown, span
 
@@ -60,9 +60,8 @@ def read_light_events(path: AnyPath) -> LightEvents:
     path = Path(path)
     table = read_table(path, required=("time_s",))
     time_s = table["time_s"].to_numpy(np.float64)
-    if not np.isfinite(time_s).all():
-        row = int(np.flatnonzero(~np.isfinite(time_s))[0])
-        raise InputError("has no time", where=f"{path}, row {row + 2}, column time_s", do="mend that row")
+    for _, place in first_row(~np.isfinite(time_s), where=path, column="time_s"):
+        raise InputError("has no time", where=place, do="mend that row")
     on = switch_column(table, "on", where=str(path))
     order = np.argsort(time_s, kind="stable")
     return LightEvents(time_s[order], (np.ones(len(time_s), np.bool_) if on is None else on)[order])

@@ -251,8 +251,7 @@ def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Rep
 
 def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:
     step = np.diff(time_s)
-    usual = float(np.median(step))
-    long = step > max(5.0 * usual, 1.0)
+    long = step > max(5.0 * usual_step(time_s), 1.0)
     if not long.any():
         return []
     first = int(np.flatnonzero(long)[0])

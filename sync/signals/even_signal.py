@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from torsight.core.series import scatter, usual_step
 
@@ -99,19 +99,14 @@ def even_signal(
     smooth = savgol_filter(filled, points, 2)
     slope = savgol_filter(filled, slope_points, 2, deriv=1, delta=step_s)
     noise = _noise(there)
-    unit = np.zeros(points)
-    unit[points // 2] = 1.0
-    value_gain = float(np.linalg.norm(savgol_filter(unit, points, 2, mode="constant")))
-    ramp = np.arange(slope_points) - slope_points // 2
-    slope_gain = 1.0 / (step_s * float(np.linalg.norm(ramp)))
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
         start_s=float(at_s[0]),
         step_s=step_s,
         value=smooth,
         slope=slope,
-        value_sigma=scale * value_gain,
-        slope_sigma=scale * slope_gain,
+        value_sigma=scale * float(np.linalg.norm(savgol_coeffs(points, 2))),
+        slope_sigma=scale * float(np.linalg.norm(savgol_coeffs(slope_points, 2, deriv=1, delta=step_s))),
         # Beside a gap the smoothing reached into it.
         known=np.asarray(binary_erosion(bridged, np.ones(3, np.bool_), border_value=1)),
         noise=noise,

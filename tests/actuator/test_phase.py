@@ -8,35 +8,17 @@ import numpy as np
 import pytest
 
 from torsight.actuator.springs import strain_ratio
-from torsight.actuator.stepping.phase import COOLING_LAWS, HEATING_LAWS
+from torsight.actuator.stepping.phase import SHARE_DONE
 
-HEAT = {"start_c": 36.0, "finish_c": 54.0, "influence": 32e6}
-COOL = {"start_c": 42.0, "finish_c": 28.0, "influence": 32e6}
-STRESS = 320e6  # moves both windows by 10 °C
+PLACES = np.array([-0.1, 0.0, 0.5, 1.0, 1.1])
 
 
 def test_liang_rogers_at_the_window_and_in_its_middle():
-    temps = np.array([45.9, 46.0, 55.0, 64.0, 64.1])
-    expected = np.array([0.8, 0.8, 0.4, 0.0, 0.0])
-    assert HEATING_LAWS["liang_rogers"](temps, STRESS, xi_0=0.8, **HEAT) == pytest.approx(expected, abs=1e-12)
-    temps = np.array([52.1, 52.0, 45.0, 38.0, 37.0])
-    expected = np.array([0.2, 0.2, 0.6, 1.0, 1.0])
-    assert COOLING_LAWS["liang_rogers"](temps, STRESS, xi_0=0.2, **COOL) == pytest.approx(expected, abs=1e-12)
+    assert SHARE_DONE["liang_rogers"](PLACES) == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0], abs=1e-12)
 
 
 def test_tanaka_has_one_percent_left_at_the_finish():
-    heating = HEATING_LAWS["tanaka"](np.array([40.0, 46.0, 64.0]), STRESS, xi_0=0.8, **HEAT)
-    assert heating == pytest.approx([0.8, 0.8, 0.008])
-    cooling = COOLING_LAWS["tanaka"](np.array([60.0, 52.0, 38.0]), STRESS, xi_0=0.2, **COOL)
-    assert cooling == pytest.approx([0.2, 0.2, 1.0 - 0.008])
-
-
-@pytest.mark.parametrize("law", ["liang_rogers", "tanaka"])
-def test_stress_shifts_a_window_by_its_influence(law):
-    temps = np.linspace(30.0, 70.0, 101)
-    for laws, window in ((HEATING_LAWS, HEAT), (COOLING_LAWS, COOL)):
-        shifted = laws[law](temps + STRESS / 32e6, STRESS, xi_0=0.5, **window)
-        assert shifted == pytest.approx(laws[law](temps, 0.0, xi_0=0.5, **window), abs=1e-12)
+    assert SHARE_DONE["tanaka"](PLACES[:4]) == pytest.approx([0.0, 0.0, 0.9, 0.99])
 
 
 def test_shear_strain_is_small_beyond_a_hundred_degrees():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torsight.actuator.record.conditioning import _decays, _fit, _grow, condition
+from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.local_fits import _decays, _fit, _grow
 
 K, REACH = 60, 40
 

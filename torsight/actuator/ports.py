@@ -26,8 +26,11 @@ STEEPEST: Final = 0.9
 """Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
 REACH_RAD: Final = 100.0 * DEG
 """Angle past an onset at which a law that grows from there has the size by which it is declared, whatever its power."""
-_GRID_POINTS = 1201
-_GRID_MARGIN = 0.25
+_GRID_POINTS: Final = 1201
+"""Nodes of a table, 1.35° apart over the paper's angles: lines between them miss a wave five times per turn, the
+shortest that a law has, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
+_GRID_MARGIN: Final = 0.25
+"""How far beyond both ends the tables over the angle go, as a share of θ_P: a choice, the last values hold beyond."""
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
 """Speeds of the table of friction over speed; the last value holds beyond. The paper's rig reaches 0.2 rad/s."""
 DWELL_DECADES: Final = np.linspace(0.0, 6.0, _GRID_POINTS)
@@ -55,6 +58,13 @@ class History:
 
 Pair = tuple[Array | None, Array | None]
 """A table of spring A and one of B."""
+
+
+def no_steeper(torque_nm: Array, theta_rad: Array, most: float, least: float = -np.inf) -> Array:
+    """Return a torque (n,) at rising angles whose slopes, N·m/rad, are held between ``least`` and ``most``."""
+    step = np.diff(theta_rad)
+    rise = np.clip(np.diff(torque_nm), least * step, most * step)
+    return np.concatenate([torque_nm[:1], torque_nm[0] + np.cumsum(rise)])
 
 
 def _added(tables: Pair, torque_nm: Array, spring: str) -> Pair:
@@ -212,6 +222,11 @@ class Ports:
     def phi_grid_rad(self) -> Array:
         """Return the actuator angles φ of the tables, rad."""
         return _grids_rad(self.rig.theta_p_rad)[1]
+
+    @property
+    def steepest_bend_nm(self) -> float:
+        """The most by which a loading curve may steepen, N·m/rad."""
+        return STEEPEST * (self.rig.k_martensite - self.rig.k_stress_induced)
 
     @property
     def load_changes(self) -> bool:

@@ -1,24 +1,19 @@
 """Many experiments: the same run for each, one table of results, one page of small pictures.
 
-A campaign is a set of independent tasks: one experiment in, one folder and one row of the table out. They run on the
-processes of this machine (joblib) or on a Dask cluster that already runs. A task that fails leaves a row that says
-why; a task whose results are there and whose inputs have not changed since is not done again.
+A campaign is a set of independent tasks: one experiment in, one folder and one row of the table out. A task that fails
+leaves a row that says why; a task whose results are there and whose inputs have not changed since is not done again.
 """
 
 from __future__ import annotations
 
-import importlib
 import itertools
-import os
 import re
-import threading
-import time
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError, refused_by_system
+from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
 from torsight.core.progress import Progress, silent
 
@@ -43,12 +38,6 @@ RESULT_COLUMNS: Final = (
     "folder",
 )
 """Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
-
-PATIENCE = "10s"
-"""How long a Dask scheduler has to answer."""
-_MOST_PER_CORE: Final = 4
-"""Processes per core at most: more only take memory from each other."""
-_WATCH: Final = "end with the campaign"
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,88 +184,6 @@ def explain_campaign(
         merged = [task.folder / "merged.csv" for task, _ in records]
         explain_together(merged, records[0][1], out=folder, progress=progress)
     return folders
-
-
-def run_campaign(
-    todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
-) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
-
-    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
-    """
-    rows: dict[str, dict[str, Any]] = {}
-
-    def finished(row: dict[str, Any]) -> None:
-        rows[row["name"]] = row
-        progress("experiments", len(rows), len(todo))
-
-    progress("experiments", 0, len(todo))
-    (_on_cluster if scheduler else _on_this_machine)(todo, finished, jobs=jobs, scheduler=scheduler or "")
-    return [rows[task.name] for task in todo]
-
-
-def _on_this_machine(
-    todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str
-) -> None:
-    from joblib import Parallel, delayed
-
-    del scheduler
-    pool = Parallel(n_jobs=processes(jobs, tasks=len(todo)), return_as="generator_unordered", batch_size=1)
-    for row in pool(delayed(_run_for)(os.getpid(), task) for task in todo):
-        finished(row)
-
-
-def processes(jobs: int, *, tasks: int) -> int:
-    """Return how many processes are started for ``--jobs``: never more than there are tasks."""
-    from joblib import cpu_count
-
-    cores = cpu_count()
-    most = _MOST_PER_CORE * cores
-    if jobs != -1 and not 1 <= jobs <= most:
-        raise ConfigError(
-            "is no number of processes",
-            where="--jobs",
-            value=jobs,
-            limit=f"1 to {most} on this machine's {cores} cores, or -1 for one per core",
-        )
-    return max(1, min(cores if jobs == -1 else jobs, tasks))
-
-
-def _run_for(parent: int, task: Task) -> dict[str, Any]:
-    """Do one experiment in a process that ends with the campaign, even with one that was killed."""
-    if os.getpid() != parent and not any(thread.name == _WATCH for thread in threading.enumerate()):
-        threading.Thread(target=_end_with, args=(parent,), name=_WATCH, daemon=True).start()
-    return run_task(task)
-
-
-def _end_with(parent: int) -> None:
-    from torsight.cli.limited import end_all
-
-    while os.getppid() == parent:
-        time.sleep(0.2)
-    end_all()
-    os._exit(1)
-
-
-def _on_cluster(todo: Sequence[Task], finished: Callable[[dict[str, Any]], None], *, jobs: int, scheduler: str) -> None:
-    del jobs
-    try:
-        # imported by name: the extra is optional and its types are not
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError as error:
-        raise ConfigError(
-            "--scheduler needs Dask", where="torsight batch", do="install it with: pip install 'torsight[cluster]'"
-        ) from error
-    try:
-        client = distributed.Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"
-        ) from error
-    with client:
-        futures = client.map(run_task, todo, pure=False)
-        for _future, row in distributed.as_completed(futures, with_results=True):
-            finished(row)
 
 
 def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:

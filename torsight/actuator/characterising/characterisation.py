@@ -24,7 +24,7 @@ from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.spec import KEYS, ActuatorSpec, keys_of
-from torsight.actuator.stepping.phase import HEATING_LAWS
+from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
@@ -35,7 +35,6 @@ from torsight.core.words.plausible import HEATED_C
 
 Array = NDArray[np.float64]
 
-LAWS: Final = ("liang_rogers", "tanaka")
 _STEP: Final = "spring tests"
 _K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
 
@@ -52,10 +51,10 @@ def characterise(
         When a test does not hold what its step needs.
     """
     recovery = {}
-    for number, law in enumerate(LAWS):
+    for number, law in enumerate(SHARE_DONE):
         progress(_STEP, number, 4)
         recovery[law] = free_recovery(tests, law=law)
-    better = min(LAWS, key=lambda law: recovery[law].rmse)
+    better = min(SHARE_DONE, key=lambda law: recovery[law].rmse)
     lines = force_angle(tests)
     _require_plausible(lines.estimates, where=source)
     known = {**recovery["liang_rogers"].estimates, **lines.estimates}
@@ -120,9 +119,8 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
             )
 
     def model(values: Mapping[str, float]) -> Array:
-        window = {"start_c": values["A_s_c"], "finish_c": values["A_s_c"] + values["width_c"], "influence": 1.0}
         return np.concatenate([
-            item.pre_deformation_deg * HEATING_LAWS[law](temp, 0.0, xi_0=1.0, **window)
+            item.pre_deformation_deg * (1.0 - SHARE_DONE[law]((temp - values["A_s_c"]) / values["width_c"]))
             for item, temp in zip(tests.recoveries, temps, strict=True)
         ])  # fmt: skip
 

@@ -163,7 +163,7 @@ def _profile_end(
     misfit: Callable[[Array], Array], best: Array, number: int, step: float, bounds: tuple[Array, Array]
 ) -> float:
     """Return where one parameter, all others at their best for it, costs 1.96² more than the best (or its bound)."""
-    from scipy.optimize import least_squares
+    from scipy.optimize import brentq, least_squares
 
     lower, upper = bounds
     others = np.arange(len(best)) != number
@@ -195,7 +195,6 @@ def _profile_end(
         if far == limit:
             return limit
         near, far = far, far + 1.5 * (far - near)
-    for _ in range(8):
-        middle = 0.5 * (near + far)
-        near, far = (middle, far) if excess(middle) < 0.0 else (near, middle)
-    return 0.5 * (near + far)
+    else:
+        return far
+    return float(brentq(excess, near, far, xtol=1e-3 * abs(step)))

@@ -16,7 +16,7 @@ from torsight.actuator.model import ActuatorModel, Simulation
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import stable_cycle
-from torsight.actuator.stepping.phase import HEATING_LAWS
+from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.records import TemperatureLog
 from torsight.core.units import MM
 
@@ -86,8 +86,7 @@ def spring_logs(*, seed: int = 0) -> SpringTests:
     rng, rows = np.random.default_rng(seed), 1200
     values = dict(REFERENCE_VALUES)
     temp = np.linspace(_ROOM_C, 66.0, rows)
-    window = {"start_c": values["A_s_c"], "finish_c": values["A_f_c"], "influence": 1.0}
-    share = HEATING_LAWS["liang_rogers"](temp, 0.0, xi_0=1.0, **window)
+    share = 1.0 - SHARE_DONE["liang_rogers"]((temp - values["A_s_c"]) / (values["A_f_c"] - values["A_s_c"]))
     recoveries = tuple(
         Recovery(temp, size * share + SCATTER["recovery_deg"] * rng.standard_normal(rows), size, f"recovery {size:g}°")
         for size in (118.0, 138.0)

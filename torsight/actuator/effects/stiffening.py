@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import REACH_RAD, STEEPEST, Ports
+from torsight.actuator.ports import REACH_RAD, Ports, no_steeper
 from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM
 
@@ -30,22 +30,20 @@ def extra_torque(
 ) -> Array:
     """Return k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, N·m, nowhere steeper than ``steepest_nm`` (N·m/rad)."""
     law_nm = cubic_nm * REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / REACH_RAD) ** exponent
-    rise_nm = np.minimum(np.diff(law_nm), steepest_nm * np.diff(theta_rad))
-    return np.concatenate([law_nm[:1], law_nm[0] + np.cumsum(rise_nm)])
+    return no_steeper(law_nm, theta_rad, steepest_nm)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen."""
-    rig, share = ports.rig, values["stiffening_loading_share"]
+    share, steepest_nm = values["stiffening_loading_share"], ports.steepest_bend_nm
     whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
-    steepest_nm = STEEPEST * (rig.k_martensite - rig.k_stress_induced)
     if whole_nm * share > 0.0:
         third_nm = min(share * whole_nm * REACH_RAD**2, steepest_nm)
         ports = ports.with_loading(third_nm * np.maximum(0.0, ports.grid_rad() - onset_rad))
     if share == 1.0 or whole_nm == 0.0:
         return ports
     law = {"cubic_nm": (1.0 - share) * whole_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
-    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=rig.k_austenite))
+    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=ports.rig.k_austenite))
 
 
 EFFECT: Final = Effect(

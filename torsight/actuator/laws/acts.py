@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports
+from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports, no_steeper
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
 from torsight.core.units import DEG, MNM
@@ -140,10 +140,8 @@ def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Po
 
 def _gentle(ports: Ports, torque_nm: Array) -> Array:
     """Return a torque over the grid that makes the loading curve nowhere as steep as unwinding, nor falling."""
-    rig, step = ports.rig, float(np.diff(ports.grid_rad()[:2])[0])
-    most = STEEPEST * (rig.k_martensite - rig.k_stress_induced) * step
-    rise = np.clip(np.diff(torque_nm), -STEEPEST * rig.k_stress_induced * step, most)
-    return np.concatenate([torque_nm[:1], torque_nm[0] + np.cumsum(rise)])
+    least = -STEEPEST * ports.rig.k_stress_induced
+    return no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
 
 
 def theta_l_half(ports: Ports, law: Curve) -> Ports:

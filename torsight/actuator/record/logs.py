@@ -13,7 +13,7 @@ from sync.log.column_names import chosen_columns
 from sync.log.log_table import NEEDED_NAMES, read_log_table
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import number_column
+from torsight.core.files.storage import first_row, number_column
 from torsight.core.files.tables import require_increasing, switches_and_extra
 from torsight.core.records import TemperatureLog
 from torsight.core.words.plausible import require_units
@@ -81,12 +81,11 @@ def read_log(
 
 def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> NDArray[np.float64]:
     values = series.to_numpy(np.float64)
-    wrong = np.flatnonzero(np.abs(values + 25.0) > 250.0)
-    if len(wrong):
+    for row, place in first_row(np.abs(values + 25.0) > 250.0, where=path, column=str(series.name), lines=lines):
         raise InputError(
             "is no temperature of a spring in °C",
-            where=f"{path}, row {lines[wrong[0]]}, column {series.name}",
-            value=f"{values[wrong[0]]:g}",
+            where=place,
+            value=f"{values[row]:g}",
             limit="-275 to 225",
             do="give temperatures in °C; 'torsight sync' takes single spikes out",
         )

@@ -23,24 +23,24 @@ Array = NDArray[np.float64]
 
 _TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
-_COOLED: Final = 0.8
 _LIFT_C: Final = 0.25
 _BEFORE_S: Final = 40.0
 """A heating that is not seen in the temperature after so long would not be one."""
 _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
-_JUMP_SIGMAS: Final = 8.0
 """What the angle moves by within two seconds is a jump from so much, or so many sigmas of its noise."""
+_SURE: Final = 8.0
+"""Sigmas of noise that chance reaches once in 10¹⁵ rows."""
 _STILL_SHARE: Final = 0.25
 """Share of the jump by which a rest may move before it."""
 _REST_ROWS: Final = 4
 _COLD_SHARE: Final = 0.2
-"""Share of its heating below which a spring no longer moves by itself."""
+"""Share of its heating below which a spring no longer moves by itself: it has cooled."""
 
 
 def turn_of(noise_c: float) -> float:
-    """Return by how much the temperature goes back where it turns, °C: chance reaches 8 sigmas once in 10¹⁵ rows."""
-    return max(_TURN_C, 8.0 * noise_c)
+    """Return by how much the temperature goes back where it turns, °C."""
+    return max(_TURN_C, _SURE * noise_c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +150,14 @@ def _jump(time_s: Array, angle_rad: Array) -> int | None:
     if len(time_s) < 2 * _REST_ROWS:
         return None
     noise = scatter(angle_rad, order=1)
-    least = max(_JUMP_RAD, _JUMP_SIGMAS * noise)
+    least = max(_JUMP_RAD, _SURE * noise)
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
     way = np.abs(angle_rad[later] - angle_rad)
     quick = np.flatnonzero(way >= least)
     if len(quick) == 0 or quick[0] < _REST_ROWS:
         return None
     rest, after = np.split(angle_rad, quick[:1])
-    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + _JUMP_SIGMAS * noise:
+    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + _SURE * noise:
         return None
     return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 
@@ -212,7 +212,7 @@ def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating
         last = kept[-1] if kept else None
         if last is not None and last.spring == item.spring:
             lowest = float(np.min(temps[item.spring][last.top : item.top + 1]))
-            if lowest > last.top_c - _COOLED * (last.top_c - last.base_c):
+            if lowest > last.base_c + _COLD_SHARE * (last.top_c - last.base_c):
                 top = last if last.top_c >= item.top_c else item
                 kept[-1] = Heating(item.spring, last.start, top.top, last.base_c, top.top_c)
                 continue

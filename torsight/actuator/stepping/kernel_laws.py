@@ -12,12 +12,12 @@ factor on friction over log10(1 + rest in s).
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.stepping.phase import LN_100
 from torsight.core.compiled import inlined, lending
 
 Array = NDArray[np.float64]
@@ -44,8 +44,6 @@ SCALARS: Final = np.dtype(
 
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
-
-_LN100: Final = math.log(100.0)
 
 
 class Samples(NamedTuple):
@@ -120,7 +118,7 @@ def share_done(heating: bool, place: float, p: Scalars) -> float:
     if place <= 0.0:
         return 0.0
     if p["tanaka"] > 0.5:
-        return 1.0 - np.exp(-_LN100 * place)
+        return 1.0 - np.exp(-LN_100 * place)
     if place >= 1.0:
         return 1.0
     return 0.5 - 0.5 * np.cos(np.pi * bent(place, bend(heating, p)))

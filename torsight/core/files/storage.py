@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
 from torsight.core.files.paths import missing_file, require_ordinary, unreadable
@@ -335,24 +336,31 @@ def _read_csv(path: Path) -> pd.DataFrame:
     return table
 
 
-def number_column(
-    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
-) -> pd.Series[float]:
-    """Return a column of a table as float64, an empty field as NaN.
+def first_row(
+    wrong: NDArray[np.bool_], *, where: str | Path, column: str, lines: Sequence[int] | None = None
+) -> list[tuple[int, str]]:
+    """Return the first row of a table (n,) that is wrong, and the place to name: file, line and column; [] if none is.
 
     ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
     """
+    rows = np.flatnonzero(wrong)[:1].tolist()
+    return [(row, f"{where}, row {row + 2 if lines is None else lines[row]}, column {column}") for row in rows]
+
+
+def number_column(
+    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
+) -> pd.Series[float]:
+    """Return a column of a table as float64, an empty field as NaN; ``lines`` as in :func:`first_row`."""
     import pandas as pd
 
     if list(table.columns).count(name) > 1:
         raise InputError("has this column twice", where=f"{where}, column {name}", do="remove one of the two")
     numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
-    wrong = numbers.isna() & table[name].notna()
-    if wrong.any():
-        row = int(np.flatnonzero(wrong.to_numpy())[0])
+    wrong = (numbers.isna() & table[name].notna()).to_numpy()
+    for row, place in first_row(wrong, where=where, column=name, lines=lines):
         raise InputError(
             "is not a number",
-            where=f"{where}, row {row + 2 if lines is None else lines[row]}, column {name}",
+            where=place,
             value=repr(table[name].iloc[row]),
             limit="a number or an empty field",
             do="mend that row",

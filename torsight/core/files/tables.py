@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import number_column, read_table, write_table
+from torsight.core.files.storage import first_row, number_column, read_table, write_table
 from torsight.core.records import SyncedTable, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG
-from torsight.core.words.plausible import require_degrees, require_stamps, require_units
+from torsight.core.words.plausible import MOST_TURNED_DEG, require_stamps, require_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,11 +55,10 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
     frame = table["frame"].to_numpy(np.float64)
     bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
     bad[1:] |= ~(frame[1:] > frame[:-1])
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
+    for row, place in first_row(bad, where=path, column="frame"):
         raise InputError(
             "is no frame number in increasing order",
-            where=f"{path}, row {row + 2}, column frame",
+            where=place,
             value=f"{frame[row]:g}",
             limit=f"0, 1, 2 … {MOST_FRAMES} at most",
             do="mend the table, or track the film again",
@@ -105,13 +104,13 @@ def read_angles(path: AnyPath) -> StickAngles:
     certain = switch_column(table, "branch_certain", where=str(path))
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
-    require_degrees(table["angle_deg"].to_numpy(np.float64), where=str(path))
+    angle_rad = _angle_rad(table, path=path)
     return StickAngles(
         frame=frame_numbers(table, path=path),
         time_s=time_s,
-        angle_rad=np.where(valid, table["angle_deg"].to_numpy(np.float64) * DEG, np.nan),
+        angle_rad=np.where(valid, angle_rad, np.nan),
         sigma_rad=np.where(valid, table["angle_sigma_deg"].to_numpy(np.float64) * DEG, np.nan),
-        valid=valid & np.isfinite(table["angle_deg"].to_numpy(np.float64)),
+        valid=valid & np.isfinite(angle_rad),
         branch_certain=np.ones(len(valid), bool) if certain is None else certain,
     )
 
@@ -123,17 +122,30 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequen
     """
     bad = ~np.isfinite(time_s)
     bad[1:] |= ~(time_s[1:] > time_s[:-1])
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
+    for row, place in first_row(bad, where=path, column="time_s", lines=lines):
         before = f" after {time_s[row - 1]:g}" if row else ""
         raise InputError(
             "time does not increase",
-            where=f"{path}, row {row + 2 if lines is None else lines[row]}, column time_s",
+            where=place,
             value=f"{time_s[row]:g}{before}",
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )
     require_stamps(time_s, where=f"{path}, column time_s")
+
+
+def _angle_rad(table: pd.DataFrame, *, path: Path) -> NDArray[np.float64]:
+    """Return a table's angles, rad, refusing those that no film can have counted."""
+    angle_deg = table["angle_deg"].to_numpy(np.float64)
+    for row, place in first_row(np.abs(angle_deg) > MOST_TURNED_DEG, where=path, column="angle_deg"):
+        raise InputError(
+            "is no angle of a stick",
+            where=place,
+            value=f"{angle_deg[row]:g}",
+            limit=f"{MOST_TURNED_DEG:g}°, either sign",
+            do="track the film again",
+        )
+    return np.asarray(angle_deg * DEG)
 
 
 def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None = None) -> dict[str, Any]:
@@ -179,11 +191,11 @@ def read_merged(path: AnyPath) -> SyncedTable:
     frame = read_table(path, required=_MERGED)
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
-    require_degrees(frame["angle_deg"].to_numpy(np.float64), where=str(path))
+    angle_rad = _angle_rad(frame, path=path)
     require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
     return SyncedTable(
         time_s=time_s,
-        angle_rad=frame["angle_deg"].to_numpy(np.float64) * DEG,
+        angle_rad=angle_rad,
         angle_sigma_rad=frame["angle_sigma_deg"].to_numpy(np.float64) * DEG,
         temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
         temp_b_c=frame["temp_b_c"].to_numpy(np.float64),

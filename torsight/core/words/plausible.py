@@ -113,16 +113,3 @@ def _require_pace(time_s: Array, temp_c: Array, *, where: str) -> None:
             limit=f"{_SLOWEST_HALF_S:g} s",
             do=_SECONDS,
         )
-
-
-def require_degrees(angle_deg: Array, *, where: str) -> None:
-    """Refuse angles that no film can have counted."""
-    wrong = np.flatnonzero(np.abs(angle_deg) > MOST_TURNED_DEG)
-    if len(wrong):
-        raise InputError(
-            "is no angle of a stick",
-            where=f"{where}, row {wrong[0] + 2}, column angle_deg",
-            value=f"{angle_deg[wrong[0]]:g}",
-            limit=f"{MOST_TURNED_DEG:g}°, either sign",
-            do="track the film again",
-        )

@@ -11,7 +11,7 @@ from torsight.actuator.quantities import plain_symbol
 from torsight.core.files.results import column
 from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
-from torsight.report.figures.residuals import pairs_of_bars
+from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.sections.prior_pulls import Prior, common_reach
 
@@ -36,9 +36,8 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=245)
     shade_held_out(left, curves)
     left.rule(0.0, "zero", upright=False)
-    if floor_deg:
-        left.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
-    alike = not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
+    shade_floor(left, floor_deg)
+    alike = is_plain(curves)
     left.line(time_s, before, "before", label="error" if alike else "error before")
     if not alike:
         left.line(time_s, after, "after", label="error after")

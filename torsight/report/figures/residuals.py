@@ -19,17 +19,28 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+def is_plain(curves: pd.DataFrame) -> bool:
+    """Return whether the curves are those of the plain model alone: nothing was added to it."""
+    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
+    return not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
+
+
+def shade_floor(plot: Panel, floor_deg: float | None) -> None:
+    """Shade the noise floor, where it is known."""
+    if floor_deg:
+        plot.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+
+
 def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | None:
     """Residual of the extended model alone, on its own scale, with the noise floor; None where it is the plain one."""
     time_s, after = column(curves, "time_s"), column(curves, "residual_after_deg")
-    if not np.isfinite(after).any() or np.array_equal(after, column(curves, "residual_before_deg"), equal_nan=True):
+    if is_plain(curves):
         return None
     reach = [-(floor_deg or 0.0), floor_deg or 0.0]
     plot = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, after, reach), height=220)
     shade_held_out(plot, curves)
     plot.line(time_s, after, "after", label="after: extended model")
-    if floor_deg:
-        plot.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+    shade_floor(plot, floor_deg)
     words = "What is left after the extension, on its own scale"
     return Figure("residual_left", "What is left", "The error after, on its own scale.", (plot,), words, CURVES)
 
@@ -151,10 +162,8 @@ def bin_means(
     x: NDArray[np.float64], y: NDArray[np.float64], *, bins: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    count = np.bincount(place, minlength=bins)
-    total = np.bincount(place, weights=y, minlength=bins)
+    count, edges = np.histogram(x, bins)
+    total, _ = np.histogram(x, bins, weights=y)
     enough = count > 0.05 * len(x) / bins
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean

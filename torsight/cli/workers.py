@@ -1,0 +1,96 @@
+"""Workers of a campaign: its tasks on the processes of this machine (joblib), or on a Dask cluster that is there."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+from torsight.cli.campaign import Task, run_task
+from torsight.core.errors import ConfigError, InputError
+from torsight.core.progress import Progress, silent
+
+PATIENCE = "10s"
+"""How long a Dask scheduler has to answer."""
+_MOST_PER_CORE: Final = 4
+"""Processes per core at most: more only take memory from each other."""
+_WATCH: Final = "end with the campaign"
+
+
+def run_campaign(
+    todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
+) -> list[dict[str, Any]]:
+    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
+
+    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
+    """
+    rows: dict[str, dict[str, Any]] = {}
+    progress("experiments", 0, len(todo))
+    for row in _on_cluster(todo, scheduler) if scheduler else _on_this_machine(todo, jobs):
+        rows[row["name"]] = row
+        progress("experiments", len(rows), len(todo))
+    return [rows[task.name] for task in todo]
+
+
+def _on_this_machine(todo: Sequence[Task], jobs: int) -> Iterator[dict[str, Any]]:
+    """Give the tasks' rows as they come."""
+    from joblib import Parallel, delayed
+
+    pool = Parallel(n_jobs=processes(jobs, tasks=len(todo)), return_as="generator_unordered", batch_size=1)
+    yield from pool(delayed(_run_for)(os.getpid(), task) for task in todo)
+
+
+def processes(jobs: int, *, tasks: int) -> int:
+    """Return how many processes are started for ``--jobs``: never more than there are tasks."""
+    from joblib import cpu_count
+
+    cores = cpu_count()
+    most = _MOST_PER_CORE * cores
+    if jobs != -1 and not 1 <= jobs <= most:
+        raise ConfigError(
+            "is no number of processes",
+            where="--jobs",
+            value=jobs,
+            limit=f"1 to {most} on this machine's {cores} cores, or -1 for one per core",
+        )
+    return max(1, min(cores if jobs == -1 else jobs, tasks))
+
+
+def _run_for(parent: int, task: Task) -> dict[str, Any]:
+    """Do one experiment in a process that ends with the campaign, even with one that was killed."""
+    if os.getpid() != parent and not any(thread.name == _WATCH for thread in threading.enumerate()):
+        threading.Thread(target=_end_with, args=(parent,), name=_WATCH, daemon=True).start()
+    return run_task(task)
+
+
+def _end_with(parent: int) -> None:
+    from torsight.cli.limited import end_all
+
+    while os.getppid() == parent:
+        time.sleep(0.2)
+    end_all()
+    os._exit(1)
+
+
+def _on_cluster(todo: Sequence[Task], scheduler: str) -> Iterator[dict[str, Any]]:
+    """Give the tasks' rows as they come."""
+    try:
+        # imported by name: the extra is optional and its types are not
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError as error:
+        raise ConfigError(
+            "--scheduler needs Dask", where="torsight batch", do="install it with: pip install 'torsight[cluster]'"
+        ) from error
+    try:
+        client = distributed.Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"
+        ) from error
+    with client:
+        futures = client.map(run_task, todo, pure=False)
+        for _future, row in distributed.as_completed(futures, with_results=True):
+            yield row
