@@ -15,6 +15,12 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
+from torsight.core.threads import VARIABLES
+
+# Before anything loads numpy: threads of linear algebra that wait for each other beside two workers take the engine's
+# tests five times as long, and every stage of the product computes with one.
+os.environ.update(dict.fromkeys(VARIABLES, "1"))
+
 # No test depends on how fast a machine is.
 settings.register_profile("torsight", deadline=None)
 settings.load_profile("torsight")

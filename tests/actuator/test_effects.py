@@ -102,13 +102,17 @@ def spec_of(made) -> ActuatorSpec:
     return ActuatorSpec({**made.played.scene.values.public, "zero_deg": 0.0})
 
 
+@cache
+def drive_of(made):
+    return ActuatorModel(spec_of(made)).prepare(made.table)
+
+
 def fitted(name: str, effects: tuple[str, ...]):
     return fitted_to(record(name), effects)
 
 
 def fitted_to(made, effects: tuple[str, ...]):
-    model = ActuatorModel(spec_of(made), effects)
-    return fit_model(model, model.prepare(made.table))
+    return fit_model(ActuatorModel(spec_of(made), effects), drive_of(made))
 
 
 def test_the_twelve_of_the_contract_are_there():

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import numpy as np
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from torsight.core.threads import one_thread
 
@@ -18,10 +18,11 @@ def blas_threads() -> set[int]:
 
 
 def test_one_thread_inside_and_what_it_was_after_it() -> None:
-    before = blas_threads()
-    with one_thread():
-        assert blas_threads() == {1}
-    assert blas_threads() == before
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert blas_threads() == {2}
+        with one_thread():
+            assert blas_threads() == {1}
+        assert blas_threads() == {2}
 
 
 def test_libraries_that_are_loaded_inside_have_one_thread_too_and_nothing_stays_set() -> None:

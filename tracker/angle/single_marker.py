@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.optics.hanging import direction_bins, spread_rows
 from tracker.angle.row_time import Complex, circles
 
 Floats = NDArray[np.float64]
@@ -19,18 +20,12 @@ Points = tuple[Floats, Floats]
 
 _FEWEST: Final = 20
 """Frames with both markers from which axis and arms are found: eighty coordinates for six values."""
-_WORST_CONDITION: Final = 1e8
-"""Of the normal equations: beyond it half of the digits are lost."""
 _CORRELATED: Final = 4.0
 """Frames that share an error of a circle that is tilted."""
-_KEPT: Final = 8
-"""Frames that are taken of one step of direction."""
 _WORST_RAD: Final = np.deg2rad(1.0)
 """Error above which the direction counts as not known."""
 _PARTS: Final = 6
 """Steps of direction that have to be seen: over less, noise bends the circle."""
-_STEP_RAD: Final = np.deg2rad(2.0)
-"""Frames closer to each other than this tell the same of the axis."""
 
 
 def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> tuple[Floats, Floats]:
@@ -47,7 +42,7 @@ def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> 
     if not (alone[0].any() or alone[1].any()) or len(both) < _FEWEST:
         return angle, variance
     places = [points for points, _ in moving]
-    fitted = _axis_and_arms(places, pair_rad, _spread_out(pair_rad, both))
+    fitted = _axis_and_arms(places, pair_rad, spread_rows(pair_rad, np.isfinite(pair_rad)))
     if fitted is None:
         return angle, variance
     values, covariance = fitted
@@ -60,21 +55,12 @@ def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> 
     return angle, variance
 
 
-def _spread_out(pair_rad: Floats, both: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return frames that do not all stand at one place of the circle."""
-    bins = np.floor(pair_rad[both] / _STEP_RAD).astype(np.int64)
-    order = np.argsort(bins, kind="stable")
-    rank = np.arange(len(both)) - np.searchsorted(bins[order], bins[order])
-    return np.sort(both[order[rank < _KEPT]])
-
-
-def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.int64]) -> tuple[Complex, Complex] | None:
+def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.intp]) -> tuple[Complex, Complex] | None:
     """Return axis and both arms, (3,), and their covariance from the misfit."""
-    parts = len(np.unique(np.floor(pair_rad[rows] / _STEP_RAD)))
     points, turn = np.stack(places, axis=1)[rows], pair_rad[rows]
-    values, normal = circles(points, turn)
-    if parts < _PARTS or np.linalg.cond(normal) > _WORST_CONDITION:
+    if len(np.unique(direction_bins(turn))) < _PARTS:
         return None
+    values, normal = circles(points, turn)
     left = points[..., 0] + 1j * points[..., 1] - values[0] - np.exp(1j * turn)[:, None] * values[1:]
     mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - 2 * len(values))
     # The misfit of a tilted circle is correlated over many frames: it does not average out as noise does.

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.compiled import lending
+from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.dots import DotState
 from tracker.follow.judgement import base_shift
 from tracker.follow.learning import RATE, write_row
@@ -26,6 +28,17 @@ _DARK_SHARE: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
 
 
+@lending
+def brightness_of(luma: Luma) -> float:
+    """Return the brightness of a picture, from a sparse grid."""
+    total, count = 0, 0
+    for y in range(0, luma.shape[0], _SPARSE):
+        for x in range(0, luma.shape[1], _SPARSE):
+            total += luma[y, x]
+            count += 1
+    return total / count
+
+
 class Follower:
     """Follows two sticks, of which dots of both are followed as one: ``moving`` is None until it shows.
 
@@ -36,6 +49,7 @@ class Follower:
     def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
         self.sticks = list(sticks)
         self.moving: int | None = None
+        self._drawn = all(stick.drawn for stick in sticks)
         self._brightness = 0.0
         self._noise: float | None = None
         self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
@@ -55,7 +69,7 @@ class Follower:
     def _read(self, frame: Frame) -> NDArray[np.void]:
         if frame.luma is None or frame.damaged:
             return self._pass(frame.time_s, DAMAGED)
-        level = float(frame.luma[::_SPARSE, ::_SPARSE].mean())
+        level = brightness_of(frame.luma)
         if level < _DARK_SHARE * self._brightness:
             return self._pass(frame.time_s, DARK)
         self._brightness = level if self._brightness == 0.0 else self._brightness + RATE * (level - self._brightness)
@@ -64,8 +78,8 @@ class Follower:
             parts.append(stick.step(frame.luma, frame.time_s, self._shift))
             if len(self.sticks) > 1 and self.moving is not None and number != self.moving:
                 self._follow_shift(parts[-1])
-        readings = np.concatenate(parts)
-        if all(stick.drawn for stick in self.sticks):
+        readings = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if self._drawn:
             self._share_noise(readings)
         if self.moving is None and not readings["state"].any():
             self._look_for_motion(readings)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -111,17 +112,13 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
     # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
     since = 1 if (readings["state"] == SEEN).any() else 1 + int(markers["lost"].min())
-    found = [min(shaken, key=_misfit)] if shaken else _pairs(scene, luma, stick, jump_px(since))
+    found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, jump_px(since))
     if len(found) == 1:
         for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
             # The moving stick's edge in the window shifts a base dot, which still helped to find the pair.
             hidden = is_base(scene.rig[0], stick) and _both_seen(scene, 1 - stick)
             reading["state"] = SHADOWED if hidden and covers(scene, place_of(reading), index) else SEEN
             scene.readings[index] = reading
-
-
-def _misfit(pair: tuple[float, Record, Record]) -> float:
-    return pair[0]
 
 
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
-from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, pictures_of, time_from_table
 
 _FROM_KEY: Final = 300
 """Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
@@ -190,13 +190,7 @@ class FilmSource:
         stamps = {index: self.pts[index] for index in wanted - set(found) if index < len(self.pts)}
         sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
         found |= {index: luma for index, luma in sought.items() if luma is not None}
-        left = wanted - set(found)
-        for frame in self if left else ():
-            if frame.index in left and frame.luma is not None:
-                found[frame.index] = frame.luma.copy()
-            if frame.index >= max(left):
-                break
-        return found
+        return found | pictures_of(self, wanted - set(found))
 
     def _sought(self, pts: int) -> NDArray[np.uint8] | None:
         """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""

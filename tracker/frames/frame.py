@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -80,6 +80,17 @@ class FrameSource(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Return what is known of the source, for ``track.json``."""
+
+
+def pictures_of(frames: Iterable[Frame], indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
+    """Return some of the frames' pictures by their numbers; those that cannot be decoded are left out."""
+    wanted, found = set(indices), dict[int, NDArray[np.uint8]]()
+    for frame in frames if wanted else ():
+        if frame.index in wanted and frame.luma is not None:
+            found[frame.index] = frame.luma.copy()
+        if frame.index >= max(wanted):
+            break
+    return found
 
 
 def note_rows_left(damage: Damage, times_s: NDArray[np.float64] | None, count: int) -> None:

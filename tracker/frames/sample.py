@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torsight.core.progress import Progress, silent
 from tracker.frames.display import Closed, luma_of
 from tracker.frames.film_source import FilmSource
-from tracker.frames.frame import REPORT_EVERY, Damage, Frame, time_from_table
+from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of, time_from_table
 from tracker.frames.image_sequence import PictureSource
 
 _DECODED_PX: Final = 3e9
@@ -129,14 +129,7 @@ class Clip:
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some frames of the clip again, by their numbers; those that cannot be decoded are left out."""
-        wanted = set(indices)
-        found: dict[int, NDArray[np.uint8]] = {}
-        for frame in self if wanted else ():
-            if frame.index in wanted and frame.luma is not None:
-                found[frame.index] = frame.luma.copy()
-            if frame.index >= max(wanted):
-                break
-        return found
+        return pictures_of(self, indices)
 
     def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
         # The depth of the whole row: a few pictures of it may be darker than the rest.

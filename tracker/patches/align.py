@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
-from tracker.patches.alignment import Part, Template, align_warp, largest_step, step_warp
+from tracker.patches.alignment import Part, Template, align_warp, largest_step, sample, step_warp
 from tracker.patches.warps import Floats, jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -96,10 +96,8 @@ class Patch:
         self.half_px, self.spacing_px = half_px, spacing_px
         self.blur_px = _BLUR * spacing_px
         self._side = 2 * count + 1
-        self._grid = np.array(
-            [[spacing_px, 0.0, -count * spacing_px], [0.0, spacing_px, -count * spacing_px], [0, 0, 1]]
-        )
         y, x = (axis.ravel() * spacing_px for axis in np.mgrid[-count : count + 1, -count : count + 1].astype(float))
+        self._grid = np.stack([x, y])
         chosen = np.hypot(x, y) <= half_px if round_ else np.ones(len(x), bool)
         self._index = np.flatnonzero(chosen)
         x, y = x[chosen], y[chosen]
@@ -177,8 +175,8 @@ class Patch:
         good, moved, before, warp = align_warp(warp, self._template, cut, _ROUNDS, _STOP_PX)
         if not good or moved > 10.0 * _STOP_PX:
             return None
-        seen = self._sample(cut, before)
-        values = seen.ravel()[self._index]
+        seen = sample(cut, before, self._grid)
+        values = seen[self._index]
         found = self._inverse @ values
         left = values - self._basis @ found
         weight = self._weights(left, found)
@@ -189,8 +187,8 @@ class Patch:
     def _align_in_part(self, cut: Part, warp: Floats, weight: Floats) -> Fit | None:
         """Go on with the points that show the patch, and learn meanwhile which do."""
         for _ in range(_ROUNDS):
-            seen = self._sample(cut, warp)
-            values = seen.ravel()[self._index]
+            seen = sample(cut, warp, self._grid)
+            values = seen[self._index]
             weighted = weight[:, None] * self._basis
             normal = weighted.T @ self._basis
             normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
@@ -241,7 +239,9 @@ class Patch:
 
         A picture that is smeared answers a shift with less than the template does: its own slopes tell by how much.
         """
-        down, right = (axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen))
+        down, right = (
+            axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1))
+        )
         answer = np.linalg.pinv(inverse[self._first :] @ self._columns(right, down))
         noise = self._noise if inverse is self._inverse else self._overlap(inverse)
         return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
@@ -256,17 +256,6 @@ class Patch:
         moved = self.generators @ np.array([x, y, 1.0])
         inside = np.stack([moved[:, 0] - x * moved[:, 2], moved[:, 1] - y * moved[:, 2]])
         return np.asarray(-jacobian(warp, at) @ inside, dtype=np.float64)
-
-    def _sample(self, cut: Part, warp: Floats) -> Floats:
-        shift = np.array([[1.0, 0.0, -cut.left], [0.0, 1.0, -cut.top], [0.0, 0.0, 1.0]])
-        seen = cv2.warpPerspective(
-            cut.values,
-            shift @ warp @ self._grid,
-            (self._side, self._side),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        return np.asarray(seen, dtype=np.float64)
 
     def in_picture(self, warp: Floats, luma: NDArray[np.uint8]) -> bool:
         """Return whether all of the patch lies in a picture."""

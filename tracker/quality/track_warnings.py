@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.optics.circles import common_centre
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.wording import counted
 from tracker.angle.plane import Orientation
+from tracker.angle.row_time import circles
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit
 from tracker.follow.state import STICK
@@ -172,8 +172,8 @@ def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     unit = np.exp(1j * turn[seen])
     if np.ptp(np.angle(unit / unit[0])) < _ARC_RAD:
         return None
-    in_plane = np.pad(tracks.position_px[seen, 2:], ((0, 0), (0, 0), (0, 1)))
-    return common_centre(in_plane, np.array([0.0, 0.0, 1.0]))[:2]
+    (centre, *_), _ = circles(tracks.position_px[seen, 2:], turn[seen])
+    return np.array([centre.real, centre.imag])
 
 
 def _direction(tracks: MarkerTracks, first: int) -> NDArray[np.float64]:

@@ -10,6 +10,8 @@ from tracker.detect.sticks import Stick
 from tracker.follow.dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
+from tracker.follow.redetect import Prediction, Region, jump_px
+from tracker.follow.state import STICK
 from tracker.frames.frame import Frame
 from tracker.rows import CODE
 
@@ -68,8 +70,9 @@ def test_a_usual_turn_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
         check(row, scene)
 
 
-@pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j])
+@pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j, -60.0 - 45.0j])
 def test_a_picture_that_jumps(jump: complex) -> None:
+    # The last one is beyond what is searched in the first frame: 3 × 15 px.
     scenes = turning(10)
     scenes[7:] = [[dot + jump for dot in scene] for scene in scenes[7:]]
     check(followed(scenes)[-1], scenes[-1])
@@ -90,6 +93,16 @@ def test_dots_off_the_circle_are_not_the_stick() -> None:
     for scene in scenes[15:]:
         scene[2:] = [dot + 95.0 + 60.0j for dot in scene[2:]]
     assert all((row["state"][2:] != CODE["seen"]).all() for row in followed(scenes)[15:])
+
+
+def test_the_search_widens_up_to_the_whole_picture() -> None:
+    own = np.zeros(1, STICK)[0]
+    ends, size = ((100.0, 80.0), (160.0, 80.0)), (640, 480)
+    regions = [Prediction(ends, jump_px(lost), own, np.zeros(2)).region((0, 1), size) for lost in (1, 2, 6)]
+    # Three standard deviations around both markers.
+    assert regions[0] == Region(130 - 30 - 45, 80 - 30 - 45, 130 + 30 + 45, 80 + 30 + 45)
+    assert regions[1].right == int(np.ceil(130.0 + 30.0 + 3.0 * 15.0 * 2.0**2.5))
+    assert regions[2] == Region(0, 0, *size)
 
 
 def test_one_of_many_alike_is_not_guessed() -> None:

@@ -18,7 +18,7 @@ from torsight.discovery.inference.search import Search
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import beyond
-from torsight.discovery.own.compiled.quicken import quickened
+from torsight.discovery.own.compiled.quicken import is_compiled, quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem, check_same
 from torsight.discovery.own.model.problem import ModelProblem
@@ -79,7 +79,8 @@ def find_missing(
             return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
         asked = quickened(problem) if processes is None else problem
         notes = list(check_problem(asked))
-        with problem.evaluator.processes(wanted=processes if asked is problem else False):
+        here = processes is None and is_compiled(asked.model.predict)
+        with problem.evaluator.processes(wanted=False if here else processes):
             made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))

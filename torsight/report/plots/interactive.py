@@ -69,10 +69,12 @@ def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
     document = Document()
     shared: dict[str, Range1d] = {}
     roots = {}
-    for name, panels in figures.items():
-        root = _figure(panels, shared)
-        document.add_root(root)
-        roots[name] = root.id
+    # Otherwise Bokeh collects the models of all plots anew with each that is added.
+    with document.models.freeze():
+        for name, panels in figures.items():
+            root = _figure(panels, shared)
+            document.add_root(root)
+            roots[name] = root.id
     text = json.dumps(document.to_json(deferred=False), separators=(",", ":"), allow_nan=False)
     # Bokeh counts its models over the whole process.
     names: dict[str, str] = {}

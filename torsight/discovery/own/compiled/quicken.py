@@ -49,6 +49,11 @@ def quickened(problem: ModelProblem) -> ModelProblem:
     return replace(problem, model=model)
 
 
+def is_compiled(predict: Predict) -> bool:
+    """Return whether a model is machine code already, which lets the interpreter go: threads serve it."""
+    return isinstance(predict, CompiledPredict) or (isinstance(predict, Ode) and predict.stepper is not None)
+
+
 def _compiled(predict: Predict) -> Predict | None:
     from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 

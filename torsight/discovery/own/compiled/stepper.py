@@ -64,10 +64,11 @@ class Stepper:
     _known: dict[Any, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     def integrate(
-        self, time: Array, start: Array, inputs: Mapping[str, Array], p: Any, *, limits: tuple[float, float, int]
+        self, time: Array, anew: Array, inputs: Mapping[str, Array], p: Any, *, limits: tuple[float, float, int]
     ) -> Array:
         """Return the states (n, k) at the times; inputs (n,) are lines between them.
 
+        ``anew`` (n, k): where states begin in the first row, and anew in another; nan where they go on.
         ``limits``: relative tolerance, longest step, most steps from row to row.
 
         Raises
@@ -88,9 +89,9 @@ class Stepper:
         counts = np.array([len(one.nodes) for one in curves], np.int64)
         given = (np.array([float(p[name]) for name in numbers]), packed, counts)
         functions = self._by_place(tuple(inputs) or ("none",), tuple(numbers), tuple(laws))
-        rows = (np.array(time), columns)  # a record's own cannot be written to, which is another type
+        rows = (np.array(time), columns, anew)  # a record's own cannot be written to, which is another type
         try:
-            made, failed = _integrate(*functions, self.directions, rows, start, given, limits)
+            made, failed = _integrate(*functions, self.directions, rows, given, limits)
         finally:
             for law, one in zip(packed, curves, strict=True):
                 one.asked[:] = law[2, :2]
@@ -252,6 +253,16 @@ def _happened(before: Array, now: Array, directions: Array) -> int:
     return -1
 
 
+@lending
+def _begins(anew: Array, x: Array) -> bool:
+    """Fill in the states that begin anew in a row; return whether there are any."""
+    begins = False
+    for i in range(len(x)):
+        if not np.isnan(anew[i]):
+            x[i], begins = anew[i], True
+    return begins
+
+
 @kept
 def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, slopes: Array, before: Array) -> float:
     """Go on to a moment after the first event in a step; return the time, with the states and events there filled."""
@@ -293,8 +304,7 @@ def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, 
         types.FunctionType(_AT_POINT),
         types.FunctionType(_JUMP),
         _NUMBERS,
-        types.Tuple((_NUMBERS, _ROWS)),
-        _NUMBERS,
+        types.Tuple((_NUMBERS, _ROWS, _ROWS)),
         _GIVEN,
         _LIMITS,
     ),
@@ -303,24 +313,27 @@ def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, 
     error_model="numpy",
 )
 def _integrate(
-    rhs: Any, when: Any, then: Any, directions: Array, rows: Any, start: Array, given: Any, limits: Any
+    rhs: Any, when: Any, then: Any, directions: Array, rows: Any, given: Any, limits: Any
 ) -> tuple[Array, int]:
     """Return the states (n, k), and the row after which no step was small enough or one too many, else -1.
 
-    In the place of the states after that row are the derivatives where it ended. ``rows``: times and inputs.
+    In the place of the states after that row are the derivatives where it ended. ``rows``: times, inputs, and where
+    states begin anew.
     """
-    (time, inputs), (rtol, longest, most) = rows, limits
+    (time, inputs, anew), (rtol, longest, most) = rows, limits
     functions = (directions, rhs, when, then)
-    states = np.empty((len(time), len(start)))
-    x, new, slopes = start.copy(), np.empty(len(start)), np.empty((7, len(start)))
+    states = np.empty(anew.shape)
+    x, new, slopes = anew[0].copy(), np.empty(anew.shape[1]), np.empty((7, anew.shape[1]))
     before, now, u = np.zeros(len(directions)), np.zeros(len(directions)), np.empty(inputs.shape[1])
     states[0] = x
-    h = 0.1 * (time[-1] - time[0]) / max(1, len(time) - 1)
-    u[:] = inputs[0]
-    when(time[0], x, u, given, before)
-    rhs(time[0], x, u, given, slopes[0])
+    h = 0.0
     for i in range(len(time) - 1):
         t, end, steps = time[i], time[i + 1], 0
+        if _begins(anew[i], x) or i == 0:
+            h = 0.1 * (end - t)
+            u[:] = inputs[i]
+            when(t, x, u, given, before)
+            rhs(t, x, u, given, slopes[0])
         driven = (t, end, inputs[i], inputs[i + 1], u)
         along = (driven, given)
         least = _LEAST_SHARE * (end - t)

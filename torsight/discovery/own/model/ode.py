@@ -201,34 +201,23 @@ class Ode:
                 limit=f"({len(start)},)",
                 do="return one number for each state",
             )
-        seen = {self.states.index(name): record[name] for name in self.measured if name in record}
-        anew = np.flatnonzero(np.diff((time - time[0]) // self.solver.restart_s)) + 1
-        states = np.empty((len(time), len(start)))
-        states[0] = start
-        for begin, end in pairwise(sorted({0, *anew.tolist(), len(time) - 1})):
-            rows = slice(begin, end + 1)
-            own = {name: column[rows] for name, column in inputs.items()}
-            states[begin + 1 : end + 1] = self._stretch(p, own, time[rows], start)[1:]
-            start = states[end].copy()
-            for k, column in seen.items():
-                start[k] = column[end] if np.isfinite(column[end]) else start[k]
-        return states
-
-    def _stretch(self, p: Any, inputs: Mapping[str, Array], time: Array, start: Array) -> Array:
-        """Return the states (rows, states): what a compiled model itself raises, it raises in plain Python, too."""
+        anew = np.full((len(time), len(start)), np.nan)
+        anew[0] = start
+        begins = np.flatnonzero(np.diff((time - time[0]) // self.solver.restart_s)) + 1
+        for name in self.measured:
+            if name in record:
+                anew[begins, self.states.index(name)] = record[name][begins]
         if self.stepper is None:
-            try:
-                return self._integrated(p, inputs, time, start)
-            except TooManyStepsError:
-                # Where a right-hand side jumps, SciPy's methods may never get through; the stepper does.
-                if self.quick is None:
-                    raise
-                return self.quick._stretch(p, inputs, time, start)  # noqa: SLF001 - the same class
+            return self._in_pieces(p, inputs, time, anew)
+        return self._stepped(self.stepper, p, inputs, time, anew)
+
+    def _stepped(self, stepper: Stepper, p: Any, inputs: Mapping[str, Array], time: Array, anew: Array) -> Array:
+        """Return the states (rows, states) by compiled code: what it raises, it raises in plain Python, too."""
         from numba.core.errors import NumbaError
 
         limits = (self.solver.rtol, float(self.solver.max_step), _MOST_STEPS)
         try:
-            return self.stepper.integrate(time, start, inputs, p, limits=limits)
+            return stepper.integrate(time, anew, inputs, p, limits=limits)
         except NumbaError as error:
             lines = str(error).splitlines()
             # One "Failed in …" per function on the way; the reason comes after them.
@@ -241,7 +230,30 @@ class Ode:
         except TooManyStepsError:
             raise
         except Exception:  # noqa: BLE001 - with its own traceback
+            return self._in_pieces(p, inputs, time, anew)
+
+    def _in_pieces(self, p: Any, inputs: Mapping[str, Array], time: Array, anew: Array) -> Array:
+        """Return the states (rows, states) in plain Python: one stretch after the other that begins anew."""
+        states = anew.copy()
+        begins = np.flatnonzero(np.isfinite(anew).any(axis=1))
+        for begin, end in pairwise(sorted({0, *begins.tolist(), len(time) - 1})):
+            rows = slice(begin, end + 1)
+            start = np.where(np.isfinite(anew[begin]), anew[begin], states[begin])
+            own = {name: column[rows] for name, column in inputs.items()}
+            states[begin + 1 : end + 1] = self._stretch(p, own, time[rows], start)[1:]
+        return states
+
+    def _stretch(self, p: Any, inputs: Mapping[str, Array], time: Array, start: Array) -> Array:
+        try:
             return self._integrated(p, inputs, time, start)
+        except TooManyStepsError:
+            # Where a right-hand side jumps, SciPy's methods may never get through; the stepper does.
+            quick = self.quick
+            if self.stepper is not None or quick is None or quick.stepper is None:
+                raise
+            anew = np.full((len(time), len(start)), np.nan)
+            anew[0] = start
+            return quick._stepped(quick.stepper, p, inputs, time, anew)  # noqa: SLF001 - the same class
 
     def _integrated(self, p: Any, columns: Mapping[str, Array], time: Array, start: Array) -> Array:
         """Integrate with SciPy, from event to event."""
