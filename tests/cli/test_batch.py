@@ -15,7 +15,7 @@ import pytest
 from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
 from tests.made_up_run import write_made_up_run
-from torsight.cli import limited, workers
+from torsight.cli import campaign, limited, workers
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment_file import read_experiment
 from torsight.core.errors import InputError, NoResultError
@@ -87,12 +87,12 @@ def test_only_what_has_changed_is_done_again(made: Path, monkeypatch: pytest.Mon
         return out
 
     monkeypatch.setattr("torsight.cli.run.run_experiment", run_experiment)
-    rows = workers.run_campaign(tasks(find_experiments([str(made / "rigs" / "*")]), made / "out"), jobs=1)
+    rows = campaign.run_campaign(tasks(find_experiments([str(made / "rigs" / "*")]), made / "out"), jobs=1)
     assert asked == ["broken"]
     assert [row["status"] for row in rows] == ["failed", "done", "done"]  # nothing was left to read for "broken"
     actuator = made / "rigs" / "two" / "actuator.toml"
     actuator.write_text(actuator.read_text().replace("tau_c_mnm = 0.8", "tau_c_mnm = 0.9"))
-    workers.run_campaign(tasks(find_experiments([str(made / "rigs" / "t*")]), made / "out"), jobs=1)
+    campaign.run_campaign(tasks(find_experiments([str(made / "rigs" / "t*")]), made / "out"), jobs=1)
     assert asked == ["broken", "two"]
 
 
@@ -214,7 +214,9 @@ def test_a_scheduler_that_does_not_answer_is_told(made: Path, monkeypatch: pytes
     pytest.importorskip("distributed", reason="needs the extra torsight[cluster]")
     monkeypatch.setattr(workers, "PATIENCE", "0.5s")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        workers.run_campaign(tasks(find_experiments([str(made / "rigs")]), made / "out"), scheduler="tcp://127.0.0.1:9")
+        campaign.run_campaign(
+            tasks(find_experiments([str(made / "rigs")]), made / "out"), scheduler="tcp://127.0.0.1:9"
+        )
 
 
 def test_provenance_names_the_configuration(made: Path) -> None:

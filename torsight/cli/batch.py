@@ -31,9 +31,8 @@ def batch(
 
     Example: torsight batch campaign/ --out results
     """
-    from torsight.cli.campaign import explain_campaign, find_experiments, tasks, write_results
+    from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
     from torsight.cli.console import progress_bar, say
-    from torsight.cli.workers import run_campaign
     from torsight.core.files.storage import read_json
     from torsight.core.words.wording import verdict_sentence
     from torsight.report.gallery import write_gallery

@@ -186,6 +186,26 @@ def explain_campaign(
     return folders
 
 
+def run_campaign(
+    todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
+) -> list[dict[str, Any]]:
+    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
+
+    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
+    """
+    from torsight.cli import workers
+
+    rows: dict[str, dict[str, Any]] = {}
+    progress("experiments", 0, len(todo))
+    found = (
+        workers.on_cluster(run_task, todo, scheduler) if scheduler else workers.on_this_machine(run_task, todo, jobs)
+    )
+    for row in found:
+        rows[row["name"]] = row
+        progress("experiments", len(rows), len(todo))
+    return [rows[task.name] for task in todo]
+
+
 def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
     """Write the table of results as CSV and Parquet.
 

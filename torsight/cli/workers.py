@@ -6,12 +6,13 @@ import importlib
 import os
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final, TypeVar
 
-from torsight.cli.campaign import Task, run_task
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.progress import Progress, silent
+
+Task = TypeVar("Task")
+Row = TypeVar("Row")
 
 PATIENCE = "10s"
 """How long a Dask scheduler has to answer."""
@@ -20,27 +21,12 @@ _MOST_PER_CORE: Final = 4
 _WATCH: Final = "end with the campaign"
 
 
-def run_campaign(
-    todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
-) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
-
-    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
-    """
-    rows: dict[str, dict[str, Any]] = {}
-    progress("experiments", 0, len(todo))
-    for row in _on_cluster(todo, scheduler) if scheduler else _on_this_machine(todo, jobs):
-        rows[row["name"]] = row
-        progress("experiments", len(rows), len(todo))
-    return [rows[task.name] for task in todo]
-
-
-def _on_this_machine(todo: Sequence[Task], jobs: int) -> Iterator[dict[str, Any]]:
-    """Give the tasks' rows as they come."""
+def on_this_machine(do: Callable[[Task], Row], todo: Sequence[Task], jobs: int) -> Iterator[Row]:
+    """Give what ``do`` makes of every task, as it comes; ``jobs`` processes, -1: one per core."""
     from joblib import Parallel, delayed
 
     pool = Parallel(n_jobs=processes(jobs, tasks=len(todo)), return_as="generator_unordered", batch_size=1)
-    yield from pool(delayed(_run_for)(os.getpid(), task) for task in todo)
+    yield from pool(delayed(_for)(os.getpid(), do, task) for task in todo)
 
 
 def processes(jobs: int, *, tasks: int) -> int:
@@ -59,11 +45,11 @@ def processes(jobs: int, *, tasks: int) -> int:
     return max(1, min(cores if jobs == -1 else jobs, tasks))
 
 
-def _run_for(parent: int, task: Task) -> dict[str, Any]:
-    """Do one experiment in a process that ends with the campaign, even with one that was killed."""
+def _for(parent: int, do: Callable[[Task], Row], task: Task) -> Row:
+    """Do one task in a process that ends with the campaign, even with one that was killed."""
     if os.getpid() != parent and not any(thread.name == _WATCH for thread in threading.enumerate()):
         threading.Thread(target=_end_with, args=(parent,), name=_WATCH, daemon=True).start()
-    return run_task(task)
+    return do(task)
 
 
 def _end_with(parent: int) -> None:
@@ -75,8 +61,8 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _on_cluster(todo: Sequence[Task], scheduler: str) -> Iterator[dict[str, Any]]:
-    """Give the tasks' rows as they come."""
+def on_cluster(do: Callable[[Task], Row], todo: Sequence[Task], scheduler: str) -> Iterator[Row]:
+    """Give what ``do`` makes of every task, as it comes, from the Dask scheduler at an address."""
     try:
         # imported by name: the extra is optional and its types are not
         distributed: Any = importlib.import_module("distributed")
@@ -91,6 +77,6 @@ def _on_cluster(todo: Sequence[Task], scheduler: str) -> Iterator[dict[str, Any]
             "no Dask scheduler answers", where=scheduler, do="start one, and name it as tcp://host:port"
         ) from error
     with client:
-        futures = client.map(run_task, todo, pure=False)
+        futures = client.map(do, todo, pure=False)
         for _future, row in distributed.as_completed(futures, with_results=True):
             yield row
