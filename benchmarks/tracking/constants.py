@@ -36,7 +36,7 @@ CONSTANTS = {
     "follow/judgement": (
         "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OWN_PX", "_OFF_CIRCLE",
     ),
-    "follow/learning": ("RATE", "_FIT_RATE", "_CHANGE_PX"),
+    "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER", "_BASIN"),
     "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),

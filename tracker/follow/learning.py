@@ -24,12 +24,8 @@ from tracker.follow.state import KEPT, Scene
 from tracker.rows import SEEN
 
 RATE: Final = 0.1
-"""Share of the new in averages of shape, light (also that of the picture) and misses: ten frames, over which noise
-averages to a quarter."""
-_FIT_RATE: Final = 0.03
-"""The same for how well a marker fits, whose usual spread has to be known: thirty frames."""
-_LENGTH_RATE: Final = 0.2
-"""The same for the distance of a stick's markers, which changes as it turns: five frames."""
+"""Share of the new in averages of shape, fit, length, light (also that of the picture) and misses: ten frames, over
+which noise averages to a quarter."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
@@ -42,8 +38,8 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
     for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
         off = share_of_step(value, reading.step) - kept[0]
-        kept[0] += _FIT_RATE * off
-        kept[1] += _FIT_RATE * (abs(off) - kept[1])
+        kept[0] += RATE * off
+        kept[1] += RATE * (abs(off) - kept[1])
     marker.change[:] += RATE * (reading.change - marker.change)
     marker.slope[:] += RATE * (reading.slope - marker.slope)
     shape = marker.shape
@@ -142,7 +138,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
     if not (seen(scene, i) and seen(scene, i + 1)):
         return
     (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
-    own.length += _LENGTH_RATE * (math.hypot(bx - ax, by - ay) - own.length)
+    own.length += RATE * (math.hypot(bx - ax, by - ay) - own.length)
     own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
     base = 2 - 2 * stick
     if is_base(rig, stick) or (rig.moving >= 0 and not (seen(scene, base) or seen(scene, base + 1))):

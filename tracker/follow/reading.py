@@ -19,8 +19,6 @@ from tracker.rows import HIDDEN, OUTSIDE, SEEN
 
 LEAST_STEP: Final = 4.0
 """Grey levels below which there is no dot to be seen."""
-_FAINT: Final = 0.2
-"""Share of the usual step below which it is something else."""
 _CONTRAST: Final = (0.45, 1.8)
 """Contrast over the template's outside of which it is not this dot: a factor of two, and a little."""
 _DEVIATIONS: Final = 5.0
@@ -47,7 +45,7 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
     ``slack`` is the share of the step by which it may be worse, for smear that is not known yet.
     """
     step = abs(reading.step)
-    if step < max(LEAST_STEP, _FAINT * marker.step) or not reading.converged:
+    if step < LEAST_STEP or not reading.converged:
         return False
     if not _CONTRAST[0] < reading.contrast < _CONTRAST[1]:
         return False

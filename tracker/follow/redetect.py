@@ -87,13 +87,13 @@ class Prediction:
         """Return where some of its markers may be in a picture (width, height)."""
         middle = np.mean([self.ends[end] for end in ends], axis=0)
         half = 3.0 * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
-        low, high = np.maximum(middle - half, 0.0), np.minimum(middle + half, size_px)
+        low, high = middle - half, middle + half
         if self.own["axis"]["known"] and not self.own["still"]:
             reach = max(arm_px(self.own["axis"], end) + 3.0 * circle_sigma_px(self.own, end) for end in ends)
             centre = self.own["axis"]["centre"] + self.shift
             low, high = np.maximum(low, centre - reach), np.minimum(high, centre + reach)
-        (left, top), (right, bottom) = np.floor(low).astype(int).tolist(), np.ceil(high).astype(int).tolist()
-        return Region(left, top, right, bottom)
+        low, high = (np.clip(rim, 0.0, size_px).astype(int).tolist() for rim in (np.floor(low), np.ceil(high)))
+        return Region(*low, *high)
 
 
 def jump_px(lost: int) -> float:
