@@ -19,13 +19,13 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+$(VENV)/.installed-dev: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
-	touch $@ $(VENV)/.installed
+	touch $@
 
-$(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
+$(VENV)/.installed-docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
-	touch $@ $(VENV)/.installed
+	touch $@
 
 demo: $(VENV)/.installed
 	$(BIN)/torsight demo --out demo
@@ -36,10 +36,11 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-compiled: $(VENV)/.installed-dev
+# Needs what the product needs, and so begins while the tools of development are still installed.
+compiled: $(VENV)/.installed
 	$(BIN)/python tests/compile_ahead.py
 
-test: $(VENV)/.installed-dev
+test:
 	$(MAKE) --no-print-directory -j 2 lint compiled
 	$(BIN)/python -m pytest
 

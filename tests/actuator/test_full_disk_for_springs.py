@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -25,5 +26,6 @@ def test_nothing_is_lost(command: str, tmp_path: Path, capsys: pytest.CaptureFix
     told = capsys.readouterr().err
     assert code == 3, told
     assert "cannot be written (File too large)" in told
-    assert told.count("\n") == 1
+    # On a slow machine the time that has passed is told above it.
+    assert len([line for line in told.splitlines() if not re.match(r" *\d+ s  ", line)]) == 1
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
