@@ -3,6 +3,5 @@
 In: frames, and what :class:`tracker.detect.marker_file.MarkerHints` say of each stick. Out: the two markers of each
 stick in every frame, px and px², as rows of :mod:`tracker.rows`. ``align`` is Lucas–Kanade against a fixed template,
 ``patch_track`` follows one template from frame to frame, ``tag_template`` and ``texture`` make templates,
-``tag_stick`` and ``texture_stick`` judge a stick as a whole, ``stick_follower`` goes through the film,
-``initial_sticks`` starts it.
+``tag_stick`` and ``texture_stick`` judge a stick as a whole, ``initial_sticks`` makes them.
 """
