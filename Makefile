@@ -36,9 +36,10 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Needs what the product needs, and so begins while the tools of development are still installed.
+# Needs what the product needs, and so begins while the tools of development are still installed: for a moment the
+# packages are then found by PYTHONPATH alone.
 compiled: $(VENV)/.installed
-	$(BIN)/python tests/compile_ahead.py
+	PYTHONPATH=$(CURDIR) $(BIN)/python tests/compile_ahead.py
 
 test:
 	$(MAKE) --no-print-directory -j 2 lint compiled

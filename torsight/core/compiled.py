@@ -114,9 +114,11 @@ def lend_blas() -> None:
         finder = FileFinder(str(Path(folder) / "linalg"), (ExtensionFileLoader, EXTENSION_SUFFIXES))
         spec = finder.find_spec(name)
         if spec is not None and spec.loader is not None:
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-            sys.modules[name] = module
+            # Where the libraries that it needs are found by SciPy only, numba imports all of it as ever.
+            with contextlib.suppress(ImportError):
+                module = importlib.util.module_from_spec(spec)
+                spec.loader.exec_module(module)
+                sys.modules[name] = module
             return
 
 
