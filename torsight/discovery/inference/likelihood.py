@@ -67,6 +67,8 @@ class Likelihood:
         What one standard deviation of every error of the inputs does that many samples share.
     sized : bool
         Whether errors of the inputs are just as large, not larger.
+    growth : float
+        By how much they are larger than by their scatter.
     """
 
     count: Array
@@ -77,6 +79,7 @@ class Likelihood:
     least: float
     shared: Array
     sized: bool = False
+    growth: float = 1.0
 
     @classmethod
     def of(
@@ -106,7 +109,7 @@ class Likelihood:
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
         each = (self.count[rows], self.reading[rows], self.inputs[rows], self.kind[rows])
-        return Likelihood(*each, self.correlation_samples, self.least, self.shared[rows], self.sized)
+        return Likelihood(*each, self.correlation_samples, self.least, self.shared[rows], self.sized, self.growth)
 
     @cached_property
     def floor(self) -> Array:
@@ -125,7 +128,8 @@ class Likelihood:
             return best
         value = best.log(residual)
         while True:
-            more = replace(best, inputs=_GROWTH * best.inputs, shared=_GROWTH * best.shared)
+            larger = (_GROWTH * best.inputs, _GROWTH * best.shared, _GROWTH * best.growth)
+            more = replace(best, inputs=larger[0], shared=larger[1], growth=larger[2])
             there = more.log(residual)
             if there <= value:
                 return best
@@ -163,14 +167,20 @@ class Likelihood:
         return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Array) -> float:
-        """Return the logarithm of the likelihood, up to a constant."""
+        """Return the logarithm of the likelihood, up to a constant, with what the sizes of the inputs' errors cost.
+
+        Nothing is known of how much larger than their scatter they may be: beyond a factor g is one in g, a density of
+        1/g².
+        """
+        if not self.sized:
+            return self.sized_by(residual).log(residual)
         return self.log_at(self.weight(residual), residual)
 
     def log_at(self, weight: Weight, residual: Array) -> float:
-        """Return the same where the residual's own weight is known."""
+        """Return the same where errors of the inputs have their sizes, and the residual's own weight is known."""
         rows = self.count > 0.0
         spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
-        return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
+        return -0.5 * (weight.square(residual) + spread + weight.log_determinant) - 2.0 * math.log(self.growth)
 
     def promise(self, residual: Array) -> float:
         """Return by how much the logarithm would grow if nothing but what the inputs account for were left.

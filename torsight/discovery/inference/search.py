@@ -323,7 +323,8 @@ class Search:
         """
         best = self._best()
         self._reading = self._reading_noise(best.fitter.problem, best.fit)
-        left = best.likelihood.left(best.residual)
+        # What errors beyond the inputs' scatter take up is correlated, whatever it comes from.
+        left = replace(best.likelihood, sized=True).left(best.residual)
         self._correlation_samples = min(correlation_samples(left, self._stretches), longest)
         for members, one in list(self._explanations.items()):
             likelihood = replace(one.likelihood, reading=self._reading).correlated(
