@@ -81,7 +81,7 @@ def test_commands_and_options_are_completed_in_every_shell() -> None:
     assert "--markers" in complete("bash", COMP_WORDS="torsight track --m", COMP_CWORD="2")
     assert "--actuator" in complete("zsh", _TYPER_COMPLETE_ARGS="torsight fit --a")
     ids = complete("bash", COMP_WORDS="torsight fit --effect sensor_", COMP_CWORD="3").split()
-    assert ids == ["sensor_gain", "sensor_lag"]
+    assert ids == ["sensor_gain", "sensor_lag", "sensor_offset"]
     assert "simulate" in complete("fish", _TYPER_COMPLETE_ARGS="torsight s", _TYPER_COMPLETE_FISH_ACTION="get-args")
 
 

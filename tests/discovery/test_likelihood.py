@@ -34,9 +34,7 @@ def test_the_likelihood_is_the_density_of_the_dense_gaussian(drawn: tuple[np.nda
     floor, shared, residual = drawn
     # A discrepancy of which the residual asks for none is the least one.
     residual, least = 0.3 * residual, 0.2
-    likelihood = Likelihood(
-        np.ones(ROWS), floor, np.zeros(ROWS), np.zeros(ROWS, np.int8), 1.0, least, shared, sized=True
-    )
+    likelihood = Likelihood(np.ones(ROWS), floor, np.zeros(ROWS, np.int8), 1.0, least, shared)
     assert likelihood.discrepancy(residual)[0] == pytest.approx(least)
     dense = multivariate_normal(np.zeros(ROWS), np.diag(floor**2 + least**2) + shared @ shared.T)
     expected = dense.logpdf(residual) + 0.5 * ROWS * np.log(2.0 * np.pi)
@@ -48,9 +46,9 @@ def test_what_many_samples_share_is_no_discrepancy() -> None:
     shared = np.zeros((400, 1))
     shared[200:] = 1.0
     residual = 0.1 * rng.standard_normal(400) + 2.0 * shared[:, 0]
-    floor, none, kind = np.full(400, 0.1), np.zeros(400), np.zeros(400, np.int8)
-    apart = Likelihood(np.ones(400), floor, none, kind, 1.0, 0.01, shared)
-    alone = Likelihood(np.ones(400), floor, none, kind, 1.0, 0.01, np.zeros((400, 0)))
+    floor, kind = np.full(400, 0.1), np.zeros(400, np.int8)
+    apart = Likelihood(np.ones(400), floor, kind, 1.0, 0.01, shared)
+    alone = Likelihood(np.ones(400), floor, kind, 1.0, 0.01, np.zeros((400, 0)))
     assert apart.discrepancy(residual)[0] < 0.05
     assert alone.discrepancy(residual)[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
     # Half a nat for the logarithm of each sample's standard deviation, 1.4 against 0.1.
@@ -65,21 +63,3 @@ def test_rows_that_are_cut_off_keep_their_shared_errors(drawn: tuple[np.ndarray,
     inside = Weight(1.0 / floor[:20] ** 2, shared[:20])
     assert weight.only(rows).square(residual) == pytest.approx(inside.square(residual[:20]))
     assert weight.at(slice(0, 20)).square(residual[:20]) == pytest.approx(inside.square(residual[:20]))
-
-
-def test_errors_of_the_inputs_are_as_large_as_the_residual_says_where_they_act() -> None:
-    """Six times their scatter where a hundred samples tell: a standard deviation to 7 %, in steps by √2."""
-    rng = np.random.default_rng(3)
-    inputs, reading = np.where(np.arange(400) % 4 == 0, 0.2, 0.0), np.full(400, 0.1)
-    given = (np.ones(400), reading, inputs, np.zeros(400, np.int8), 1.0, 0.01, np.zeros((400, 0)))
-    likelihood = Likelihood(*given)
-
-    def sizes(sigma: np.ndarray | float) -> np.ndarray:
-        drawn = sigma * rng.standard_normal((60, 400))
-        return np.array([likelihood.sized_by(residual).inputs[0] / 0.2 for residual in drawn])
-
-    assert np.exp(np.mean(np.log(sizes(np.hypot(0.1, 6.0 * inputs))))) == pytest.approx(6.0, rel=0.1)
-    assert np.mean(sizes(np.hypot(0.1, inputs)) <= 1.5) > 0.95
-    # What is as large everywhere is no error of an input: a discrepancy accounts for it.
-    assert np.mean(sizes(1.0) <= 1.5) > 0.5
-    assert Likelihood(*given, sized=True).sized_by(rng.standard_normal(400)).inputs[0] == 0.2

@@ -135,7 +135,7 @@ def field_of(table: SyncedTable, spec: ActuatorSpec, names: tuple[str, ...]) -> 
     fitter = Fitter(problem, information(stretches, scales, problem.sigma))
     base = fitter.base()
     fits = [base, *(fitter.extend(base, name) for name in names)]
-    likelihood = Likelihood.of(stretches, np.hypot(problem.sigma, 0.1), np.zeros(len(problem.sigma)), 4.0)
+    likelihood = Likelihood.of(stretches, np.hypot(problem.sigma, 0.1), 4.0)
     found = {fit.effects: Explanation(fitter, fit, (), likelihood, -0.5 * fit.cost) for fit in fits}
     return problem, Field(likelihood, stretches, found)
 

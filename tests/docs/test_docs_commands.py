@@ -1,9 +1,9 @@
 """Every command of the pages is given as it stands, and ends well, in a folder that has the files that it names, small.
 
 What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; what was
-found by itself for a person's clicks; a film of one quick half-cycle for the demo's, and two effects for the library
-that discovery tries; the record's own angles for those of the bench's film, which lasts a second. ``make test`` is what
-runs this, ``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of
+found by itself for the clicks of a person, who knows which stick turns; a film of one quick half-cycle for the demo's,
+and two effects for the library that discovery tries; the record's own angles for those of the bench's film, which lasts
+a second. ``make test`` is what runs this, ``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of
 the filming page take hours, so their help is what is asked for.
 """
 
@@ -34,6 +34,7 @@ from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
 from torsight.core.errors import OutputError
 from torsight.core.files.storage import read_json
+from torsight.core.tracks import MARKERS
 from torsight.viewer import save_pictures
 from torsight.viewer.program import free_port
 
@@ -149,7 +150,9 @@ def _pick(words: list[str]) -> None:
         address = next(word for word in picking.stderr.readline().split() if word.startswith("http://"))
         state = json.loads(ask(address, "state")[1])
         kind = dict.fromkeys(("base", "moving"), state["kinds"][0])
-        assert b"saved" in ask(address, "save", {"points": state["found"], "kind": kind})[1]
+        # Which stick turns no first frame tells, but a person knows.
+        points = {name: state["found"][other] for name, other in zip(MARKERS, MARKERS[2:] + MARKERS[:2], strict=True)}
+        assert b"saved" in ask(address, "save", {"points": points, "kind": kind})[1]
         ask(address, "page", method="DELETE")
         assert picking.wait(timeout=60) == 0
 

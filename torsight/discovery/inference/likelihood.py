@@ -3,24 +3,20 @@ r"""What a residual is worth: a Gaussian likelihood whose noise is inferred and 
 .. math:: \log L = -\tfrac12 \sum_i c_i \left( \frac{(r - J a)_i^2}{s^2 + n_i^2} + \log (s^2 + n_i^2) \right)
           - \tfrac12 a^\top a - \tfrac12 \log \det (1 + J^\top w J)
 
-r residual, n_i what reading noise and errors of the inputs account for sample by sample, J a what errors of the
-inputs do to many samples at once (:mod:`.weight`), s the size of the discrepancy that is left, each at its most
+r residual, n_i what the inputs account for sample by sample (reading noise, noise of the temperatures), J a what errors
+of the inputs do to many samples at once (:mod:`.weight`), s the size of the discrepancy that is left, each at its most
 probable value: one for motion, one for rests, and one for the blocks that a record opens with, where what came before
-it is not known. The inputs' errors are at least as large as their scatter from sample to sample says. What is alike
-over many samples does not show in that (a thermometer in moving air), so by how much they are larger is inferred,
-too. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces of information, τ
-the residual's integrated correlation time in samples (samples that lie closer than usual share that); a rest of m
-samples as one piece, so each as 1/m. The power c of a likelihood keeps intervals and evidence honest where the
-correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The
+it is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces of
+information, τ the residual's integrated correlation time in samples (samples that lie closer than usual share that); a
+rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps intervals and evidence honest where
+the correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The
 discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains as much more as
 the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -38,14 +34,11 @@ _SIZE: Final = 1e-4
 """To what share of it a discrepancy's size is wanted."""
 _ROUNDS: Final = 8
 """Shared errors and discrepancy in turn, at most; three or four suffice."""
-_GROWTH: Final = math.sqrt(2.0)
-"""Steps of the sizes that errors of the inputs may have: half a step off costs 0.03 log units per piece of
-information in samples that nothing else makes uncertain."""
 _SETTLED: Final = 1e-3
 """Change of the shared errors, in their standard deviations, below which another round changes nothing."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
     """A record's likelihood as a function of a residual.
 
@@ -53,10 +46,8 @@ class Likelihood:
     ----------
     count : (n,) float64
         Pieces of information that a sample counts as; zero where it does not count.
-    reading : (n,) float64
-        Standard deviation of the reading.
-    inputs : (n,) float64
-        What errors of the inputs do to a sample by itself: one standard deviation, by their scatter.
+    floor : (n,) float64
+        Standard deviation that the inputs account for.
     kind : (n,) int8
         :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares.
     correlation_samples : float
@@ -64,42 +55,34 @@ class Likelihood:
     least : float
         Least size of the discrepancy: no model is right to better than a difference that nobody would miss.
     shared : (n, k) float64
-        What one standard deviation of every error of the inputs does that many samples share.
-    sized : bool
-        Whether errors of the inputs are just as large, not larger.
-    growth : float
-        By how much they are larger than by their scatter.
+        What one standard deviation of every error does that many samples share.
     """
 
     count: Array
-    reading: Array
-    inputs: Array
+    floor: Array
     kind: NDArray[np.int8]
     correlation_samples: float
     least: float
     shared: Array
-    sized: bool = False
-    growth: float = 1.0
 
     @classmethod
     def of(
         cls,
         stretches: Stretches,
-        reading: Array,
-        inputs: Array,
+        floor: Array,
         correlation_samples: float,
         *,
         least: float = 0.0,
         shared: Array | None = None,
     ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
-        kind = np.full(len(reading), MOTION, np.int8)
+        kind = np.full(len(floor), MOTION, np.int8)
         for start, stop, at_rest, opening in zip(
             stretches.start, stretches.stop, stretches.rest, stretches.opening, strict=True
         ):
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
-        shared = np.zeros((len(reading), 0)) if shared is None else shared
-        return cls(stretches.counts(correlation_samples), reading, inputs, kind, correlation_samples, least, shared)
+        shared = np.zeros((len(floor), 0)) if shared is None else shared
+        return cls(stretches.counts(correlation_samples), floor, kind, correlation_samples, least, shared)
 
     def correlated(self, stretches: Stretches, correlation_samples: float) -> Likelihood:
         """Return the same for another correlation time."""
@@ -108,49 +91,24 @@ class Likelihood:
 
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
-        each = (self.count[rows], self.reading[rows], self.inputs[rows], self.kind[rows])
-        return Likelihood(*each, self.correlation_samples, self.least, self.shared[rows], self.sized, self.growth)
-
-    @cached_property
-    def floor(self) -> Array:
-        """Standard deviation (n,) that is a sample's own: of its reading, and what errors of the inputs do to it."""
-        return np.hypot(self.reading, self.inputs)
+        whole = (self.correlation_samples, self.least)
+        return Likelihood(self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows])
 
     @property
     def noise(self) -> Array:
-        """Standard deviation (n,) that reading and inputs account for, shared errors and others."""
+        """Standard deviation (n,) that the inputs account for, shared errors and others."""
         return np.asarray(np.sqrt(self.floor**2 + np.sum(self.shared**2, axis=1)))
-
-    def sized_by(self, residual: Array) -> Likelihood:
-        """Return the likelihood with errors of the inputs as much larger than by their scatter as is most probable."""
-        best = replace(self, sized=True)
-        if self.sized or not (self.inputs.any() or self.shared.any()):
-            return best
-        value = best.log(residual)
-        while True:
-            larger = (_GROWTH * best.inputs, _GROWTH * best.shared, _GROWTH * best.growth)
-            more = replace(best, inputs=larger[0], shared=larger[1], growth=larger[2])
-            there = more.log(residual)
-            if there <= value:
-                return best
-            best, value = more, there
 
     def variance(self, residual: Array) -> Array:
         """Return the variance (n,) of every sample, shared errors and the discrepancy's most probable size in it."""
-        if not self.sized:
-            return self.sized_by(residual).variance(residual)
         return np.asarray(self._variance(self.left(residual)) + np.sum(self.shared**2, axis=1))
 
     def left(self, residual: Array) -> Array:
         """Return a residual less what its most probable shared errors do (n,)."""
-        if not self.sized:
-            return self.sized_by(residual).left(residual)
         return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
 
     def discrepancy(self, residual: Array) -> Array:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
-        if not self.sized:
-            return self.sized_by(residual).discrepancy(residual)
         return self._discrepancy(self.left(residual))
 
     def _variance(self, left: Array) -> Array:
@@ -167,29 +125,21 @@ class Likelihood:
         return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Array) -> float:
-        """Return the logarithm of the likelihood, up to a constant, with what the sizes of the inputs' errors cost.
-
-        Nothing is known of how much larger than their scatter they may be: beyond a factor g is one in g, a density of
-        1/g².
-        """
-        if not self.sized:
-            return self.sized_by(residual).log(residual)
+        """Return the logarithm of the likelihood, up to a constant."""
         return self.log_at(self.weight(residual), residual)
 
     def log_at(self, weight: Weight, residual: Array) -> float:
-        """Return the same where errors of the inputs have their sizes, and the residual's own weight is known."""
+        """Return the same where the residual's own weight is known."""
         rows = self.count > 0.0
         spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
-        return -0.5 * (weight.square(residual) + spread + weight.log_determinant) - 2.0 * math.log(self.growth)
+        return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
     def promise(self, residual: Array) -> float:
         """Return by how much the logarithm would grow if nothing but what the inputs account for were left.
 
         In motion, at rest, in opening blocks, and of the shared errors, each by itself: what one has to spare, another
-        may still gain. The inputs' errors are taken for as large as their scatter says.
+        may still gain.
         """
-        if not self.sized:
-            return replace(self, sized=True).promise(residual)
         weight = self.weight(residual)
         errors = weight.errors(residual)
         left = residual - self.shared @ errors
@@ -203,9 +153,7 @@ class Likelihood:
         return 0.5 * gain
 
     def weight(self, residual: Array) -> Weight:
-        """Return the information in a residual, with all errors and the discrepancy at their most probable values."""
-        if not self.sized:
-            return self.sized_by(residual).weight(residual)
+        """Return the information in a residual, with discrepancy and shared errors at their most probable values."""
         errors = np.zeros(self.shared.shape[1])
         for _ in range(_ROUNDS):
             each = np.where(self.count > 0.0, self.count / self._variance(residual - self.shared @ errors), 0.0)

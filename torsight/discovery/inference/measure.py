@@ -312,12 +312,11 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     """
     space, x = fitter.space(fit.effects), fit.solution.x
     residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
-    derivative, sized = fit.solution.jacobian, likelihood.sized_by(residual)
-    weight = sized.weight(residual)
+    derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
     base = len(fitter.problem.parameters)
     information = prior_information(space, x, base)
     matrix = derivative.T @ weight.times(derivative) + np.diag(information)
-    total = sized.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
+    total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
     total += fitter.problem.also_seen(fit.values, fit.effects)
     for i in range(base, len(x)):

@@ -162,9 +162,9 @@ class Search:
 
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with what the inputs account for there; its correlation is that of now."""
-        inputs, shared = problem.input_noise(values, effects), problem.shared_errors(values, effects)
-        given = (self._stretches, self._reading, inputs, self._correlation_samples)
-        return Likelihood.of(*given, least=self._problem.resolution, shared=shared)
+        floor = np.hypot(self._reading, problem.input_noise(values, effects))
+        shared, tau = problem.shared_errors(values, effects), self._correlation_samples
+        return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
 
     def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
         """Return a fit at the weights that its own residual gives, with its evidence."""
@@ -322,14 +322,12 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        self._reading = self._reading_noise(best.fitter.problem, best.fit)
-        # What errors beyond the inputs' scatter take up is correlated, whatever it comes from.
-        left = replace(best.likelihood, sized=True).left(best.residual)
+        before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
+        left = best.likelihood.left(best.residual)
         self._correlation_samples = min(correlation_samples(left, self._stretches), longest)
         for members, one in list(self._explanations.items()):
-            likelihood = replace(one.likelihood, reading=self._reading).correlated(
-                self._stretches, self._correlation_samples
-            )
+            floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
+            likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
             weighted = _weighted(likelihood, one.fitter.problem, one.fit.solution.prediction)
             bank = one.laws[-1].bank if one.laws else 0.0

@@ -167,9 +167,8 @@ class _Judge:
 
         How little the others tell of a block (of a clock that wanders, say) is a part of what was predicted.
         """
-        fitted = one.likelihood.sized_by(one.residual)
-        shared = np.hstack([fitted.shared, one.held_out.unsure])
-        return replace(fitted, shared=shared).log(np.nan_to_num(one.held_out.residual))
+        shared = np.hstack([one.likelihood.shared, one.held_out.unsure])
+        return replace(one.likelihood, shared=shared).log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
         """Return the names of a set's members: effects their own, laws the name of a usual form that does as much."""
