@@ -1,10 +1,10 @@
 """Every command of the pages is given as it stands, and ends well, in a folder that has the files that it names, small.
 
 What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; what was
-found by itself for the clicks of a person, who knows which stick turns; a film of one quick half-cycle for the demo's,
-and two effects for the library that discovery tries; the record's own angles for those of the bench's film, which lasts
-a second. ``make test`` is what runs this, ``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of
-the filming page take hours, so their help is what is asked for.
+found by itself for the clicks of a person, who knows which stick turns; a film of one quick half-cycle for the
+demo's, and two effects for the library that discovery tries; the record's own angles for those of the bench's film,
+which lasts a second. ``make test`` is what runs this, ``make docs`` and the common test of the effects run beside it.
+The three scripts that measure the figures of the filming page take hours, so their help is what is asked for.
 """
 
 from __future__ import annotations
