@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
-from tracker.appearance.lucas_kanade import Luma
+from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.follow.dots import DotState
 from tracker.follow.judgement import base_shift
 from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
-from tracker.follow.stick import Stick, nothing
 from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, DARK, ROW, SEEN
+
+Point = tuple[float, float]
 
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
@@ -37,6 +38,47 @@ def brightness_of(luma: Luma) -> float:
             total += luma[y, x]
             count += 1
     return total / count
+
+
+class Stick(Protocol):
+    """Reads both markers of one stick, or all four of two, frame by frame."""
+
+    drawn: bool
+    """Whether its template is drawn: what a smeared picture leaves of it is no noise then."""
+
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: NDArray[np.float64]) -> NDArray[np.void]:
+        """Return what is read of its markers in the next frame (n,), records of READING with their states.
+
+        ``shift`` (2,) is that of the picture since the start, px, as the base told it last.
+        """
+
+    def miss(self, time_s: float) -> None:
+        """Pass over a frame that shows nothing."""
+
+    @property
+    def radius_px(self) -> float:
+        """Size of a marker."""
+
+    @property
+    def length_px(self) -> float:
+        """Distance of both markers."""
+
+    @property
+    def shutter_share(self) -> float:
+        """Share of a frame's time for which the shutter is open, where the markers tell it."""
+
+    def to_state(self) -> dict[str, Any]:
+        """Return what :meth:`restore` needs."""
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a noted state, exactly."""
+
+
+def nothing(state: int, *, markers: int = 2) -> NDArray[np.void]:
+    """Return readings that are not taken, and why."""
+    readings = np.zeros(markers, READING)
+    readings["state"] = state
+    return readings
 
 
 class Follower:

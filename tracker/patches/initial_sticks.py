@@ -18,8 +18,8 @@ from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_wo
 from tracker.detect.given import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.dots import DotState
+from tracker.follow.follower import Stick
 from tracker.follow.marker import given_markers
-from tracker.follow.stick import Stick
 from tracker.frames.frame import Frame
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick

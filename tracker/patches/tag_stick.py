@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.fiducials import find_tags
-from tracker.follow.stick import Point, nothing
+from tracker.follow.follower import Point, nothing
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, put

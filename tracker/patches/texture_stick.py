@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import READING
+from tracker.follow.follower import Point
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit, rigid_misfit
 from tracker.follow.redetect import Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
-from tracker.follow.stick import Point
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, put
