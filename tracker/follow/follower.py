@@ -19,8 +19,6 @@ from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, DARK, ROW, SEEN
 
-Point = tuple[float, float]
-
 _MOVED_RAD: Final = math.radians(1.0)
 """A stick that turned by this much, and three times as much as the other, is the moving one."""
 _SPARSE: Final = 16

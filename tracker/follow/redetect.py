@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.appearance.lucas_kanade import READING
+from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_of
 from tracker.follow.frame_step import stick_at
 from tracker.follow.innovation import passes
@@ -39,7 +39,6 @@ from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
 from tracker.rows import SEEN, SHADOWED
 
-Point = tuple[float, float]
 Record = Any
 
 JUMP_PX: Final = 15.0

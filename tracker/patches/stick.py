@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.follow.follower import Point
+from tracker.appearance.lucas_kanade import Point
 from tracker.patches.align import Fit
 from tracker.patches.warps import Floats
 from tracker.rows import SEEN

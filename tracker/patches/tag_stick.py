@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.appearance.lucas_kanade import READING
+from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.fiducials import find_tags
-from tracker.follow.follower import Point, nothing
+from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import PatchTrack
 from tracker.patches.stick import KEPT, put

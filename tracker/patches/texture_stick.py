@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.appearance.lucas_kanade import READING
-from tracker.follow.follower import Point
+from tracker.appearance.lucas_kanade import READING, Point
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit, rigid_misfit
 from tracker.follow.redetect import Prediction, jump_px
