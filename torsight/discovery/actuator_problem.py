@@ -21,11 +21,12 @@ from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
 from torsight.actuator.ports import History
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.series import runs, scatter
+from torsight.core.series import runs, scatter, usual_step
 from torsight.core.units import DEG
 from torsight.discovery.actuator.temperature_errors import draw_errors, top_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
@@ -265,8 +266,8 @@ def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[n
     sets off from a rest: friction over the speed is not exact for steps in which it does. ``way`` (n,) is how far every
     row has come (:func:`_steps`, summed), ``at_rest`` (n,) where the angle stands still.
     """
-    active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
-    interval = float(np.median(np.diff(drive.time_s)))
+    active, _ = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
+    interval = usual_step(drive.time_s)
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
@@ -293,8 +294,7 @@ def _starts(at_rest: NDArray[np.bool_], angle_deg: Array) -> list[int]:
 
 def _steps(drive: Drive) -> Array:
     """Return how far every row (n,) has come from the one before, in steps of angle, temperatures or time."""
-    active = np.where(drive.cycles.active == 0, drive.temp_a_c, drive.temp_b_c)
-    passive = np.where(drive.cycles.active == 0, drive.temp_b_c, drive.temp_a_c)
+    active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
     angle_deg = _running_median(drive.angle_rad / DEG)
     steps = ((active, 1.0), (passive, 2.0), (angle_deg, 5.0), (drive.time_s, 30.0))
     each = [np.abs(np.diff(values, prepend=values[0])) / step for values, step in steps]
@@ -369,7 +369,7 @@ def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArr
     or than the averages' own noise would show.
     """
     n = len(time_s)
-    interval = float(np.median(np.diff(time_s)))
+    interval = usual_step(time_s)
     half = max(2, round(0.5 * _REST_LEAST_S / interval))
     filled = np.interp(time_s, time_s[valid], observed[valid])
     noise = scatter(filled)

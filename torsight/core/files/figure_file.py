@@ -19,5 +19,5 @@ def write_figure(path: Path, figure: Figure, **options: Any) -> None:
     """Write a figure; options are those of its ``savefig``."""
     suffix = path.suffix.lower()
     drawn = io.BytesIO()
-    figure.savefig(drawn, format=suffix.removeprefix("."), metadata=UNDATED[suffix], **options)
+    figure.savefig(drawn, format=suffix.removeprefix("."), metadata=UNDATED.get(suffix), **options)
     write_bytes(path, drawn.getvalue())

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.record.segments import by_role
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.fitting import Fit
@@ -25,8 +26,7 @@ def curve_columns(
     after = extended.model.simulate(drive, extended.values, history=problem.history)
     observed = drive.angle_rad / DEG
     ahead_deg = 360.0 * drive.turns
-    is_a = drive.cycles.active == 0
-    rate = np.where(is_a, drive.rate_a_c_s, drive.rate_b_c_s)
+    rate, _ = by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)
     direction = np.where(np.abs(rate) < _STILL_C_S, "rest", np.where(rate > 0.0, "heating", "cooling"))
     return {
         "time_s": drive.time_s,
@@ -39,7 +39,7 @@ def curve_columns(
         "temp_a_c": drive.temp_a_c,
         "temp_b_c": drive.temp_b_c,
         "half_cycle": np.asarray(drive.cycles.half, np.int64),
-        "active": np.where(is_a, "a", "b"),
+        "active": np.where(drive.cycles.active == 0, "a", "b"),
         "direction": direction,
         "held_out": np.isin(drive.cycles.half, np.asarray(held_out, np.int64)).astype(np.int8),
         "xi_a": after.xi_a,

@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.conditioning import NEGLIGIBLE_C
+from torsight.core.series import usual_step
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureE
 
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
-    interval_s = float(np.median(np.diff(drive.time_s)))
+    interval_s = usual_step(drive.time_s)
     alike = gaussian_filter1d(
         rng.standard_normal((2, len(drive))), max(_ALIKE_S, drive.reading_s) / interval_s, mode="nearest"
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from torsight.actuator.drive import Drive, Pair, Sensors
-from torsight.actuator.record.segments import HalfCycles
+from torsight.actuator.record.segments import HalfCycles, by_role
 
 Array = NDArray[np.float64]
 
@@ -83,10 +83,8 @@ class Heat:
     @classmethod
     def of(cls, drive: Drive) -> Heat:
         """Learn it from a record: the loss from the driven spring as it cools, the passage from the other one."""
-        is_a = drive.cycles.active == 0
-        temps, rates = (drive.temp_a_c, drive.temp_b_c), (drive.rate_a_c_s, drive.rate_b_c_s)
-        active, passive = np.where(is_a, *temps), np.where(is_a, *temps[::-1])
-        active_rate, passive_rate = np.where(is_a, *rates), np.where(is_a, *rates[::-1])
+        active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
+        active_rate, passive_rate = by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)
         falling = (active_rate < -0.02) & (active > drive.room_c + 0.2 * np.ptp(active))
         above, apart = active - drive.room_c, active - passive
         to_room, between = 0.02, 0.0

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from torsight.discovery.inference.explanation import Explanation, Field, Places, places_of
 from torsight.discovery.inference.fitting import EffectSet, less
@@ -103,8 +104,7 @@ class _Judge:
         sets = field.explanations
         price = settings.price(choices)
         log = np.array([one.log_evidence - price * len(members) for members, one in sets.items()])
-        weight = np.exp(log - log.max())
-        self.probability = dict(zip(sets, (weight / weight.sum()).tolist(), strict=True))
+        self.probability = dict(zip(sets, softmax(log).tolist(), strict=True))
         self._log = dict(zip(sets, log.tolist(), strict=True))
 
     def places(self, members: Iterable[str]) -> Places:
