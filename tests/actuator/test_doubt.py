@@ -55,6 +55,15 @@ def test_sigma_holds_the_residual_and_what_each_axis_of_the_values_does(log) -> 
     assert found.sigma_rad.min() == pytest.approx(0.3 * DEG)
 
 
+def test_at_rest_the_residual_is_that_of_rests(log) -> None:
+    found = predict_with_sigma(model_with(Doubt((), np.zeros((0, 0)), 0.3, (), 0.1)), log, start_angle_rad=START_RAD)
+    speed_deg_s = np.abs(np.gradient(found.angle_rad / DEG, log.time_s))
+    resting = np.convolve(speed_deg_s > 0.002, np.ones(81), "same") == 0.0
+    assert resting.sum() > 100
+    assert found.sigma_rad[resting] == pytest.approx(0.1 * DEG)
+    assert found.sigma_rad[speed_deg_s > 0.1] == pytest.approx(0.3 * DEG)
+
+
 def test_explanations_that_predict_something_else_widen_it_there(log) -> None:
     nominal = model_with(None).values
     late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
@@ -89,7 +98,7 @@ def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(
 def test_the_file_keeps_it(tmp_path: Path, log) -> None:
     nominal = model_with(None).values
     late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
-    model = model_with(Doubt(("tau_c_mnm", "A_s_c"), np.array([[4e-4, 1e-3], [1e-3, 0.09]]), 0.2, (late,)))
+    model = model_with(Doubt(("tau_c_mnm", "A_s_c"), np.array([[4e-4, 1e-3], [1e-3, 0.09]]), 0.2, (late,), 0.1))
     write_model(tmp_path / "model.json", model)
     back = read_model(tmp_path / "model.json")
     one, other = (predict_with_sigma(each, log, start_angle_rad=START_RAD).sigma_rad for each in (model, back))
@@ -125,7 +134,8 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
         ({"covariance": [[1.0, 2.0]]}, "no square"),
         ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "no values"),
         ({"covariance": [[float("nan"), 0.0], [0.0, 1.0]]}, "no values"),
-        ({"residual_deg": -1.0}, "residual_deg"),
+        ({"residual_deg": -1.0}, "'residual_deg'"),
+        ({"rest_residual_deg": -1.0}, "'rest_residual_deg'"),
         ({"alternatives": [{"effects": ["sensor_leg"], "values": {}}]}, "sensor_leg"),
         ({"alternatives": [{"effects": ["sensor_lag"], "values": {}}]}, "lag_s"),
         ({"alternatives": [3]}, "alternatives"),

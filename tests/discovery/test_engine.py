@@ -10,7 +10,7 @@ from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidat
 
 from torsight.core.errors import InputError
 from torsight.discovery.inference.engine import find_missing
-from torsight.discovery.inference.explanation import covariance
+from torsight.discovery.inference.explanation import covariance, curvature_spread, predictive_covariance
 from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
 from torsight.discovery.inference.validate import held_out_by_refit
 from torsight.discovery.settings import Settings
@@ -33,6 +33,18 @@ def test_one_missing_effect_is_named_with_its_value(name: str) -> None:
     sigma = np.sqrt(covariance(chosen)[index, index])
     assert abs(chosen.fit.solution.x[index] - size) < 4.0 * sigma
     assert sigma < 0.2 * size
+
+
+def test_values_lie_within_the_covariance_that_predictions_use() -> None:
+    squares = []
+    for seed in range(24):
+        chosen = find_missing(machine(0.0, seed=seed, candidates={})).decision.chosen
+        spread, off = predictive_covariance(chosen), chosen.fit.solution.x - np.array([2.0, 1.0])
+        squares.append(off @ np.linalg.solve(spread, off))
+        # Nowhere less than the posterior's curvature says.
+        assert np.linalg.eigvals(np.linalg.solve(curvature_spread(chosen), spread)).real.min() > 1.0 - 1e-6
+    # χ² of two values has the mean 2, its mean over so many records a standard deviation of 0.4.
+    assert 1.2 < np.mean(squares) < 3.2
 
 
 def test_two_missing_effects_are_both_named() -> None:

@@ -43,16 +43,24 @@ class Doubt:
     covariance : (m, m) float64
         Of these, public units.
     residual_deg : float
-        Root mean square of what is left on half-cycles that the fit has not seen (of the fit, where none was left out),
-        less what errors of the temperatures account for.
+        What is left in motion on half-cycles that the fit has not seen (of the fit, where none was left out), root mean
+        square, less what errors of readings, temperatures and values account for.
     alternatives : tuple of Alternative
         Explanations that do as well.
+    rest_residual_deg : float or None
+        The same at rest; None: as in motion.
     """
 
     names: tuple[str, ...]
     covariance: Array
     residual_deg: float
     alternatives: tuple[Alternative, ...] = ()
+    rest_residual_deg: float | None = None
+
+    @property
+    def left_deg(self) -> tuple[float, float]:
+        """What is left in motion and at rest."""
+        return self.residual_deg, self.residual_deg if self.rest_residual_deg is None else self.rest_residual_deg
 
     def steps(self) -> Iterator[dict[str, float]]:
         """Give one standard deviation along each principal axis of the values' uncertainty (name to change)."""
@@ -68,6 +76,7 @@ class Doubt:
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "residual_deg": self.residual_deg,
+            "rest_residual_deg": self.left_deg[1],
             "alternatives": [
                 {
                     "effects": list(a.effects),
@@ -111,10 +120,15 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         raise ConfigError("'covariance' is that of no values", where=where)
     if not isinstance(others, list) or not all(isinstance(other, Mapping) for other in others):
         raise ConfigError("'alternatives' is no list of tables", where=where, value=repr(others))
+    left_deg = get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG)
     return Doubt(
         names=tuple(names),
         covariance=0.5 * (covariance + covariance.T),
-        residual_deg=get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG),
+        residual_deg=left_deg,
+        # Earlier files do not tell rest from motion.
+        rest_residual_deg=get_number(
+            table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
+        ),
         alternatives=tuple(_alternative(other) for other in others),
     )
 

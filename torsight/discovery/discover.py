@@ -28,8 +28,9 @@ from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, law_shares
-from torsight.discovery.inference.explanation import Explanation, covariance, joint_covariance
+from torsight.discovery.inference.explanation import Explanation, covariance, predictive_covariance
 from torsight.discovery.inference.fitting import less
+from torsight.discovery.inference.likelihood import MOTION, REST
 from torsight.discovery.inference.noise import Stretches, reading_noise
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
@@ -91,8 +92,9 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
     rivals = [model_of(problem, rival) for rival in findings.decision.rivals]
-    left_deg = hypot(held_out_error_deg(findings), _of_time_deg(problem, chosen))
-    doubt = doubt_of(chosen.fit.parameters, joint_covariance(chosen), left_deg, rivals)
+    of_time_deg = _of_time_deg(problem, chosen)
+    motion_deg, rest_deg = (hypot(left_deg, of_time_deg) for left_deg in held_out_error_deg(findings))
+    doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), (motion_deg, rest_deg), rivals)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     floor = noise_floor(problem, chosen, findings.field.stretches)
@@ -178,7 +180,9 @@ def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
     return fitted_model(own.model(chosen.fit.effects), chosen.fit.values, problem.drive, history=own.history)
 
 
-def doubt_of(parameters: Sequence[Parameter], spread: Array, left_deg: float, rivals: Sequence[FittedModel]) -> Doubt:
+def doubt_of(
+    parameters: Sequence[Parameter], spread: Array, left_deg: tuple[float, float], rivals: Sequence[FittedModel]
+) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
     Parameters
@@ -187,30 +191,34 @@ def doubt_of(parameters: Sequence[Parameter], spread: Array, left_deg: float, ri
         The free parameters.
     spread : (m, m) float64
         Their covariance.
-    left_deg : float
-        What the model leaves, root mean square.
+    left_deg : (float, float)
+        What the model leaves in motion and at rest, root mean square.
     rivals : sequence of FittedModel
         The other explanations.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),
         covariance=spread,
-        residual_deg=left_deg,
+        residual_deg=left_deg[0],
+        rest_residual_deg=left_deg[1],
         alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in rivals),
     )
 
 
-def held_out_error_deg(findings: Findings) -> float:
-    """Return what is left on half-cycles that the fit has not seen (of the fit, where none was left out), degrees.
+def held_out_error_deg(findings: Findings) -> tuple[float, float]:
+    """Return the discrepancy in motion and at rest on half-cycles that the fit has not seen, degrees.
 
-    Root mean square over time, less what errors of tops account for: a prediction adds those of its own temperatures.
+    Less what readings, temperatures and what the other half-cycles leave open of the values account for: a prediction
+    adds what is its own of these. Of the fit, and a verdict's least at least, where nothing was left out.
     """
     chosen, held_out = findings.decision.chosen, findings.after
-    residual = chosen.residual if held_out is None else np.nan_to_num(held_out.residual)
-    problem = chosen.fitter.problem
-    lasts_s = np.abs(np.gradient(problem.time_s))[problem.valid]
-    left = chosen.likelihood.left(residual)[problem.valid]
-    return float(np.sqrt(np.average(left**2, weights=lasts_s)))
+    if held_out is None:
+        sizes = chosen.likelihood.discrepancy(chosen.residual)
+    else:
+        shared = np.hstack([chosen.likelihood.shared, held_out.unsure])
+        shown = replace(chosen.likelihood, least=0.0, shared=shared)
+        sizes = shown.discrepancy(np.nan_to_num(held_out.residual))
+    return float(sizes[MOTION]), float(sizes[REST])
 
 
 def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:

@@ -18,6 +18,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 from torsight.core.words.shown import span
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
+from torsight.discovery.actuator_problem import rest_mask
 
 Array = NDArray[np.float64]
 
@@ -70,10 +71,10 @@ def predict_with_sigma(
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 
     Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
-    has not seen; what the values are uncertain by (the log is simulated one standard deviation to either side along
-    every axis of their uncertainty); how far explanations that the record could not tell from this one, all as likely,
-    predict something else; and the noise of the log's temperatures, drawn: where an incomplete heating ends, its error
-    stays in the angle.
+    has not seen, in motion and at rest; what the values are uncertain by (the log is simulated one standard deviation
+    to either side along every axis of their uncertainty); how far explanations that the record could not tell from this
+    one, all as likely, predict something else; and the noise of the log's temperatures, drawn: where an incomplete
+    heating ends, its error stays in the angle.
 
     Parameters
     ----------
@@ -98,13 +99,15 @@ def predict_with_sigma(
     angle = prediction.angle_rad
     if model.doubt is None:
         return PredictedAngle(angle, drive, simulation, rows, np.full(len(angle), np.nan))
-    own = simulation.angle_rad
-    square, others = np.full(len(angle), (model.doubt.residual_deg * DEG) ** 2), list(_others(model, drive))
+    own, known = simulation.angle_rad, np.isfinite(angle)
+    rest = rest_mask(simulation.time_s, angle / DEG, known) if known.any() else known
+    motion_deg, rest_deg = model.doubt.left_deg
+    square, others = (np.where(rest, rest_deg, motion_deg) * DEG) ** 2, list(_others(model, drive))
     for done, (other, its_drive, weight) in enumerate(others):
         progress("uncertainty", done, len(others))
         square += weight * (other.simulate(its_drive).angle_rad[rows] - own) ** 2
     progress("uncertainty", len(others), len(others))
-    sigma = np.where(np.isfinite(angle), np.sqrt(square), np.nan)
+    sigma = np.where(known, np.sqrt(square), np.nan)
     return PredictedAngle(angle, drive, simulation, rows, sigma)
 
 

@@ -32,7 +32,7 @@ from torsight.discovery.discover import (
     noise_floor,
 )
 from torsight.discovery.inference.engine import Findings
-from torsight.discovery.inference.explanation import Explanation, Field, joint_covariance
+from torsight.discovery.inference.explanation import Explanation, Field, predictive_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
@@ -219,7 +219,10 @@ def _report(
     model, *rivals = (model_of(problem.parts[last], view) for view in views)
     places = _places(problem, chosen.fit, last, [p.name for p in views[0].fit.parameters])
     doubt = doubt_of(
-        views[0].fit.parameters, joint_covariance(chosen)[np.ix_(places, places)], held_out_error_deg(findings), rivals
+        views[0].fit.parameters,
+        predictive_covariance(chosen)[np.ix_(places, places)],
+        held_out_error_deg(findings),
+        rivals,
     )
     return JointReport(
         **shared,

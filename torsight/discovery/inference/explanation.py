@@ -8,7 +8,7 @@ posterior, and a model that is a little wrong in every block in another way, whi
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 Places = frozenset[str]
@@ -135,22 +136,47 @@ def covariance(explanation: Explanation) -> Array:
     return np.asarray(found * np.outer(widened, widened))
 
 
-def joint_covariance(explanation: Explanation) -> Array:
+def predictive_covariance(explanation: Explanation) -> Array:
     """Return the parameters' covariance (m, m) as predictions need it.
 
-    Blocks that are left out move several values together, along valleys in which the model predicts the same: here that
-    counts as it is. :func:`covariance`, which widens each value's own interval, would make such a valley a wide plain.
+    That of :func:`joint_covariance`, at the discrepancy that the record shows and not the least that a verdict assumes.
     """
-    return curvature_spread(explanation) + _between_blocks(explanation)
+    shown = replace(explanation.likelihood, least=0.0)
+    return _joint(explanation, shown.weight(explanation.residual))
+
+
+def joint_covariance(explanation: Explanation) -> Array:
+    """Return the parameters' covariance (m, m) as curves of several values need it.
+
+    By the posterior's curvature; or, along directions in which blocks that are left out move the values further than
+    that, by what they move them. Blocks move several values together, along valleys in which the model predicts the
+    same: :func:`covariance`, which widens each value's own interval, would make such a valley a wide plain.
+    """
+    return _joint(explanation, explanation.fitter.weight)
+
+
+def _joint(explanation: Explanation, weight: Weight) -> Array:
+    information = _information(explanation, weight)
+    # In coordinates in which the curvature's covariance is one, the larger of one and the blocks' along every axis.
+    size = 1.0 / np.sqrt(np.diag(information))
+    root = np.linalg.cholesky(information * np.outer(size, size)).T / size
+    moved, axes = np.linalg.eigh(root @ _between_blocks(explanation) @ root.T)
+    reach = np.linalg.solve(root, axes * np.sqrt(np.maximum(moved, 1.0)))
+    return np.asarray(reach @ reach.T)
 
 
 def curvature_spread(explanation: Explanation) -> Array:
     """Return the covariance (m, m) by the posterior's curvature alone."""
-    fit, weight = explanation.fit, explanation.fitter.weight
-    space, derivative = space_of(fit.parameters), fit.solution.jacobian
+    return np.asarray(np.linalg.inv(_information(explanation, explanation.fitter.weight)))
+
+
+def _information(explanation: Explanation, weight: Weight) -> Array:
+    """Return the posterior's information about the parameters (m, m)."""
+    fit, space = explanation.fit, space_of(explanation.fit.parameters)
+    derivative = fit.solution.jacobian
     information = derivative.T @ weight.times(derivative)
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
-    return np.asarray(np.linalg.inv(information))
+    return np.asarray(information)
 
 
 def _between_blocks(explanation: Explanation) -> Array:

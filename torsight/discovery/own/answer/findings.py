@@ -15,7 +15,7 @@ from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate
 from torsight.core.words.shown import Shown
 from torsight.discovery.inference import engine
-from torsight.discovery.inference.explanation import Explanation, Field, covariance, joint_covariance
+from torsight.discovery.inference.explanation import Explanation, Field, covariance, predictive_covariance
 from torsight.discovery.inference.fitting import EffectSet, less
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
@@ -352,7 +352,7 @@ class Findings(Shown):
             )
         chosen = self._chosen
         noise = tuple(after.known for _, after in self.errors.values())
-        return SavedModel.of(problem, chosen, covariance=joint_covariance(chosen), noise=noise)
+        return SavedModel.of(problem, chosen, covariance=predictive_covariance(chosen), noise=noise)
 
     def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
         """Return the extended model's outputs for another record, with their standard deviations.
