@@ -164,20 +164,22 @@ def _losses(
         if np.count_nonzero(away < 0) < shape.powers_before + 2 or np.count_nonzero(away > 0) < 5:
             continue
         steady = [away**power for power in range(shape.powers_before + 1)]
-        for j, lag_s in enumerate(lags):
-            rising = [lagged_ramp(away, float(lag_s), shape.split)]
-            if shape.decay_s is not None:
-                rising.append(lagged_decay(away, shape.decay_s, float(lag_s), shape.split))
-            curves = np.stack([*steady, *rising], axis=1)
-            loss[i, j] = _square(y, curves) / max(len(y) - curves.shape[1], 1)
+        rising = [[lagged_ramp(away, lag_s, shape.split) for lag_s in lags.tolist()]]
+        if shape.decay_s is not None:
+            rising.append([lagged_decay(away, shape.decay_s, lag_s, shape.split) for lag_s in lags.tolist()])
+        curves = np.empty((len(lags), len(x), len(steady) + len(rising)))
+        curves[:, :, : len(steady)] = np.stack(steady, axis=1)
+        for column, shown in enumerate(rising, start=len(steady)):
+            curves[:, :, column] = shown
+        loss[i] = _squares(y, curves) / max(len(y) - curves.shape[2], 1)
     return loss
 
 
-def _square(y: NDArray[np.float64], curves: NDArray[np.float64]) -> float:
-    """Return the sum of squares that the best sum of curves (n, m) leaves of values (n,)."""
-    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=0), 1e-12))
-    left = y - basis @ (basis.T @ y)
-    return float(left @ left)
+def _squares(y: NDArray[np.float64], curves: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of squares that the best sums of curves (k, n, m) leave of values (n,)."""
+    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=1, keepdims=True), 1e-12))
+    left = y - (basis @ (y @ basis)[:, :, np.newaxis])[:, :, 0]
+    return np.asarray(np.sum(left**2, axis=1))
 
 
 def _weights(loss: NDArray[np.float64], unit: float, count: int) -> NDArray[np.float64]:
@@ -260,7 +262,7 @@ def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: He
     x, y = x[::group], y[::group]
 
     def loss(log_decay: float) -> float:
-        return _square(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1))
+        return float(_squares(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)[np.newaxis])[0])
 
     span = float(np.log(x[-1]))
     found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})

@@ -104,7 +104,7 @@ def test_a_click_outside_and_two_on_one_point_are_refused(page: Any, film: Path,
         page.wait_for_selector("#told.bad:has-text('no round dot')")
         assert page.locator("#overlay g").count() == 1
         assert page.is_disabled("#save")
-        page.goto("about:blank")
+        picking.leave(page)
     assert not (tmp_path / "markers.toml").exists()
 
 
@@ -160,7 +160,7 @@ def test_every_control_is_reached_by_tab(page: Any, film: Path, tmp_path: Path) 
             page.keyboard.press("Tab")
             reached.add(page.evaluate("document.activeElement.id"))
         assert wanted | {"stage"} <= reached
-        page.goto("about:blank")
+        picking.leave(page)
 
 
 def test_points_without_dots_are_taken_where_they_are_picked(page: Any, film: Path, rig: Rig, tmp_path: Path) -> None:

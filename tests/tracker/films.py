@@ -235,10 +235,10 @@ class Rig:
             self._draw_stick(picture, x, y, turn, radii, brightness, dot_px)
         x, y = planes[1]
         if self.hub_px:
-            self._blend(picture, x * x + y * y, self.hub_px, self.ground * 0.9)
+            self._blend(picture, x, y, self.hub_px, self.ground * 0.9)
         for ex, ey, er in self.extra_dots:
             near = planes[0]
-            self._blend(picture, (near[0] - ex) ** 2 + (near[1] - ey) ** 2, er, self.dot)
+            self._blend(picture, near[0] - ex, near[1] - ey, er, self.dot)
         for cover in self.covers:
             if cover.start_s <= time_s < cover.end_s:
                 self._draw_cover(picture, planes[1], cover, angle)
@@ -248,18 +248,36 @@ class Rig:
 
     def _draw_stick(self, picture, x, y, turn_deg, radii, brightness, dot_px) -> None:
         c, d = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+        ends = (-self.overhang_px, radii[1] + self.overhang_px)
+        middle, half = (ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0 + dot_px
+
+        def near(x, y, slack):
+            off = np.abs(c * x + d * y - middle) < half + slack
+            return off & (np.abs(-d * x + c * y) < max(self.half_width_px, dot_px) + slack)
+
+        part = self._around(near, x, y)
+        picture, x, y = picture[part], x[part], y[part]
         along, across = c * x + d * y, -d * x + c * y
         on = np.abs(across) < self.half_width_px
-        on &= (along > -self.overhang_px) & (along < radii[1] + self.overhang_px)
+        on &= (along > ends[0]) & (along < ends[1])
         picture[on] = brightness
         for radius in radii:
-            self._blend(picture, (along - radius) ** 2 + across**2, dot_px, self.dot)
+            self._blend(picture, along - radius, across, dot_px, self.dot)
 
-    def _blend(self, picture, square, radius: float, brightness: float) -> None:
+    def _blend(self, picture, x, y, radius: float, brightness: float) -> None:
         """Draw a disc; samples on its rim take the share of their own area that it covers."""
+        part = self._around(lambda x, y, slack: x**2 + y**2 < (radius + slack) ** 2, x, y)
+        picture, square = picture[part], x[part] ** 2 + y[part] ** 2
         near = square < (radius + 1.0) ** 2
         share = np.clip((radius - np.sqrt(square[near])) * self.samples + 0.5, 0.0, 1.0)
         picture[near] += share * (brightness - picture[near])
+
+    def _around(self, near, x, y) -> tuple[slice, slice]:
+        """Return the rows and columns about what is near by the word of every eighth sample: most see ground only."""
+        found = near(x[::8, ::8], y[::8, ::8], 24.0 / self.samples)
+        spans = [np.flatnonzero(found.any(axis=axis)) for axis in (1, 0)]
+        rows, columns = (slice(max(0, 8 * n[0] - 8), 8 * n[-1] + 16) if len(n) else slice(0) for n in spans)
+        return rows, columns
 
     def _draw_cover(self, picture, plane, cover: Cover, angle: float) -> None:
         spots = self._spots(angle)

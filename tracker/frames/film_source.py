@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -188,25 +189,39 @@ class FilmSource:
         wanted = set(indices)
         found = {index: self._kept[index] for index in wanted & set(self._kept)}
         stamps = {index: self.pts[index] for index in wanted - set(found) if index < len(self.pts)}
-        sought = {index: None if pts is None else self._sought(pts) for index, pts in stamps.items()}
-        found |= {index: luma for index, luma in sought.items() if luma is not None}
+        sought = self._sought({pts for pts in stamps.values() if pts is not None})
+        found |= {index: sought[pts] for index, pts in stamps.items() if pts in sought}
         return found | pictures_of(self, wanted - set(found))
 
-    def _sought(self, pts: int) -> NDArray[np.uint8] | None:
-        """Return the frame with a time stamp by seeking to the key frame before it; None where that does not work."""
+    def _sought(self, stamps: Collection[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return frames by their time stamps, by seeking to the key frames before them; without those that fail.
+
+        Frames behind one key frame are decoded in one go: an encoder may set the next one only after 250 frames.
+        """
+        found: dict[int, NDArray[np.uint8]] = {}
+        if not stamps:
+            return found
+        waiting = sorted(stamps, reverse=True)
         with self.open() as container:
             stream = self.stream(container)
             stream.thread_type = "AUTO"
-            try:
-                container.seek(pts, stream=stream)
-                for frame in itertools.islice(container.decode(stream), _FROM_KEY):
-                    if frame.pts == pts:
-                        return luma_of(frame, self.display).copy()
-                    if frame.pts is not None and frame.pts > pts:
-                        break
-            except (av.error.FFmpegError, OSError):
-                pass  # damaged here: a pass from the start knows which frames are whole
-        return None
+            while waiting:
+                first = waiting[-1]
+                # Damaged here: a pass from the start knows which frames are whole.
+                with contextlib.suppress(av.error.FFmpegError, OSError):
+                    container.seek(first, stream=stream)
+                    frames = (frame for frame in container.decode(stream) if frame.pts is not None)
+                    for frame in itertools.islice(frames, _FROM_KEY):
+                        while waiting and waiting[-1] < frame.pts:
+                            waiting.pop()
+                        if waiting and waiting[-1] == frame.pts:
+                            found[waiting.pop()] = luma_of(frame, self.display).copy()
+                        # The next one may lie behind many more key frames: it is sought anew.
+                        if not waiting or (frame.key_frame and waiting[-1] != first):
+                            break
+                if waiting and waiting[-1] == first:
+                    waiting.pop()
+        return found
 
     def _time_s(self, index: int, pts: int | None, start: int | None, base: Fraction, last_s: float) -> float:
         if self._times_s is not None:

@@ -99,7 +99,7 @@ def test_it_ends_by_itself_with_a_browsers_page_served_to_this_computer_only(rig
     if not Path("/proc/net/tcp").exists():
         pytest.skip("this system does not list its sockets in /proc/net/tcp")
     ports = program.free_port(), program.free_port()
-    options = ("--serve", "--port", str(ports[0]), "--web-port", str(ports[1]), "--speed", "0.3", "--json")
+    options = ("--serve", "--port", str(ports[0]), "--web-port", str(ports[1]), "--speed", "0.5", "--json")
     running = start(rig, "--out", str(tmp_path / "live"), *options)
     page, heard = b"", set()
     try:
