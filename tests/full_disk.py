@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,7 +18,8 @@ from numba.core.caching import Cache
 def full_disk(limit_bytes: int) -> Iterator[None]:
     """Let no file grow beyond a limit while the block lasts; holds for root, too.
 
-    Machine code is kept all the same: what is looked at is what the commands themselves write.
+    Machine code is kept all the same: what is looked at is what the commands themselves write. Byte code is not written
+    meanwhile: Python keeps a file that was cut off, and fails on it ever after.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -29,7 +32,11 @@ def full_disk(limit_bytes: int) -> Iterator[None]:
 
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, hard))
     try:
-        with patch.object(Cache, "save_overload", save_all_the_same):
+        with (
+            patch.object(Cache, "save_overload", save_all_the_same),
+            patch.object(sys, "dont_write_bytecode", new=True),
+            patch.dict(os.environ, PYTHONDONTWRITEBYTECODE="1"),
+        ):
             yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -76,6 +76,23 @@ def test_its_model_predicts_another_record(world: Path, capsys: pytest.CaptureFi
     assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
 
 
+def test_how_a_planned_record_begins_is_given_or_its_absence_told(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    later, model = pd.read_csv(world / "later.csv"), world / "results" / "model.json"
+    later[["time_s", "u"]].to_csv(tmp_path / "planned.csv", index=False)
+    words = ("predict", model, tmp_path / "planned.csv", "--out", tmp_path / "predicted.csv")
+    assert leave(*words) == 0
+    assert "how the record begins is not known (x0_mm)" in capsys.readouterr().err
+    assert leave(*words, "--initial", "x0_mm=1.5") == 0
+    assert "begins" not in capsys.readouterr().err
+    made = pd.read_csv(tmp_path / "predicted.csv")
+    off = (made["x_mm"] - later["x_mm"]) / made["x_mm_sigma"]
+    assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
+    assert leave(*words, "--initial", "x0_mm") == 2
+    assert "write --initial x0=1.5" in capsys.readouterr().err
+
+
 def test_a_model_file_that_has_changed_is_not_used(
     world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidates
 
 from torsight.core.errors import InputError
+from torsight.discovery import find_missing as find_missing_of
 from torsight.discovery.inference.engine import find_missing
 from torsight.discovery.inference.explanation import covariance, curvature_spread, predictive_covariance
 from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
@@ -53,6 +54,16 @@ def test_two_missing_effects_are_both_named() -> None:
     findings = find_missing(machine(extra, seed=5))
     assert findings.verdict == "identified"
     assert {name for name, _ in findings.decision.named.values()} == {"coulomb", "warmth"}
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.0])
+def test_what_no_column_explains_is_unknown_and_never_none(sigma: float) -> None:
+    s = signals()
+    wave = 2.0 * np.sin(s["time"] / 5.0)
+    problem = machine(wave, candidates={"coulomb": {"coulomb_n": np.sign(s["speed"])}}, tau=1.0, sigma=sigma)
+    found = find_missing_of(replace(problem, drivers={"warm": s["warm"]}))
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert find_missing_of(machine(0.0, tau=1.0, sigma=sigma)).verdict == "none"
 
 
 @pytest.mark.parametrize(("size", "named"), [(0.0, ()), (0.02, ()), (0.15, ("coulomb",))])

@@ -246,6 +246,13 @@ def test_an_initial_state_that_is_not_declared_is_found_out() -> None:
     assert found.effects == ("hardening",)
 
 
+def test_an_initial_state_that_other_records_begin_with_otherwise_is_told() -> None:
+    pair = [spring_record(1, 2.0, cubic=0.0), spring_record(2, -1.0, cubic=0.0)]
+    told = "with a value of 'x0_mm' for each record"
+    assert warned(find_missing(springs(observed=pair, initial=())), told)
+    assert not warned(find_missing(springs(observed=pair)), told)
+
+
 def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_can_be_fixed() -> None:
     def twice(p: Any, record: Any) -> np.ndarray:
         return p.gain * p.boost * record.u + p.offset
@@ -301,6 +308,29 @@ def test_a_model_that_fails_in_the_middle_of_a_fit_loses_nothing(
     # What it prints is told once.
     assert warned(found, "the model prints ('stepping")
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("calls", [3, 10, 40, 100])
+def test_a_model_that_fails_from_some_call_on_ends_with_its_own_error(calls: int) -> None:
+    """Whatever the search was at: what a licence that has run out leaves is no matrix that can be solved."""
+    left = iter(range(calls))
+
+    def licensed(p: Any, record: Any) -> np.ndarray:
+        if next(left, None) is None:
+            raise OSError("the licence has run out")
+        return read_sensor(p, record)
+
+    wanted = model_problem(licensed, sensor_record(curve=0.3), sensor_parameters(), sensor_candidates(), output="y")
+    with pytest.raises(InputError, match="OSError: the licence has run out") as told:
+        find_missing(wanted, processes=False)
+    assert "next(left, None)" in str(told.value.__notes__) or 'raise OSError("the licence' in str(told.value.__notes__)
+
+
+@pytest.mark.parametrize("every", [2, 5, 9])
+def test_rows_without_a_reading_leave_the_noise_as_it_is(every: int) -> None:
+    record = sensor_record()
+    record["y"][::every] = np.nan
+    assert find_missing(model_problem(line, record, sensor_parameters(), output="y")).verdict == "none"
 
 
 def test_what_progress_prints_is_printed_and_not_laid_to_the_model(capsys: pytest.CaptureFixture[str]) -> None:

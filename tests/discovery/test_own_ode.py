@@ -119,6 +119,22 @@ def test_a_bounce_is_an_event() -> None:
     np.testing.assert_allclose(made, 1000.0 * np.where(time < hit, 1.0 - 4.905 * time**2, after), atol=1e-3)
 
 
+@pytest.mark.parametrize("per_s", [0.5, 3.0, 7.0])
+def test_events_lie_between_rows_or_at_them(per_s: float) -> None:
+    """A counter that begins anew at one; with seven in a second three events lie between two rows."""
+    counter = ode(
+        lambda _t, x, _u, p: (p.per_s + 0.0 * x[0],),
+        states=("count",),
+        output=lambda x, _record, _p: x.count,
+        initial={"count": 0.0},
+        events=[Event(lambda _t, x, _u, _p: x[0] - 1.0, lambda _t, _x, _u, _p: (0.0,), direction=1)],
+    )
+    time = 0.5 * np.arange(80) + 0.01 * (np.arange(80) % 3)
+    made = counter(Values({"per_s": per_s}), Record({"time_s": time}, "counter"))
+    off = (made - per_s * time + 0.5) % 1.0 - 0.5
+    np.testing.assert_allclose(off, 0.0, atol=1e-5)
+
+
 def test_what_is_not_declared_is_told() -> None:
     with pytest.raises(InputError, match="'y' is no state"):
         ode(plain, states=("x", "v"), output="y")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -20,13 +21,18 @@ def predict(
     start_angle: Annotated[
         float | None, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees (actuator only).")
     ] = None,
+    initial: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="How the record begins (models of one's own only); may be repeated."),
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
     """Predict the angle, and how sure it is, at every instant of a later temperature log, in the log's order and clock.
 
-    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle.
+    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle. How
+    the record begins is fitted to its first rows where they hold the outputs; else it is given by --initial.
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
@@ -34,7 +40,9 @@ def predict(
     from torsight.discovery.own.answer.saved import is_own_model
 
     if is_own_model(model):
-        return _predict_own(model, temperature, out=out)
+        return _predict_own(model, temperature, initial=initial or [], out=out)
+    if initial:
+        raise ConfigError("the actuator's model has no such values", where="--initial", do="give --start-angle alone")
     if start_angle is None:
         raise ConfigError("the actuator's model needs it", where="--start-angle", do="give the angle at the first row")
     from torsight.actuator.fitted import read_model
@@ -62,8 +70,8 @@ def predict(
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
 
 
-def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
-    """Predict another record with a model of one's own."""
+def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path) -> Answer:
+    """Predict another record with a model of one's own, from initial states 'NAME=VALUE' where they are given."""
     from torsight.cli.console import say
     from torsight.core.files.paths import require_apart
     from torsight.core.files.storage import write_table
@@ -72,8 +80,19 @@ def _predict_own(model: Path, record: Path, *, out: Path) -> Answer:
 
     require_apart([out], [model, record])
     with heard():
-        found = read_model(model, record).predict(record)
+        found = read_model(model, record).predict(record, initial=dict(map(_named_value, initial)))
     for doubt in found.warnings:
         say(f"note: {doubt}")
     write_table(out, found)
     return Answer({"rows": len(next(iter(found.values()))), "columns": list(found)}, files=(out,))
+
+
+def _named_value(words: str) -> tuple[str, float]:
+    """Read 'NAME=VALUE'."""
+    from torsight.core.errors import ConfigError
+
+    name, _, value = words.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise ConfigError("is not NAME=VALUE", where="--initial", value=words, do="write --initial x0=1.5") from None

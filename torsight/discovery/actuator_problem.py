@@ -7,6 +7,7 @@ report.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -149,6 +150,11 @@ class ActuatorProblem(OptionalMembers):
     def share(self) -> Array:
         """Share of a step along the record's way that every kept row stands for, one at most."""
         return np.minimum(np.gradient(self._way[self.rows]), 1.0)
+
+    @cached_property
+    def over_floor(self) -> float:
+        """None: what an answer leaves of a record is told beside the verdict, whatever that is."""
+        return math.inf
 
     @cached_property
     def time_s(self) -> Array:

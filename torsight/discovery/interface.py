@@ -13,11 +13,10 @@ model that is linear in its parameters (:mod:`torsight.discovery.linear_problem`
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,13 @@ from torsight.core.parameter import Parameter
 
 Array = NDArray[np.float64]
 Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
+
+OVER_GIVEN: Final = 3.0
+"""Times a noise that was given from which a residual that no law explains means that something is missing: three
+standard deviations ..."""
+OVER_ESTIMATED: Final = 10.0
+"""... and times one that was estimated from the scatter of neighbours: noise that is correlated over ten samples
+scatters about three times less than its size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +167,9 @@ class OptionalMembers(Protocol):
         return ()
 
     @cached_property
-    def over_floor(self) -> float:
+    def over_floor(self: NeededMembers) -> float:
         """Noise floors that are left from which something is missing although nothing that is offered explains it."""
-        return math.inf
+        return OVER_GIVEN if np.any(self.sigma[self.valid]) else OVER_ESTIMATED
 
     @cached_property
     def rest(self: NeededMembers) -> NDArray[np.bool_]:

@@ -81,7 +81,13 @@ def find_missing(
         notes = list(check_problem(asked))
         here = processes is None and is_compiled(asked.model.predict)
         with problem.evaluator.processes(wanted=False if here else processes):
-            made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
+            try:
+                made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
+            except np.linalg.LinAlgError as error:
+                # A model that gives nothing from some call on leaves nothing to solve for: its own error is the cause.
+                if not problem.evaluator.failures:
+                    raise
+                raise problem.evaluator.failures[-1].error("predict") from error
         printed = stream.told(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 

@@ -20,10 +20,11 @@ from torsight.core.series import scatter
 from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter
 from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, solve
 from torsight.discovery.inference.weight import Weight
+from torsight.discovery.interface import OVER_GIVEN
 from torsight.discovery.own.model.evaluate import Evaluator, Model, call
 from torsight.discovery.own.model.layout import noise_of
 from torsight.discovery.own.model.ode import Ode
-from torsight.discovery.own.model.problem import OVER_GIVEN, ModelProblem
+from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.records import Record
 

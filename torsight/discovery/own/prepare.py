@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
+from torsight.core.words.wording import number
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import STEP_SHARE, linear_change
@@ -75,6 +76,7 @@ def prepare(problem: ModelProblem) -> Prepared:
             return replace(again, warnings=(note, *again.warnings))
     problem, told = _once(problem, fitter, base)
     told += _apart(problem, fitter, base)
+    told += _each_its_own(problem, fitter, base)
     started = _started(problem, base)
     candidates = tuple(_with_starts(problem, one, fitter, base) for one in problem.candidates)
     if problem.ports:
@@ -203,6 +205,31 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     return [told]
 
 
+def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
+    """Return a warning where one value, had every record its own, would leave far less: what a record begins with, say.
+
+    Far less is less than half the squares, as far as the model is linear in the value.
+    """
+    count = len(problem.model.records)
+    free = [j for j, p in enumerate(base.parameters) if p.sigma is None and p.name not in problem.once]
+    if count < 2 or not free:
+        return []
+    left, columns = _left(fitter, base.solution.prediction), base.solution.jacobian
+    own = np.zeros((len(left), count))
+    for record, _, place in problem.layout.places:
+        own[place, record] = 1.0
+    costs = [_relaxed_cost(fitter, base, left, columns[:, [j]] * own[:, 1:]) for j in free]
+    best = int(np.argmin(costs))
+    if costs[best] >= 0.5 * fitter.weight.square(left):
+        return []
+    name = base.parameters[free[best]].name
+    told = (
+        f"with a value of '{name}' for each record the model would leave {number(math.sqrt(costs[best] / base.cost))} "
+        f"times what it leaves with one for all: if it says how a record begins, say so with initial='{name}'"
+    )
+    return [told]
+
+
 def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
     """Return the base parameters with the fitted values as starts, where nothing was measured beforehand."""
     made = []
@@ -241,12 +268,18 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
     return replace(one, starts=(*starts, *one.starts), scales={**one.scales, **scales})
 
 
-def _relaxed_cost(fitter: Fitter, base: Fit, left: Array) -> float:
-    """Return the cost of what a prediction leaves, the base parameters having given way linearly."""
+def _relaxed_cost(fitter: Fitter, base: Fit, left: Array, further: Array | None = None) -> float:
+    """Return the cost of what a prediction leaves, the base parameters having given way linearly.
+
+    ``further`` (n, k) are columns of values beside them of which nothing is known.
+    """
     weight, space = fitter.weight, space_of(base.parameters)
-    columns = base.solution.jacobian
+    columns, information = base.solution.jacobian, space.prior_information + 1e-9 / space.scale**2
     back = np.where(np.isfinite(space.prior_sigma), space.prior_mean - base.solution.x, 0.0)
-    moved = linear_change(
-        columns, left, weight=weight, information=space.prior_information + 1e-9 / space.scale**2, centre=back
-    )
+    if further is not None:
+        size = np.maximum(np.sqrt(np.sum(further**2, axis=0)), 1e-30)
+        columns = np.hstack([columns, further / size])
+        information = np.concatenate([information, np.full(len(size), 1e-9 * float(np.mean(weight.each)))])
+        back = np.concatenate([back, np.zeros(len(size))])
+    moved = linear_change(columns, left, weight=weight, information=information, centre=back)
     return weight.square(left - columns @ moved)

@@ -186,7 +186,7 @@ class SavedModel:
         """
         (own,) = read_records(record)
         model = Model(self.declared.predict, (own,), self.outputs, self.ports)
-        values = self._begun(model, own, initial or {})
+        values, taken = self._begun(model, own, initial or {})
 
         def at(x: Array) -> Array:
             return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
@@ -205,7 +205,7 @@ class SavedModel:
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
-        told = [*beyond([done], self._curves(values)), *self._alone(own)]
+        told = [*beyond([done], self._curves(values)), *self._alone(own), *taken]
         return PredictedOutputs(made, self.outputs, own.label_, tuple(told))
 
     def _alone(self, record: Record) -> list[str]:
@@ -270,8 +270,13 @@ class SavedModel:
                 outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.curve(values))
         return outputs
 
-    def _begun(self, model: Model, record: Record, given: Mapping[str, float]) -> dict[str, float]:
-        """Return the values with the record's initial states: given, fitted to its beginning, or the first one's."""
+    def _begun(
+        self, model: Model, record: Record, given: Mapping[str, float]
+    ) -> tuple[dict[str, float], tuple[str, ...]]:
+        """Return the values with the record's initial states: given, fitted to its beginning, or the first one's.
+
+        And a warning where it is the first one's.
+        """
         unknown = [name for name in given if name not in self.initial]
         if unknown:
             raise InputError(
@@ -280,14 +285,21 @@ class SavedModel:
         values = {**self.values, **given}
         free = [self._parameter(name, values[name]) for name in self.initial if name not in given]
         free = [p for p in free if not p.fixed]
-        if not free or any(name not in record for name in self.outputs):
-            return values
+        if not free:
+            return values, ()
+        told = (
+            f"how the record begins is not known ({', '.join(p.name for p in free)}), and it holds no "
+            f"{', '.join(self.outputs)} to fit that to: the first record's values stand there, and sigma does not hold "
+            f"that; give them (--initial {free[0].name}=…, in Python initial={{…}})"
+        )
+        if any(name not in record for name in self.outputs):
+            return values, (told,)
         rows = min(record.rows_, max(_FIRST_ROWS, round(_FIRST_SHARE * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0
         if not each.any():
-            return values
+            return values, (told,)
 
         def at(x: Array) -> Array:
             own = dict(zip([p.name for p in free], x.tolist(), strict=True))
@@ -297,7 +309,7 @@ class SavedModel:
         found = solve(
             at, start, observed=observed.ravel(), weight=Weight.of(each.ravel()), space=space_of(free), rough=True
         )
-        return {**values, **dict(zip([p.name for p in free], found.x.tolist(), strict=True))}
+        return {**values, **dict(zip([p.name for p in free], found.x.tolist(), strict=True))}, ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers of ``model.json``; the function is in the model file that it names."""

@@ -294,11 +294,19 @@ class Ode:
             if found.status < 0:
                 reached = found.t[-1] if len(found.t) else begin
                 raise ArithmeticError(f"the solver gave up at t = {reached:g}: {found.message}")
-            states[done : done + len(found.t)] = found.y.T
+            # Two events may lie between two rows: the solver then gives no row at all.
+            if len(found.t):
+                states[done : done + len(found.t)] = found.y.T
             done += len(found.t)
             if found.status == 0 or done >= len(time):
                 return states
             begin, at = self._after(found, inputs, p)
+            # A row at the very event shows what the event has left.
+            passed = int(np.searchsorted(time, begin))
+            states[done:passed] = at
+            done = max(done, passed)
+            if done >= len(time):
+                return states
         raise ArithmeticError(f"more than {_MOST_EVENTS} events: does one of them repeat itself at once?")
 
     def _event(self, one: Event, inputs: Callable[[float], Any], p: Any) -> Any:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.discovery.interface import Candidate, OptionalMembers
+from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
@@ -41,12 +41,6 @@ Array = NDArray[np.float64]
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
 there."""
-OVER_GIVEN: Final = 3.0
-"""Times a noise that was given from which a residual that no law explains means that something is missing: three
-standard deviations ..."""
-_OVER_ESTIMATED: Final = 10.0
-"""... and times one that was estimated from the scatter of neighbours: noise that is correlated over ten samples
-scatters about three times less than its size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +201,7 @@ class ModelProblem(OptionalMembers):
     @property
     def over_floor(self) -> float:
         """How many times the floor a residual exceeds before something must be missing."""
-        return OVER_GIVEN if self.sigma_known else _OVER_ESTIMATED
+        return OVER_GIVEN if self.sigma_known else OVER_ESTIMATED
 
     @property
     def failures(self) -> tuple[Failure, ...]:
