@@ -167,6 +167,31 @@ def test_a_start_in_the_wrong_valley_is_left_and_told() -> None:
     assert warned(found, "the fit of 'bump' from its declared start")
 
 
+@pytest.mark.parametrize("delay_s", [2.0, 6.0, 9.0])
+def test_a_delay_far_from_its_start_is_found(delay_s: float) -> None:
+    """Every wave of the input makes a valley of its own; the bend is what is missing."""
+    rng = np.random.default_rng(4)
+    t = 0.1 * np.arange(400)
+    waves = zip(rng.uniform(0.15, 0.8, 6), rng.uniform(0.0, 6.3, 6), rng.normal(0.0, 1.0, 6), strict=True)
+    shapes = [(hz, phase, size) for hz, phase, size in waves]
+
+    def u_at(time_s: np.ndarray) -> np.ndarray:
+        return np.sum([size * np.sin(2.0 * np.pi * hz * time_s + phase) for hz, phase, size in shapes], axis=0)
+
+    late = u_at(np.maximum(t - delay_s, t[0]))
+    record = {"time_s": t, "u": u_at(t), "y": 2.0 * late + 1.0 + 0.1 * late**2 + rng.normal(0.0, 0.05, 400)}
+
+    def delayed(p: Any, record: Any) -> np.ndarray:
+        u = np.interp(record.time_s - p.delay_s, record.time_s, record.u)
+        return p.gain * u + p.offset + p.bend * u**2
+
+    own = [*sensor_parameters(), parameter("delay_s", 0.5, lower=0.0, upper=12.0)]
+    offered = [candidate("bend", parameter("bend", 0.01, null=0.0))]
+    found = find_missing(model_problem(delayed, record, own, offered, output="y", reading=Reading(sigma=0.05)))
+    assert (found.verdict, found.effects) == ("identified", ("bend",))
+    assert found.values["delay_s"] == pytest.approx(delay_s, abs=0.02)
+
+
 def test_a_start_from_which_the_fit_gets_there_is_not_told() -> None:
     made = sensor_record()
     made["y"] += 0.3 * made["u"] ** 2

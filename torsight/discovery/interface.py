@@ -169,7 +169,7 @@ class OptionalMembers(Protocol):
     @cached_property
     def over_floor(self: NeededMembers) -> float:
         """Noise floors that are left from which something is missing although nothing that is offered explains it."""
-        return OVER_GIVEN if np.any(self.sigma[self.valid]) else OVER_ESTIMATED
+        return OVER_GIVEN if np.any(self.sigma) else OVER_ESTIMATED
 
     @cached_property
     def rest(self: NeededMembers) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ relaxed linearly, less would be left than from the declared start. That costs a 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
 from torsight.core.words.wording import number
-from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
+from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 
 _POINTS: Final = 12
 """Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
+_MOST_POINTS: Final = 48
+"""... up to so many along one parameter, where the prediction moves far between two of them ..."""
 _STARTS: Final = 2
 """... of which so many, the best ones, are starts of a fit beside the declared one."""
 _BETTER: Final = 0.95
@@ -103,7 +106,8 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     points = [{**start, **point} for point in _spread(free, _POINTS)]
     left = [_left(fitter, at) for at in problem.predict_many(points, ())]
     looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_STARTS]
-    others = in_parallel(looked.tolist(), lambda place: fitter.fit((), [points[place]], keep=1))
+    others = in_parallel([points[i] for i in looked.tolist()], lambda point: fitter.fit((), [point], keep=1))
+    others += in_parallel(_elsewhere(problem, fitter, own, free), lambda point: fitter.fit((), [point], keep=1))
     stretched = over_stretches(problem, fitter, own)
     led = [] if stretched is None else [led_on(problem, fitter, stretched)]
     best = min([own, *others, *led], key=lambda fit: fit.cost)
@@ -117,6 +121,49 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
         f"{f' ({listed})' if listed else ''}: the better one is gone on with; starts nearer to it make the answer surer"
     )
     return best, [told], stretched
+
+
+def _elsewhere(problem: ModelProblem, fitter: Fitter, own: Fit, free: list[Parameter]) -> list[dict[str, float]]:
+    """Return the best points along one parameter each at which less is left than by a fit, the others giving way.
+
+    Around the declared start: what a fit in the wrong valley has made of the others would hide the right one.
+    """
+    start, costs = {p.name: p.value for p in problem.parameters}, []
+    for p in free:
+        points, found = _along(problem, fitter, own, start, _spread([p], _POINTS), ())
+        each = (_relaxed_cost(fitter, own, _left(fitter, at), at[:, None]) for at in found)
+        costs += [(cost, p.name, point[p.name]) for cost, point in zip(each, points, strict=True)]
+    better = sorted(one for one in costs if one[0] < _BETTER * own.cost)[:_STARTS]
+    return [{**start, name: value} for _, name, value in better]
+
+
+def _along(
+    problem: ModelProblem,
+    fitter: Fitter,
+    base: Fit,
+    around: Mapping[str, float],
+    points: list[dict[str, float]],
+    effects: EffectSet,
+) -> tuple[list[dict[str, float]], list[Array]]:
+    """Return points along one parameter, with predictions, and further ones half-way between them.
+
+    Where from one to the next more than half of the prediction's course becomes another one, its size and the base
+    parameters apart, a valley may lie between them: of a delay, every rise and fall of the input makes one.
+    """
+    ((name, _),) = points[0].items()
+    found: list[Array] = []
+    while True:
+        found = [*found, *problem.predict_many([{**around, **one} for one in points[len(found) :]], effects)]
+        order = np.argsort([point[name] for point in points], kind="stable").tolist()
+        apart = [
+            (points[k][name] - points[i][name], i, k)
+            for i, k in itertools.pairwise(order)
+            if _relaxed_cost(fitter, base, found[k], found[i][:, None]) > 0.25 * _relaxed_cost(fitter, base, found[k])
+        ]
+        widest = sorted((one for one in apart if one[0] > 0.0), reverse=True)[: _MOST_POINTS - len(points)]
+        if not widest:
+            return points, found
+        points = [*points, *({name: 0.5 * (points[i][name] + points[k][name])} for _, i, k in widest)]
 
 
 def _left(fitter: Fitter, at: Array) -> Array:
@@ -249,7 +296,10 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
     if one.propose is not None:
         return one
     points = [{p.name: p.value for p in one.parameters}, *_spread(list(one.parameters), _POINTS)]
-    found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
+    if len(one.parameters) == 1:
+        points, found = _along(problem, fitter, base, base.values, points, (one.id,))
+    else:
+        found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
     own, *costs = [_relaxed_cost(fitter, base, _left(fitter, at)) for at in found]
     better = sorted((cost, i) for i, cost in enumerate(costs, start=1) if cost < _BETTER * own)[:_STARTS]
     starts: list[Mapping[str, float]] = [points[i] for _, i in better]

@@ -105,7 +105,7 @@ def _noise(found: Findings) -> list[str]:
     """Return how the error compares with the noise of one reading."""
     problem = found.problem
     ratio = found.decision.over_floor
-    known = problem.sigma_known if isinstance(problem, ModelProblem) else np.any(problem.sigma[problem.valid])
+    known = problem.sigma_known if isinstance(problem, ModelProblem) else np.any(problem.sigma)
     whose = "the noise that was given" if known else "the noise of a reading, measured from the scatter of neighbours"
     return [] if ratio > _NO_FLOOR else [f"what is left is {number(ratio)} times {whose}"]
 
