@@ -153,7 +153,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def over_floor(self) -> float:
-        """None: what an answer leaves of a record is told beside the verdict, whatever that is."""
+        """Infinite: how much an answer leaves is reported beside the verdict, whatever the verdict is."""
         return math.inf
 
     @cached_property

@@ -266,12 +266,12 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
     for record, _, place in problem.layout.places:
         own[place, record] = 1.0
     costs = [_relaxed_cost(fitter, base, left, columns[:, [j]] * own[:, 1:]) for j in free]
-    best = int(np.argmin(costs))
-    if costs[best] >= 0.5 * fitter.weight.square(left):
+    best, before = int(np.argmin(costs)), fitter.weight.square(left)
+    if costs[best] >= 0.5 * before:
         return []
     name = base.parameters[free[best]].name
     told = (
-        f"with a value of '{name}' for each record the model would leave {number(math.sqrt(costs[best] / base.cost))} "
+        f"with a value of '{name}' for each record the model would leave {number(math.sqrt(costs[best] / before))} "
         f"times what it leaves with one for all: if it says how a record begins, say so with initial='{name}'"
     )
     return [told]
