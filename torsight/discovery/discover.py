@@ -215,9 +215,7 @@ def held_out_error_deg(findings: Findings) -> tuple[float, float]:
     if held_out is None:
         sizes = chosen.likelihood.discrepancy(chosen.residual)
     else:
-        shared = np.hstack([chosen.likelihood.shared, held_out.unsure])
-        shown = replace(chosen.likelihood, least=0.0, shared=shared)
-        sizes = shown.discrepancy(np.nan_to_num(held_out.residual))
+        sizes = replace(chosen.held_out_likelihood, least=0.0).discrepancy(np.nan_to_num(held_out.residual))
     return float(sizes[MOTION]), float(sizes[REST])
 
 

@@ -57,6 +57,11 @@ class Explanation:
         """Prediction of every block from the others."""
         return held_out_by_refit(self.fitter, self.fit, progress=self.progress)
 
+    @property
+    def held_out_likelihood(self) -> Likelihood:
+        """What a held-out residual is worth: what the other blocks leave open of one is shared by its samples."""
+        return replace(self.likelihood, shared=np.hstack([self.likelihood.shared, self.held_out.unsure]))
+
     @cached_property
     def prior(self) -> float:
         """What the distance of its values from their priors costs."""
@@ -156,6 +161,7 @@ def joint_covariance(explanation: Explanation) -> Array:
 
 
 def _joint(explanation: Explanation, weight: Weight) -> Array:
+    """Return the covariance (m, m) of :func:`joint_covariance` at given weights."""
     information = _information(explanation, weight)
     # In coordinates in which the curvature's covariance is one, the larger of one and the blocks' along every axis.
     size = 1.0 / np.sqrt(np.diag(information))

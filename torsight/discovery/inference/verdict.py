@@ -11,7 +11,7 @@ no other half-cycle can tell.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import softmax
@@ -167,8 +167,7 @@ class _Judge:
 
         How little the others tell of a block (of a clock that wanders, say) is a part of what was predicted.
         """
-        shared = np.hstack([one.likelihood.shared, one.held_out.unsure])
-        return replace(one.likelihood, shared=shared).log(np.nan_to_num(one.held_out.residual))
+        return one.held_out_likelihood.log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
         """Return the names of a set's members: effects their own, laws the name of a usual form that does as much."""

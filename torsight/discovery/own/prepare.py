@@ -106,8 +106,8 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     points = [{**start, **point} for point in _spread(free, _POINTS)]
     left = [_left(fitter, at) for at in problem.predict_many(points, ())]
     looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_STARTS]
-    others = in_parallel([points[i] for i in looked.tolist()], lambda point: fitter.fit((), [point], keep=1))
-    others += in_parallel(_elsewhere(problem, fitter, own, free), lambda point: fitter.fit((), [point], keep=1))
+    begins = [*(points[i] for i in looked.tolist()), *_elsewhere(problem, fitter, own, free)]
+    others = in_parallel(begins, lambda point: fitter.fit((), [point], keep=1))
     stretched = over_stretches(problem, fitter, own)
     led = [] if stretched is None else [led_on(problem, fitter, stretched)]
     best = min([own, *others, *led], key=lambda fit: fit.cost)
