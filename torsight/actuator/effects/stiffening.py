@@ -4,10 +4,9 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 
 θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3: the usual
 cubic; 1: a third slope); for either spring, beside what its phase makes. No steeper than austenite's stiffness: what
-is, is no spring. A share w of k_3 is a third slope w k_3 R² of the loading curve instead: there the winding itself is
-elastic for a part, and unwinds along K_M. Predicted residual: stroke is lost at both
-ends, alike for both directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory
-Alloys (2008), ch. 1.
+is, is no spring. A share w of it belongs to the loading curve (p = 1: a third slope of that): there the winding itself
+is elastic for a part, and unwinds along K_M. Predicted residual: stroke is lost at both ends, alike for both
+directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 
 from __future__ import annotations
@@ -35,15 +34,16 @@ def extra_torque(
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen."""
-    share, steepest_nm = values["stiffening_loading_share"], ports.steepest_bend_nm
-    whole_nm, onset_rad = values["stiffening_mnm_per_rad3"] * MNM, values["stiffening_onset_deg"] * DEG
-    if whole_nm * share > 0.0:
-        third_nm = min(share * whole_nm * REACH_RAD**2, steepest_nm)
-        ports = ports.with_loading(third_nm * np.maximum(0.0, ports.grid_rad() - onset_rad))
-    if share == 1.0 or whole_nm == 0.0:
-        return ports
-    law = {"cubic_nm": (1.0 - share) * whole_nm, "onset_rad": onset_rad, "exponent": values["stiffening_exponent"]}
-    return ports.with_side(extra_torque(ports.grid_rad(), **law, steepest_nm=ports.rig.k_austenite))
+    share, theta_rad = values["stiffening_loading_share"], ports.grid_rad()
+    law = {"onset_rad": values["stiffening_onset_deg"] * DEG, "exponent": values["stiffening_exponent"]}
+
+    def part_nm(of_it: float, steepest_nm: float) -> Array:
+        cubic_nm = of_it * values["stiffening_mnm_per_rad3"] * MNM
+        return extra_torque(theta_rad, cubic_nm=cubic_nm, **law, steepest_nm=steepest_nm)
+
+    if share > 0.0:
+        ports = ports.with_loading(part_nm(share, ports.steepest_bend_nm))
+    return ports if share == 1.0 else ports.with_side(part_nm(1.0 - share, ports.rig.k_austenite))
 
 
 EFFECT: Final = Effect(
@@ -90,7 +90,7 @@ EFFECT: Final = Effect(
             upper=1.0,
             sigma=0.5,
             symbol="w",
-            title="share that is a third slope of the loading curve",
+            title="share that belongs to the loading curve",
         ),
     ),
     apply=apply,
@@ -98,7 +98,13 @@ EFFECT: Final = Effect(
         {"stiffening_mnm_per_rad3": 0.3, "stiffening_onset_deg": 680.0},
         {"stiffening_mnm_per_rad3": 0.01, "stiffening_onset_deg": 500.0},
         {"stiffening_mnm_per_rad3": 0.03, "stiffening_onset_deg": 640.0, "stiffening_exponent": 1.0},
-        {"stiffening_mnm_per_rad3": 0.04, "stiffening_onset_deg": 660.0, "stiffening_loading_share": 0.9},
+        {"stiffening_mnm_per_rad3": 0.03, "stiffening_onset_deg": 600.0, "stiffening_loading_share": 0.9},
+        {
+            "stiffening_mnm_per_rad3": 0.04,
+            "stiffening_onset_deg": 660.0,
+            "stiffening_exponent": 1.0,
+            "stiffening_loading_share": 0.9,
+        },
     ),
     laws=("winding_winding_deg", "loading_winding_deg", "loading_alone_winding_deg"),
 )

@@ -51,6 +51,7 @@ class Search:
         self._stretches = Stretches.of(problem)
         self._explanations: dict[EffectSet, Explanation] = {}
         self._grown: set[tuple[EffectSet, str]] = set()
+        self._exchanged: set[tuple[EffectSet, str, str]] = set()
         self._laws = {law.id: law for law in problem.laws}
         self._reading = problem.sigma
         self._correlation_samples = 1.0
@@ -204,18 +205,31 @@ class Search:
     def _grow_otherwise(self, size: int) -> None:
         """Fit the best sets from each of their parts, and with other means at the same places.
 
-        The valley of a pair may lie by one of its parts and not by the other.
+        The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
+        law has led everything else: with what the set says of its other members, and not with what they are alone.
         """
         best = [one.members for one in self._ranked(size)[: 2 * self._settings.beam]]
+        self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
         work = [
-            (less(members, member), name)
+            (members, one, name)
             for members in best
-            for member in members
+            for one in members
             for name in place
-            if place[name] == place.get(member) and name not in less(members, member)
+            if place[name] == place.get(one) and name not in members and (members, one, name) not in self._exchanged
         ]
-        self._grow(list(dict.fromkeys(work)), step="from other parts")
+        self._exchanged.update(work)
+        found: list[Explanation] = in_parallel(work, self._exchange, step="other forms", progress=self._progress)
+        self._keep(found)
+
+    def _exchange(self, item: tuple[EffectSet, str, str]) -> Explanation:
+        """Return a set with another member in the place of one, fitted from where the set is."""
+        best, name = self._explanations[item[0]], item[2]
+        laws = tuple(one for one in best.laws if one.law.id != item[1])
+        fitter = Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight)
+        fit = fitter.at(fitter.ordered(less(best.members, item[1])), best.fit.values)
+        without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
+        return self._extended_by(without, name)
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
         """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
@@ -225,7 +239,9 @@ class Search:
         self._keep(found)
 
     def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
-        parent, name = self._explanations[item[0]], item[1]
+        return self._extended_by(self._explanations[item[0]], item[1])
+
+    def _extended_by(self, parent: Explanation, name: str) -> Explanation:
         return self._with_law(parent, self._laws[name]) if name in self._laws else self.with_effect(parent, name)
 
     def with_effect(self, parent: Explanation, name: str) -> Explanation:
