@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from linear_cases import machine, noise, signals
 
+from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import decide
+from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
 from torsight.discovery.settings import Settings
 
@@ -110,6 +112,47 @@ def test_a_fit_leaves_the_wrong_side_of_a_kink_where_the_problem_says_where_to_l
     # All that are compared: the base model, and the right effect.
     for one in (found.base, found.explanations["coulomb",]):
         assert one.fit.values["offset"] == pytest.approx(-2.0 if elsewhere else 2.0, abs=0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stepped(LinearProblem):
+    """A machine whose output may step once, by an amount and at a time."""
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        plain = super().predict(values, [name for name in effects if name != "step"])
+        # A step within four samples, so that a fit can move it.
+        gone = 0.5 + 0.5 * np.tanh(self.time_s - values["at_s"]) if "step" in effects else 0.0
+        return plain + gone * values.get("step", 0.0)
+
+
+def _largest_jump(time_s: np.ndarray, residual: np.ndarray) -> list[dict[str, float]]:
+    """Return where the means of the 40 samples before and after differ most."""
+    total = np.cumsum(np.nan_to_num(residual))
+    jump = (total[80:] - 2.0 * total[40:-40] + total[:-80]) / 40.0
+    place = int(np.argmax(np.abs(jump)))
+    return [{"step": float(jump[place]), "at_s": float(time_s[place + 40])}]
+
+
+def test_another_form_of_a_law_is_tried_beside_what_was_found_with_the_law() -> None:
+    """Alone, a small step is looked for at the wrong time: where what the law explains changes most."""
+    position = signals()["position"]
+    extra = 4.0 * position + 0.15 * np.sin(25.0 * position) - 0.15 * (signals()["time"] > 700.0)
+    # Of pairs with the law more are better than a pair with its form and the wrong time.
+    decoys = {f"decoy_{i}": {f"decoy_{i}_n": noise(30 + i, size=1.0, tau=2.0)} for i in range(5)}
+    made = machine(extra, seed=3, candidates={"spring": {"spring_n": position}, **decoys}, tau=2.0)
+    step = Candidate(
+        "step",
+        "",
+        (Parameter("step", 0.1, "", null=0.0), Parameter("at_s", 600.0, "s", lower=0.0, upper=1200.0)),
+        scales={"at_s": 4.0},
+        propose=_largest_jump,
+    )
+    own = {field.name: getattr(made, field.name) for field in fields(made)}
+    stepped = _Stepped(**{**own, "candidates": (*made.candidates, step), "drivers": {"position": position}})
+    found = Search(stepped, settings=Settings(most=2), progress=silent).run().explanations
+    assert abs(found["step",].fit.values["at_s"] - 700.0) > 50.0
+    for members in [("position", "step"), ("spring", "step")]:
+        assert found[members].fit.values["at_s"] == pytest.approx(700.0, abs=10.0)
 
 
 def test_a_member_that_fails_on_unseen_blocks_is_left_out() -> None:

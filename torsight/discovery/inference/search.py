@@ -8,7 +8,7 @@ likelihood, whose floor and correlation come from the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -179,7 +179,7 @@ class Search:
             if gained <= _SETTLED:
                 break
         fitter = _weighted(likelihood, problem, best.solution.prediction)
-        evidence = log_evidence(fitter, best, likelihood)
+        evidence = log_evidence(fitter, best, likelihood) + _banks(laws)
         return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
@@ -281,8 +281,9 @@ class Search:
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
-        evidence = log_evidence(fitter, fit, likelihood) + measured.bank
-        return Explanation(fitter, fit, (*laws, measured), likelihood, evidence, self._progress)
+        laws = (*laws, measured)
+        evidence = log_evidence(fitter, fit, likelihood) + _banks(laws)
+        return Explanation(fitter, fit, laws, likelihood, evidence, self._progress)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets once more from where the others have led the base values, and the smaller ones, too."""
@@ -312,8 +313,7 @@ class Search:
         fitter = Fitter(problem, best.fitter.weight)
         effects = fitter.ordered(members)
         start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
-        one = self._settled(problem, fitter.fit(effects, [start], keep=1), laws)
-        return replace(one, log_evidence=one.log_evidence + (laws[-1].bank if laws else 0.0))
+        return self._settled(problem, fitter.fit(effects, [start], keep=1), laws)
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
@@ -346,12 +346,11 @@ class Search:
             likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
             weighted = _weighted(likelihood, one.fitter.problem, one.fit.solution.prediction)
-            bank = one.laws[-1].bank if one.laws else 0.0
             self._explanations[members] = replace(
                 one,
                 fitter=weighted if members else one.fitter,
                 likelihood=likelihood,
-                log_evidence=log_evidence(weighted, one.fit, likelihood) + bank,
+                log_evidence=log_evidence(weighted, one.fit, likelihood) + _banks(one.laws),
             )
 
     def _keep(self, found: list[Explanation]) -> None:
@@ -381,6 +380,11 @@ def _with(members: EffectSet, name: str) -> EffectSet:
 def _weighted(likelihood: Likelihood, problem: Problem, prediction: Array) -> Fitter:
     """Return a fitter with the weights that what a prediction leaves has under a likelihood."""
     return Fitter(problem, likelihood.weight(_left(problem, prediction)))
+
+
+def _banks(laws: Sequence[Measured]) -> float:
+    """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
+    return sum(law.bank for law in laws)
 
 
 def _value(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
