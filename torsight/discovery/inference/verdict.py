@@ -170,9 +170,13 @@ class _Judge:
         return one.held_out_likelihood.log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
-        """Return the names of a set's members: effects their own, laws the name of a usual form that does as much."""
+        """Return the names of a set's members: effects their own, laws the name of a usual form that does as much.
+
+        What each does is told in squares of residuals, every sample with its information: where errors of the
+        temperatures are large, squares tell nothing.
+        """
         found = {name: (name, chosen) for name in chosen.effects}
-        before = self._square(self._field.base)
+        weight = chosen.likelihood.weight(chosen.residual)
         for item in chosen.laws:
             others = less(chosen.members, item.law.id)
             without, forms = self._log.get(others, -np.inf), []
@@ -187,10 +191,9 @@ class _Judge:
             if self._field.base.fitter.candidates[name].any_form:
                 found[item.law.id] = (name, best)
                 continue
-            part = self._field.explanations.get(others)
-            missed = before if part is None else self._square(part)
-            explained = missed - self._square(best)
-            if explained >= self._settings.form_share * (missed - self._square(chosen)):
+            part = self._field.explanations.get(others, self._field.base)
+            missed, left, form_left = (weight.square(one.residual) for one in (part, chosen, best))
+            if missed - form_left >= self._settings.form_share * (missed - left):
                 found[item.law.id] = (name, best)
         return found
 
