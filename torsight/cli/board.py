@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
 from torsight.core.errors import ConfigError
+from torsight.core.files.storage import write_text
 
 if TYPE_CHECKING:
     from calibration.boards.printing import Drawing
@@ -45,7 +47,6 @@ def board(
 
     from calibration.boards.board_file import KINDS, read_board
     from calibration.boards.printing import PAGES_MM, draw_board, usual_board
-    from torsight.cli.console import say
 
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
         if value not in allowed:
@@ -69,7 +70,6 @@ def _tags(
     import tomli_w
 
     from calibration.boards.printed_tags import draw_tags, tag_pair
-    from torsight.cli.console import say
 
     if description is not None:
         raise ConfigError(
@@ -95,7 +95,6 @@ def _tags(
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:
     """Write a page, its picture, and what describes it; return the files."""
     from calibration.boards.printing import write_board
-    from torsight.core.files.storage import write_text
 
     write_board(out, drawing, dpi=dpi)
     made = [out]

@@ -12,12 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
+from torsight.cli.ends import asks, handled
 from torsight.cli.options import CameraFile, Columns, Fps, Serve, Units, WebPort, said
 from torsight.core.errors import InputError
+from torsight.core.files.storage import read_json
+from torsight.core.optics.camera import Camera, read_camera
+from torsight.core.words.wording import estimate
 
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
-    from torsight.core.optics.camera import Camera
     from torsight.viewer.live.measure.model_watch import ModelWatch
     from torsight.viewer.live.record.outcome import Outcome
     from torsight.viewer.live.screen.feed import Feed
@@ -66,8 +70,6 @@ def live(
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
     from sync.log.column_names import chosen_columns
-    from torsight.cli.console import say
-    from torsight.core.files.storage import read_json
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.live_session import Session
     from torsight.viewer.live.measure.growing_log import WatchedLog
@@ -109,7 +111,6 @@ def _read(
     markers: Path | None, camera: Path | None, actuator: Path | None
 ) -> tuple[MarkerHints | None, Camera | None, ActuatorSpec | None]:
     from torsight.actuator.spec import read_actuator
-    from torsight.core.optics.camera import read_camera
     from tracker.detect.marker_file import read_markers
 
     return (
@@ -133,8 +134,6 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
     """Return the lines that end a live record."""
-    from torsight.core.words.wording import estimate
-
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     lines = [
@@ -159,15 +158,12 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
 
 def _ended_by(stop: threading.Event) -> contextlib.AbstractContextManager[None]:
     """Let Ctrl-C and a request to end set ``stop``, while the block lasts."""
-    from torsight.cli.ends import asks, handled
-
     return handled(asks(), lambda *_: stop.set())
 
 
 @contextlib.contextmanager
 def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[None]:
     """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
-    from torsight.cli.console import say
     from torsight.viewer.program import Viewer, browser_address, free_port, has_display
 
     screens: list[Viewer] = []

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.discover import FILES
 from torsight.cli.options import Seed
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_json, write_table, write_text
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -44,7 +47,6 @@ def missing(
 
     Example: torsight missing model.py a.csv b.csv --out found
     """  # noqa: D301 - \b keeps the lines of the example apart in the help
-    from torsight.cli.console import progress_bar, say
     from torsight.report.own_report import write_own_report
 
     with progress_bar() as progress:
@@ -63,8 +65,6 @@ def missing_to_folder(
     model: Path, records: list[Path], *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> Findings:
     """Find what is missing and write everything but the report; return what was found."""
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json, write_table, write_text
     from torsight.discovery.own.answer.saved import write_model
     from torsight.discovery.own.find import find_missing
     from torsight.discovery.own.model.model_file import problem_of
