@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _NEWTON_STEPS: Final = 30
 """Steps to a ray at most: lenses with k1 from −0.4 to 0.2 take 3 to 9; where the model folds over there is no ray."""
