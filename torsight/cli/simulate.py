@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import say
@@ -15,7 +14,7 @@ from torsight.cli.options import Columns, Units, said
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_table
 from torsight.core.records import TemperatureLog
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG, MNM, Floats
 
 if TYPE_CHECKING:
     from torsight.actuator.model import Simulation
@@ -47,12 +46,7 @@ def simulate(
 
 
 def write_angles_of(
-    out: Path,
-    log: TemperatureLog,
-    simulation: Simulation,
-    *,
-    angle_rad: NDArray[np.float64],
-    sigma_rad: NDArray[np.float64] | None = None,
+    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: Floats, sigma_rad: Floats | None = None
 ) -> Answer:
     """Write the angles for a log's instants, what is NaN left empty; return rows, ranges and file."""
     write_table(

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written
 from torsight.core.files.tables import marker_columns
 from torsight.core.tracks import MarkerTracks
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
 if TYPE_CHECKING:
     from torsight.core.optics.camera import Camera
@@ -111,9 +110,9 @@ class Recorder:
         *,
         angle_rad: float,
         sigma_rad: float,
-        position_px: NDArray[np.float64],
-        covariance_px2: NDArray[np.float64],
-        position_mm: NDArray[np.float64] | None,
+        position_px: Floats,
+        covariance_px2: Floats,
+        position_mm: Floats | None,
     ) -> None:
         """Append one frame; what is not known is NaN."""
         known = math.isfinite(angle_rad)
