@@ -28,9 +28,8 @@ _ALIKE_SHARE: Final = 0.4
 """Less than this share of readings equal the one before where normal noise is 0.65 of their last digit or more."""
 _FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
 """Thirty such readings in a row: 0.4³⁰ = 10⁻¹², no chance in any log."""
-_FROZEN_RUNS: Final = 4
 _FROZEN_SHARE: Final = 0.3
-"""Where there are more of such runs, or they make up more of the log, the sensor is a quiet one."""
+"""Where such runs make up more of the log, the sensor is a quiet one."""
 _TO_AND_FRO: Final = 0.25
 """White noise turns two steps of three back; a sensor that only follows its spring turns few."""
 
@@ -141,8 +140,8 @@ def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
 def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return runs of one value in a channel whose neighbouring readings elsewhere are seldom alike.
 
-    None where there are many, or where they make up much of the log, or where no noise moves the readings to and fro:
-    then the sensor is a quiet one.
+    None where they make up much of the log, or where no noise moves the readings to and fro: then the sensor is a quiet
+    one.
     """
     runs = [(begin, end) for begin, end in same if end - begin >= _FROZEN_ROWS]
     inside = sum(end - begin - 1 for begin, end in runs)
@@ -151,4 +150,4 @@ def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]
     seldom = others > 0 and alike < _ALIKE_SHARE * others
     moves = np.sign(step_c[step_c != 0])
     seldom &= len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
-    return runs if seldom and len(runs) <= _FROZEN_RUNS and inside < _FROZEN_SHARE * len(step_c) else []
+    return runs if seldom and inside < _FROZEN_SHARE * len(step_c) else []

@@ -8,7 +8,7 @@ from array import array
 from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -246,13 +246,8 @@ class ModelWatch:
         new = news.time_s > self._known_s
         if len(news.time_s):
             self._known_s = float(news.time_s[-1])
-        return ModelNews(
-            news.time_s[new],
-            news.angle_rad[new],
-            news.residual_rad[new],
-            half_cycles=news.half_cycles,
-            friction=news.friction,
-            trouble=news.trouble,
+        return replace(
+            news, time_s=news.time_s[new], angle_rad=news.angle_rad[new], residual_rad=news.residual_rad[new]
         )
 
     def _columns(self, *, again: bool) -> tuple[Floats, ...] | None:
