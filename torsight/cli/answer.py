@@ -78,7 +78,6 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 
 
 def _put(name: str, *, exit_code: int, **content: Any) -> None:
-
     sys.stdout.write(json_text({"schema": SCHEMA, "command": f"torsight {name}", "exit_code": exit_code, **content}))
     sys.stdout.flush()
 

@@ -284,5 +284,4 @@ class _State:
         self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-
         write_text(self._path, json_text({"key": self._key, "finished": self.finished}))

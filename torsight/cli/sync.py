@@ -227,7 +227,6 @@ def read_settings(table: Mapping[str, Any]) -> Settings:
 
 
 def _place(value: Any) -> tuple[float, float]:
-
     if not (isinstance(value, Sequence) and len(value) == 2 and all(is_number(item) for item in value)):
         raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(value), limit="[x, y], px")
     return float(value[0]), float(value[1])
