@@ -176,7 +176,7 @@ def _tracked(
         from torsight.markers.preview import write_preview
         from torsight.markers.track_picture import NAME as TRACK_PICTURE
         from tracker.detect.candidates import look
-        from tracker.detect.given import first_frame
+        from tracker.detect.given_positions import first_frame
 
         frame = first_frame(source)
         if frame.luma is not None:

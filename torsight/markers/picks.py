@@ -68,7 +68,7 @@ def place(
         When there is no dot next to it.
     """
     from tracker.detect.dots import dot_near
-    from tracker.detect.given import SNAP_PX
+    from tracker.detect.given_positions import SNAP_PX
 
     height, width = luma.shape
     where = f"[{x_px:.1f}, {y_px:.1f}]"

@@ -147,7 +147,7 @@ class Session:
 
 def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
     """Return the first frame that was decoded whole, and its number."""
-    from tracker.detect.given import first_frame
+    from tracker.detect.given_positions import first_frame
 
     frame = first_frame(source)
     assert frame.luma is not None  # noqa: S101 - such frames are passed over
