@@ -8,22 +8,6 @@ with the uncertainty of every value, and a verdict on it. :mod:`calibration.boar
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.core.lazy import lazily
 
-_HOMES: Final = {
-    "Board": "boards.board_file",
-    "read_board": "boards.board_file",
-    "Calibration": "stage",
-    "calibrate_one": "stage",
-    "calibrate_two": "stage",
-    "camera_of": "stage",
-    "measure_axis": "stage",
-    "pose_from_tracks": "axis.marker_circles",
-    "draw_board": "boards.printing",
-    "usual_board": "boards.printing",
-    "write_board": "boards.printing",
-}
-
-__getattr__, __dir__ = lazily(__name__, _HOMES)
+__getattr__, __dir__ = lazily(__name__, __file__)

@@ -14,10 +14,10 @@ from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import tags_seen
-from tracker.detect.given import LOOKED_AT, decoded, first_frame
+from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
-from tracker.follow.dots import DotState
+from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource

@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 from torsight.discovery import Reading, Solver, candidate, find_missing, law, model_problem, ode, parameter
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Values
-from torsight.discovery.own.records import Record
+from torsight.discovery.own.own_records import Record
 
 Array = NDArray[np.float64]
 _TRUTH: Final = {"pump": 0.09, "out_1": 0.05, "out_2": 0.045, "offset_v": 0.1, "brim": 5.5, "over": 0.5}

@@ -13,21 +13,19 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.axis.axis_pose import AxisPose
 from calibration.boards.board_file import Board
 from calibration.views.detect import View
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.minimise import least_squares
+from torsight.core.minimise import jacobian_of, least_squares
 from torsight.core.optics.axis import pose_along, tilt_of
 from torsight.core.optics.camera import Intrinsics, Pose
 from torsight.core.optics.circles import axis_basis
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.threads import one_thread
+from torsight.core.units import Floats
 from torsight.core.words.wording import number
-
-Floats = NDArray[np.float64]
 
 _SMALLEST_TURN_DEG: Final = 15.0
 """With a smaller turn an error of 0.1° in a board's pose tilts the axis by 0.1° / (15° in rad) = 0.4° and more."""
@@ -159,21 +157,10 @@ def _fixed_place(view: View, intrinsics: Intrinsics, pose: Floats, board: Board)
     points = len(view.points_mm)
     variance = chi_squared / (2 * points - 6)
     # Small turns about the board's own two axes tilt its face: take them out of the rotation vector's covariance.
-    jacobian = _turn_jacobian(pose[:3])
+    jacobian = jacobian_of(lambda rvec: rotation_vector(rotation_matrix(rvec) @ rotation.T), pose[:3])
     tilts = (rotation.T @ jacobian @ covariance[:3, :3] @ jacobian.T @ rotation)[:2, :2] * variance
     sigma = float(np.sqrt(np.linalg.eigvalsh(tilts)[-1]))
     return -rotation[:, 2], origin, 0.0, np.zeros(1), float(np.sqrt(chi_squared / points)), sigma, 0.0
-
-
-def _turn_jacobian(rvec: Floats) -> Floats:
-    """Return the small turn (3, 3) in camera coordinates for a small change of the rotation vector."""
-    columns = []
-    for axis in range(3):
-        step = np.zeros(3)
-        step[axis] = 1e-6
-        change = rotation_matrix(rvec + step) @ rotation_matrix(rvec - step).T
-        columns.append(rotation_vector(change) / 2e-6)
-    return np.stack(columns, axis=1)
 
 
 def _turned(views: Sequence[View], intrinsics: Intrinsics, poses: Sequence[Floats]) -> _Solved:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.axis.axis_pose import AxisPose
 from torsight.core.errors import ConfigError, InputError
@@ -17,13 +17,12 @@ from torsight.core.files.storage import read_table
 from torsight.core.files.tables import marker_values
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Pose
+from torsight.core.units import Floats
 from torsight.core.words.wording import number
 
-Floats = NDArray[np.float64]
-
 _MARKERS: Final = ("moving_inner", "moving_outer")
-_CERTAIN_GAP: Final = 10.0
-"""χ² by which the tilt's mirror image must fit worse to be excluded: about 3 sigma."""
+_CERTAIN_GAP: Final = 2.0 * math.log(100.0)
+"""χ² by which the tilt's mirror image must fit worse to be excluded: it is a hundred times less likely then."""
 _WORST_MISFIT: Final = 5.0
 """Paths that are further from circles, in the markers' own sigmas, have another cause than noise."""
 

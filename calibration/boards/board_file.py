@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_numbers, get_switch, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,7 +74,7 @@ class Board:
         across, down = self.corners
         return self.kind == "chessboard" and (across + down) % 2 == 0
 
-    def points_mm(self) -> NDArray[np.float64]:
+    def points_mm(self) -> Floats:
         """Return the inner corners (n, 3) row by row, from the board's middle: x right, y down, z into the board."""
         across, down = self.corners
         x = (np.arange(across) - 0.5 * (across - 1)) * self.square_mm

@@ -180,16 +180,11 @@ def _pattern(board: Board) -> list[Rectangle]:
     black = [place for place in squares if (sum(place) + start) % 2 == 0]
     shapes = [Rectangle(column * side, row * side, side, side) for row, column in black]
     if board.kind == "charuco":
-        white = [place for place in squares if (sum(place) + start) % 2 == 1]
-        for number, (row, column) in enumerate(white):
-            shapes += _marker(board, number, column * side, row * side)
+        border = 0.5 * (side - board.marker_mm)
+        for number, (row, column) in enumerate(place for place in squares if place not in black):
+            left, top = column * side + border, row * side + border
+            shapes += draw_tag(board.dictionary, number, left, top, side_mm=board.marker_mm)
     return shapes
-
-
-def _marker(board: Board, number: int, x_mm: float, y_mm: float) -> list[Rectangle]:
-    """Return one marker in its white square."""
-    border = 0.5 * (board.square_mm - board.marker_mm)
-    return draw_tag(board.dictionary, number, x_mm + border, y_mm + border, side_mm=board.marker_mm)
 
 
 def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:

@@ -14,7 +14,6 @@ from typing import Final, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.views.detect import View, board_normals
 from torsight.core.errors import NoResultError
@@ -23,8 +22,7 @@ from torsight.core.optics.geometry import project, rotation_matrix
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
 from torsight.core.threads import one_thread
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 FEWEST_VIEWS: Final = 4
 """Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
@@ -116,7 +114,7 @@ class LensCalibration:
 
     fit: Fit
     views: tuple[View, ...]
-    kept: NDArray[np.int64]
+    kept: Ints
     aside: tuple[SetAside, ...]
     first: Fit
     between_views: Floats

@@ -8,22 +8,18 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma, without_each, worst_view
-from calibration.views.detect import View
+from calibration.views.detect import FEWEST_CORNERS, View
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics, RightCamera
 from torsight.core.optics.geometry import epipolar_distance_px, rotation_vector
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 FEWEST_PAIRS: Final = 3
 """One pair determines the second camera's place; with three the one that disagrees shows."""
-_FEWEST_COMMON_CORNERS: Final = 6
-"""Corners of one board that both cameras must see: two more than determine its pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +60,7 @@ class PairCalibration:
     baseline_sigma_mm: float
     rms_px: float
     epipolar_px: Floats
-    index: NDArray[np.int64]
+    index: Ints
     aside: tuple[SetAside, ...]
 
 
@@ -121,7 +117,7 @@ def _common_views(left: Sequence[View], right: Sequence[View]) -> list[_Common]:
         if other is None:
             continue
         _, mine, theirs = np.intersect1d(view.corner, other.corner, return_indices=True)
-        if len(mine) >= _FEWEST_COMMON_CORNERS:
+        if len(mine) >= FEWEST_CORNERS:
             pairs.append(_Common(view.index, view.points_mm[mine], view.corners_px[mine], other.corners_px[theirs]))
     return pairs
 

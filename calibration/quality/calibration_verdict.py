@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.cameras.lens import LensCalibration
 from calibration.views.detect import View
+from torsight.core.units import Flags
 
 CELLS: Final = (8, 6)
 """Cells across and down in which the coverage of the picture is counted."""
@@ -58,7 +58,7 @@ class _Criterion:
         return f"{self.name} {seen}, good is {side} {limit}; {self.do}"
 
 
-def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> NDArray[np.bool_]:
+def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> Flags:
     """Return which cells (rows, columns) of the picture hold a corner of the board in some view."""
     seen = np.zeros(CELLS[::-1], bool)
     for view in views:
@@ -100,7 +100,7 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     )  # fmt: skip
 
 
-def _empty_sides(covered: NDArray[np.bool_]) -> str:
+def _empty_sides(covered: Flags) -> str:
     """Return in words where along the picture's edges most cells hold no corner."""
     edges = {
         "to the left": covered[:, 0],

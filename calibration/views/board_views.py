@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.boards.board_file import Board
 from calibration.views.detect import View, board_normals, find_board, goes_on, other_boards_seen
@@ -25,6 +24,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 
 _BLURRED: Final = 1.5
@@ -219,7 +219,7 @@ def _chosen(views: Sequence[View]) -> list[View]:
     return [sharp[place] for place in sorted(chosen)]
 
 
-def _traits(views: Sequence[View]) -> NDArray[np.float64]:
+def _traits(views: Sequence[View]) -> Floats:
     """Return place, size and tilt (n, 5) in comparable numbers: picture widths, powers of two, sines."""
     width = np.ptp(np.concatenate([view.corners_px for view in views]), axis=0).max()
     centre = np.array([view.corners_px.mean(axis=0) for view in views]) / width

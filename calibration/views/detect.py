@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.boards.board_file import DICTIONARIES, Board
+from torsight.core.files.small_pictures import shrunk
+from torsight.core.units import Floats, Ints
 
-Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 
 _DETECTION_SIDE_PX: Final = 1600
@@ -35,8 +36,8 @@ _NARROWEST_PX: Final = 2
 """A smaller window has no gradients on both sides of a corner."""
 _WINDOW_PER_EDGE: Final = 3.0
 """Half side of the window in widths of the edge: the whole slope with level ground on both sides."""
-_FEWEST_CHARUCO_CORNERS: Final = 8
-"""Twice the corners that determine a plane's pose."""
+FEWEST_CORNERS: Final = 8
+"""Corners of a board that a picture, or both of a pair, must show: twice those that determine a plane's pose."""
 _MOST_ALIKE: Final = 0.7
 """Share of the places beyond the rim that must look like corners: a shadow makes some of them, no row."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
@@ -60,19 +61,16 @@ class View:
         Where the picture shows them, measured in the narrow window; pixel centres at whole numbers.
     wide_px : (n, 2) float64
         The same in the wide window.
-    square_px : float
-        Width of the smallest square in the picture.
     edge_px : float
         Width of the edges at the corners: contrast over steepest slope; grows with blur.
     """
 
     name: str
     index: int
-    corner: NDArray[np.int64]
+    corner: Ints
     points_mm: Floats
     corners_px: Floats
     wide_px: Floats
-    square_px: float
     edge_px: float = 1.0
 
 
@@ -82,8 +80,8 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     ``name`` and ``index`` are kept in the view; ``quick`` looks in a smaller picture and with the faster method only:
     for the many frames of a film.
     """
-    scale = max(1.0, max(grey.shape) / (_QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX))
-    small = grey if scale == 1.0 else _shrunk(grey, scale)
+    side_px = _QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX
+    scale, small = max(1.0, max(grey.shape) / side_px), shrunk(grey, side_px)
     find = _charuco if board.kind == "charuco" else _chessboard
     found = find(small, board, quick=quick)
     if found is None:
@@ -108,17 +106,11 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
         points_mm=points,
         corners_px=corners,
         wide_px=_measured(grey, rough, min(wide, widest)),
-        square_px=square_px,
         edge_px=edge_px,
     )
 
 
-def _shrunk(grey: Grey, scale: float) -> Grey:
-    size = (round(grey.shape[1] / scale), round(grey.shape[0] / scale))
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[NDArray[np.int64], Floats] | None:
+def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[Ints, Floats] | None:
     size = (board.columns, board.rows)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     good, corners = cv2.findChessboardCorners(grey, size, flags=flags)
@@ -162,10 +154,10 @@ def _first_square_is_dark(grey: Grey, grid: Floats) -> bool:
     return float(across.mean()) > 0.0
 
 
-def _charuco(grey: Grey, board: Board, *, quick: bool) -> tuple[NDArray[np.int64], Floats] | None:
+def _charuco(grey: Grey, board: Board, *, quick: bool) -> tuple[Ints, Floats] | None:
     del quick
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board.charuco()).detectBoard(grey)
-    if corners is None or ids is None or len(ids) < _FEWEST_CHARUCO_CORNERS:
+    if corners is None or ids is None or len(ids) < FEWEST_CORNERS:
         return None
     corner = np.asarray(ids, np.int64).reshape(-1)
     points = board.points_mm()[corner, :2]
@@ -237,7 +229,7 @@ def goes_on(grey: Grey, view: View, board: Board) -> bool:
     return any(_are_corners(grey, np.array(side) * board.square_mm, plane, board.square_mm) for side in sides)
 
 
-def _are_corners(grey: Grey, points_mm: Floats, matrix: NDArray[np.float64], square_mm: float) -> bool:
+def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float) -> bool:
     """Return whether most of these places lie between four squares of alternating colour."""
     offsets = 0.3 * square_mm * np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]])
     places = cv2.perspectiveTransform((points_mm[:, None] + offsets).reshape(-1, 1, 2), matrix)
@@ -252,8 +244,7 @@ def _are_corners(grey: Grey, points_mm: Floats, matrix: NDArray[np.float64], squ
 
 def other_boards_seen(grey: Grey, board: Board) -> str | None:
     """Return in words which other board a picture shows: a wrong ``BOARD.toml`` looks like no board at all."""
-    scale = max(1.0, max(grey.shape) / _QUICK_SIDE_PX)
-    small = grey if scale == 1.0 else _shrunk(grey, scale)
+    small = shrunk(grey, _QUICK_SIDE_PX)
     if board.kind == "charuco":
         return _other_dictionary(small) or _other_chessboard(small, board)
     return _other_chessboard(small, board) or _other_dictionary(small)

@@ -18,7 +18,6 @@ MOST_FILM_VIEWS: Final = 30
 """Frames of a film that a lens is fitted to: beyond, its sigma falls by less than a tenth with every five more."""
 _FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
 """Frames of a film that are looked at, to choose among."""
-_EXIF_MAKE, _EXIF_MODEL, _EXIF_PART, _EXIF_FOCAL, _EXIF_SERIAL = 271, 272, 34665, 37386, 42033
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,15 +119,16 @@ def _picture(path: Path) -> Picture:
 def _device(path: Path) -> str:
     """Return camera and focal length from the picture's own notes (EXIF), as far as they are there."""
     from PIL import Image, UnidentifiedImageError
+    from PIL.ExifTags import IFD, Base
 
     try:
         with Image.open(path) as image:
             notes = image.getexif()
-            inner = notes.get_ifd(_EXIF_PART)
+            inner = notes.get_ifd(IFD.Exif)
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
         return ""
-    words = [notes.get(_EXIF_MAKE), notes.get(_EXIF_MODEL), inner.get(_EXIF_SERIAL)]
-    focal = inner.get(_EXIF_FOCAL)
+    words = [notes.get(Base.Make), notes.get(Base.Model), inner.get(Base.BodySerialNumber)]
+    focal = inner.get(Base.FocalLength)
     if focal:
         words.append(f"{float(focal):g} mm")
     return " ".join(str(word).strip(" \0") for word in words if word)

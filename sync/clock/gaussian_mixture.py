@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, softmax
 
 from torsight.core.records import ClockMap
-from torsight.core.units import PPM
+from torsight.core.units import PPM, Floats
 
 MOST_HYPOTHESES: Final = 12
 """Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log."""
@@ -34,11 +33,11 @@ class Gaussian:
         Logarithm of its weight, up to a constant that all share.
     """
 
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    mean: Floats
+    covariance: Floats
     log_weight: float
 
-    def updated(self, design: NDArray[np.float64], value: float, variance: float) -> Gaussian:
+    def updated(self, design: Floats, value: float, variance: float) -> Gaussian:
         """Return the Gaussian after a measurement ``design @ mean = value`` with some variance."""
         gain = self.covariance @ design
         total = float(design @ gain) + variance
@@ -87,9 +86,7 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
     )
 
 
-def _quantile(
-    mean: NDArray[np.float64], sigma: NDArray[np.float64], weight: NDArray[np.float64], share: float
-) -> float:
+def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> float:
     matters = weight > np.exp(-NEGLIGIBLE_LOG)
     mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
@@ -20,6 +19,7 @@ from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG
 from sync.signals.changepoints import MAX_LAG_S, Changepoint
 from sync.signals.even_signal import WINDOW_S
 from torsight.core.series import robust_sigma
+from torsight.core.units import Floats
 
 SHORT_LAG_S: Final = 0.1 * WINDOW_S
 """A shorter lag does not show in what is smoothed over the window."""
@@ -43,8 +43,8 @@ class LagMixture:
 
     value_s: float | None
     sigma_s: float | None
-    grid_s: NDArray[np.float64]
-    log_weight: NDArray[np.float64]
+    grid_s: Floats
+    log_weight: Floats
     split: float = 0.0
 
 

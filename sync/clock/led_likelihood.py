@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
@@ -24,7 +23,7 @@ from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog
-from torsight.core.units import PPM
+from torsight.core.units import PPM, Flags, Floats, Ints
 
 _GRID: Final = 161
 """Points of the grid over ±4 sigma of offset and drift: twenty for each sigma."""
@@ -63,21 +62,21 @@ class LedMatch:
 class Changes:
     """Changes of the light or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
 
-    time_s: NDArray[np.float64]
-    step_s: NDArray[np.float64]
-    goes_on: NDArray[np.bool_]
+    time_s: Floats
+    step_s: Floats
+    goes_on: Flags
 
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def at(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Changes:
+    def at(self, rows: Ints | Flags) -> Changes:
         """Return some of the changes."""
         return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
 
 
 def match_led(
     events: LightEvents,
-    frame_s: NDArray[np.float64],
+    frame_s: Floats,
     log: TemperatureLog,
     *,
     near: tuple[float, float] | None = None,
@@ -152,9 +151,7 @@ def match_led(
     return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 
 
-def _second_shift(
-    film: Changes, switchings: Changes, index: NDArray[np.int64], partner: NDArray[np.int64]
-) -> float | None:
+def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints) -> float | None:
     """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
     events = np.setdiff1d(np.arange(len(film)), index)
     others = np.setdiff1d(np.arange(len(switchings)), partner)
@@ -166,9 +163,7 @@ def _second_shift(
     return offsets[0] if count == len(events) and len(offsets) == 1 else None
 
 
-def gap_by_led(
-    events: LightEvents, frame_s: NDArray[np.float64], log: TemperatureLog, *, after_s: float
-) -> float | None:
+def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, after_s: float) -> float | None:
     """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
 
     None where one side alone pairs as many events as both. Of several answers the shortest is taken.
@@ -192,11 +187,7 @@ def gap_by_led(
 
 
 def _with_gaps(
-    away_s: NDArray[np.float64],
-    offset_s: NDArray[np.float64],
-    behind: NDArray[np.bool_],
-    variance: NDArray[np.float64],
-    gap_sigma_s: Sequence[float],
+    away_s: Floats, offset_s: Floats, behind: Flags, variance: Floats, gap_sigma_s: Sequence[float]
 ) -> Gaussian:
     """Return the Gaussian about offset, drift and the time missing at each joint, by least squares.
 
@@ -212,13 +203,7 @@ def _with_gaps(
     return gaussian
 
 
-def _intersected(
-    *,
-    away_s: NDArray[np.float64],
-    offset_s: NDArray[np.float64],
-    film_step_s: NDArray[np.float64],
-    log_step_s: NDArray[np.float64],
-) -> Gaussian:
+def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_step_s: Floats) -> Gaussian:
     """Return mean and covariance of offset and drift, every pair having an even error over its two intervals."""
     drift_sigma = 2.0 * PRIORS.drift_sigma_ppm * PPM
     wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, drift_sigma**2]), 0.0)
@@ -243,7 +228,7 @@ def _intersected(
     return Gaussian(mean, covariance, 0.0)
 
 
-def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> Changes:
+def _on_film(events: LightEvents, frame_s: Floats) -> Changes:
     """Return the light's changes, each between the frame that shows it and the one before."""
     time_s = events.time_s
     if events.since_s is not None:
@@ -254,13 +239,13 @@ def _on_film(events: LightEvents, frame_s: NDArray[np.float64]) -> Changes:
     return Changes(time_s - 0.5 * step_s, step_s, events.goes_on)
 
 
-def _switches(log: TemperatureLog) -> list[NDArray[np.bool_]]:
+def _switches(log: TemperatureLog) -> list[Flags]:
     """Return what the light may show: any heating, or that of one spring."""
     single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
 
 
-def switchings_of(time_s: NDArray[np.float64], switch: NDArray[np.bool_]) -> Changes:
+def switchings_of(time_s: Floats, switch: Flags) -> Changes:
     """Return a switch's changes, each between the row that shows it and the one before."""
     at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
     return Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
@@ -281,7 +266,7 @@ def _best_shifts(film: Changes, log: Changes) -> tuple[int, list[float]]:
     return most, distinct
 
 
-def _pairs(film: Changes, log: Changes, offset_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(film: Changes, log: Changes, offset_s: float) -> tuple[Ints, Ints]:
     """Pair events with the nearest switching of their direction, where that is as near as the clocks allow.
 
     Returns the rows of those events and of their partners.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian
@@ -23,7 +22,7 @@ from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
-from torsight.core.units import PPM
+from torsight.core.units import PPM, Flags, Floats
 
 _STARTS: Final = 4
 """Local answers that are refined in one range of offsets, at least three steps of its scan apart."""
@@ -280,12 +279,13 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
     """Pair abrupt ends of motion with the ends of the heatings that drove them."""
     pairs: list[_PairedStop] = []
     heated = [s.length_rad for s, f in zip(inputs.strokes, segments, strict=True) if f is not None and f.heating]
-    for number, (stroke, segment) in enumerate(zip(inputs.strokes, segments, strict=True)):
+    for stroke, segment in zip(inputs.strokes, segments, strict=True):
         if segment is None or not segment.heating:
             continue
-        stop = find_stop(inputs.angles, stroke, number=number)
+        stop = find_stop(inputs.angles, stroke)
         if stop is None:
             continue
+        stop_s, stop_sigma_s = stop
         cooling = next(
             (c for f, c in inputs.changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0),
             None,
@@ -298,10 +298,10 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
             continue
         # A changepoint is dated the earlier, the later the sensor is taken to be.
         lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
-        variance = stop.time_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
+        variance = stop_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
         # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
         whole = stroke.length_rad > WHOLE_STROKE * max(heated)
-        pairs.append(_PairedStop(stop.time_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
+        pairs.append(_PairedStop(stop_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
     return pairs
 
 
@@ -349,7 +349,7 @@ def _begun_at_power_off(
     )
 
 
-def _off_times(time_s: NDArray[np.float64], switch: NDArray[np.bool_] | None) -> NDArray[np.float64] | None:
+def _off_times(time_s: Floats, switch: Flags | None) -> Floats | None:
     if switch is None:
         return None
     off = np.flatnonzero(switch[:-1] & ~switch[1:])

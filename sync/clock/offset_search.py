@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.clock.clock_priors import PRIORS
 from sync.signals.even_signal import WINDOW_S
 from sync.signals.heating_segments import HeatingSegment, LogSignals
 from sync.signals.strokes import Stroke
 from torsight.core.series import runs
+from torsight.core.units import Floats
 
 _STEP_S: Final = 0.25 * WINDOW_S
 """Step of the search: what is smoothed over a window is the same a quarter of it further on."""
@@ -49,9 +49,10 @@ class OffsetRange:
 def find_ranges(
     strokes: Sequence[Stroke], signals: LogSignals, *, film_span_s: tuple[float, float]
 ) -> tuple[OffsetRange, ...]:
-    """Return the ranges of offset that explain the motion about as well as the best, best first."""
-    if not strokes or not signals.segments:
-        return ()
+    """Return the ranges of offset that explain the motion about as well as the best, best first.
+
+    There must be strokes and segments.
+    """
     log_begin = min(signal.start_s for signal in signals.springs.values())
     log_end = max(signal.start_s + signal.step_s * len(signal.value) for signal in signals.springs.values())
     low = log_begin - strokes[-1].end_s
@@ -74,9 +75,7 @@ def find_ranges(
     return tuple(sorted(ranges, key=lambda offset_range: -offset_range.score))
 
 
-def explained_share(
-    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def explained_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: Floats) -> Floats:
     """Return the mean over strokes of the share of their duration that lies in a segment of their direction."""
     share = np.zeros(len(offset_s))
     weights = np.array([np.sqrt(stroke.length_rad) for stroke in strokes])
@@ -98,11 +97,8 @@ def best_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], *,
 
 
 def _idle_share(
-    strokes: Sequence[Stroke],
-    segments: Sequence[HeatingSegment],
-    offset_s: NDArray[np.float64],
-    film_span_s: tuple[float, float],
-) -> NDArray[np.float64]:
+    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: Floats, film_span_s: tuple[float, float]
+) -> Floats:
     """Return the share of heatings, wholly on the film, during which nothing moved their way."""
     heatings = [segment for segment in segments if segment.heating]
     idle = np.zeros(len(offset_s))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sync.clock.clock_priors import PRIORS
 from sync.signals.heating_segments import HeatingSegment
 from sync.signals.strokes import Stroke
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats, Ints
 
 _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94])
 """Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
@@ -33,8 +33,6 @@ class ThresholdCrossings:
         Which spring drives, and whether it is heated.
     stroke, kind, cell : (n,) int64
         Number of the stroke; of its kind (spring, heating or cooling); of the level of its kind.
-    shared : (n,) float64
-        Number of strokes that pass the same level of the same kind.
     common_c2 : (n, n) float64
         Covariance, °C², of what is not known about a kind of stroke: its curve, its dependence on where it began.
     scatter : (n, n) float64
@@ -43,34 +41,19 @@ class ThresholdCrossings:
         Film time at which the offset is pinned.
     """
 
-    time_s: NDArray[np.float64]
-    time_sigma_s: NDArray[np.float64]
-    spring_b: NDArray[np.bool_]
-    heating: NDArray[np.bool_]
-    stroke: NDArray[np.int64]
-    kind: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    shared: NDArray[np.float64]
-    common_c2: NDArray[np.float64]
-    scatter: NDArray[np.float64]
+    time_s: Floats
+    time_sigma_s: Floats
+    spring_b: Flags
+    heating: Flags
+    stroke: Ints
+    kind: Ints
+    cell: Ints
+    common_c2: Floats
+    scatter: Floats
     middle_s: float
 
     def __len__(self) -> int:
         return len(self.time_s)
-
-
-@dataclass(slots=True)
-class _Rows:
-    """Columns while they grow."""
-
-    time_s: list[NDArray[np.float64]]
-    sigma_s: list[NDArray[np.float64]]
-    spring_b: list[NDArray[np.bool_]]
-    stroke: list[NDArray[np.int64]]
-    kind: list[NDArray[np.int64]]
-    level: list[NDArray[np.int64]]
-    far_deg: list[NDArray[np.float64]]
-    heating: list[NDArray[np.bool_]]
 
 
 def collect_crossings(
@@ -81,7 +64,7 @@ def collect_crossings(
     for index, segment in enumerate(segments):
         if segment is not None:
             kinds.setdefault((segment.spring, segment.heating), []).append(index)
-    rows = _Rows([], [], [], [], [], [], [], [])
+    rows: list[dict[str, NDArray[Any]]] = []
     for number, ((spring, heating), members) in enumerate(kinds.items()):
         longest_rad = max(strokes[index].length_rad for index in members)
         level_rad = longest_rad * _SHARES
@@ -94,24 +77,26 @@ def collect_crossings(
             at_s, sigma_s = stroke.crossing_s(level_rad)
             share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
-            count = len(usable)
-            rows.time_s.append(at_s[usable])
-            rows.sigma_s.append(sigma_s[usable])
-            rows.spring_b.append(np.full(count, spring == "b"))
-            rows.stroke.append(np.full(count, index, dtype=np.int64))
-            rows.kind.append(np.full(count, number, dtype=np.int64))
-            rows.level.append(usable.astype(np.int64))
-            rows.far_deg.append(np.full(count, far_deg))
-            rows.heating.append(np.full(count, heating))
-    if sum(len(part) for part in rows.time_s) == 0:
+            same = {
+                "spring_b": spring == "b",
+                "heating": heating,
+                "stroke": index,
+                "kind": number,
+                "far_deg": far_deg,
+            }
+            rows.append(
+                {"time_s": at_s[usable], "time_sigma_s": sigma_s[usable], "level": usable}
+                | {name: np.full(len(usable), value) for name, value in same.items()}
+            )
+    if not any(len(row["level"]) for row in rows):
         return None
-    return _with_covariances(rows)
+    return _with_covariances({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
 
 
-def _with_covariances(rows: _Rows) -> ThresholdCrossings:
-    stroke, kind, level = np.concatenate(rows.stroke), np.concatenate(rows.kind), np.concatenate(rows.level)
-    far_deg, heating = np.concatenate(rows.far_deg), np.concatenate(rows.heating)
-    time_s = np.concatenate(rows.time_s)
+def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings:
+    """Return the crossings; ``columns`` (n,) hold them, with the level and how far off each stroke began, degrees."""
+    stroke, kind, level = columns["stroke"], columns["kind"], columns["level"]
+    far_deg, heating, time_s = columns["far_deg"], columns["heating"], columns["time_s"]
     share = _SHARES[level]
     cell = kind * len(_SHARES) + level
     same_cell = (cell[:, None] == cell[None, :]).astype(np.float64)
@@ -133,13 +118,12 @@ def _with_covariances(rows: _Rows) -> ThresholdCrossings:
     common += near_c[:, None] * near_c[None, :] * scatter
     return ThresholdCrossings(
         time_s=time_s,
-        time_sigma_s=np.concatenate(rows.sigma_s),
-        spring_b=np.concatenate(rows.spring_b),
+        time_sigma_s=columns["time_sigma_s"],
+        spring_b=columns["spring_b"],
         heating=heating,
         stroke=stroke,
         kind=kind,
         cell=cell,
-        shared=same_cell.sum(axis=1),
         common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
         # A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke.
         scatter=scatter + trend,
@@ -147,7 +131,7 @@ def _with_covariances(rows: _Rows) -> ThresholdCrossings:
     )
 
 
-def _most_common(value_rad: NDArray[np.float64]) -> float:
+def _most_common(value_rad: Floats) -> float:
     """Return the value with most others within 15 degrees."""
     near = np.abs(value_rad[:, None] - value_rad[None, :]) < 15.0 * DEG
     return float(value_rad[int(np.argmax(near.sum(axis=1)))])

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp, softmax
 
@@ -34,6 +33,7 @@ from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
 from torsight.core.series import rms
+from torsight.core.units import Flags, Floats, Ints
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
 _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b", True), ("b", False))
@@ -49,19 +49,15 @@ _RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
 class _Wire:
     """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, slopes of the stamps."""
 
-    temp_c: NDArray[np.float64]
-    rate_c_s: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    known: NDArray[np.bool_]
-    columns: NDArray[np.float64]
+    temp_c: Floats
+    rate_c_s: Floats
+    variance: Floats
+    known: Flags
+    columns: Floats
 
 
 def _wire(
-    crossings: ThresholdCrossings,
-    signals: LogSignals,
-    point: NDArray[np.float64],
-    gaps: Sequence[UnknownGap],
-    lag_s: float,
+    crossings: ThresholdCrossings, signals: LogSignals, point: Floats, gaps: Sequence[UnknownGap], lag_s: float
 ) -> _Wire:
     at_s, columns, covered = log_time(crossings.time_s, point, gaps, middle_s=crossings.middle_s)
     n = len(crossings)
@@ -83,9 +79,7 @@ def _wire(
     return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
-def _shrunk(
-    crossings: ThresholdCrossings, rate: NDArray[np.float64], rate_sigma: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> Floats:
     """Draw the rates of one kind together as far as their differences are noise.
 
     Differences of rate within a kind are what pins the offset. Noise in them would pin it to wherever it is assumed.
@@ -101,7 +95,7 @@ def _shrunk(
     return usual + kept
 
 
-def _smooth_rate(signal: EvenSignal, at_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _smooth_rate(signal: EvenSignal, at_s: Floats) -> tuple[Floats, Floats]:
     """Return the rate of a temperature at some instants of one stroke, and its sigma, from one polynomial."""
     first, last = float(at_s.min()), float(at_s.max())
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
@@ -158,11 +152,11 @@ def scan(
     crossings: ThresholdCrossings,
     signals: LogSignals,
     *,
-    offset_s: NDArray[np.float64],
+    offset_s: Floats,
     prior: Gaussian,
     lag_s: float,
     gaps: Sequence[UnknownGap] = (),
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
     log_likelihood = np.full(len(offset_s), -np.inf)
     covariance = prior.covariance.copy()
@@ -179,7 +173,7 @@ def scan(
 
 
 def _linear(
-    crossings: ThresholdCrossings, wire: _Wire, point: NDArray[np.float64], prior: Gaussian, *, every: int = 1
+    crossings: ThresholdCrossings, wire: _Wire, point: Floats, prior: Gaussian, *, every: int = 1
 ) -> list[Gaussian]:
     """Solve with the temperatures taken as straight lines around a point, for each pair of scatters."""
     keep = wire.known
@@ -204,7 +198,7 @@ def _linear(
     return _combined(halves, prior, log_weight=density)
 
 
-def _with_rate(kind: NDArray[np.int64], rate: NDArray[np.float64], heating: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _with_rate(kind: Ints, rate: Floats, heating: Flags) -> Floats:
     """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
     total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
     away = np.where(heating, rate - total[kind], 0.0)
@@ -222,20 +216,13 @@ def _cause(scatter_c: float) -> float:
 class _Half:
     """What the heatings, or the coolings, say for one scatter, before any prior: information, right side, the rest."""
 
-    information: NDArray[np.float64]
-    right: NDArray[np.float64]
+    information: Floats
+    right: Floats
     square: float
     log_weight: float
 
 
-def _half(
-    common: NDArray[np.float64],
-    scatter: NDArray[np.float64],
-    design: NDArray[np.float64],
-    data: NDArray[np.float64],
-    rows: NDArray[np.int64],
-    scatter_c: float,
-) -> _Half:
+def _half(common: Floats, scatter: Floats, design: Floats, data: Floats, rows: Ints, scatter_c: float) -> _Half:
     pick = np.ix_(rows, rows)
     factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
     solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
@@ -267,7 +254,7 @@ def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight:
     return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
 
 
-def _density(stroke: NDArray[np.int64], kind: NDArray[np.int64], rate: NDArray[np.float64]) -> float:
+def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     """Return the logarithm of the factor that turns densities of temperature into densities of time.
 
     It counts once per stroke, as the scatter does that matters; and one stroke of each kind goes into the unknown curve

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from torsight.core.units import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,8 @@ class UnknownGap:
 
 
 def log_time(
-    film_s: NDArray[np.float64], point: NDArray[np.float64], gaps: Sequence[UnknownGap], *, middle_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    film_s: Floats, point: Floats, gaps: Sequence[UnknownGap], *, middle_s: float
+) -> tuple[Floats, Floats, Flags]:
     """Return the joined log's stamps at film times, their derivatives by the unknowns, and where the log has rows.
 
     ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.

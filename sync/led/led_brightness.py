@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.led.led_events import LightEvents
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.paths import AnyPath
 from torsight.core.progress import Progress, silent
-from torsight.core.series import constant_runs, robust_sigma
+from torsight.core.series import BY_CHANCE, constant_runs, robust_sigma
+from torsight.core.units import Flags, Floats
 
 if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
@@ -30,11 +30,8 @@ _BRIGHTEST: Final = 9
 """Pixels of which the mean is taken: as many as three by three."""
 _LEAST_STEP: Final = 8.0
 """Least change of brightness, grey levels: 3 % of what eight bits hold."""
-_NOISES: Final = 6.0
-"""The change is larger than so many sigma of the noise: chance reaches six once in 10⁹ frames."""
-_FLICKER_FRAMES: Final = 3
 _FLICKER_S: Final = 0.1
-"""A state of fewer frames and less time is a flicker: heatings last for seconds."""
+"""A state that lasts less is a flicker: heatings last for seconds."""
 
 
 def film_light_events(
@@ -84,13 +81,13 @@ def film_light_events(
     return led_changes(time_s, value, where=f"{film}, around pixel ({x:g}, {y:g})")
 
 
-def led_changes(time_s: NDArray[np.float64], value: NDArray[np.float64], *, where: str) -> LightEvents:
+def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
     """Return the changes of an LED from its brightness (n,) at times (n,) of frames that could be read.
 
     A brightness that does not fall into two levels is no result; ``where`` is the LED's place, for messages.
     """
     low, high, noise = _two_levels(value)
-    least = max(_LEAST_STEP, _NOISES * noise)
+    least = max(_LEAST_STEP, BY_CHANCE * noise)
     if high - low < least:
         raise NoResultError(
             "no LED goes on or off there",
@@ -106,9 +103,7 @@ def led_changes(time_s: NDArray[np.float64], value: NDArray[np.float64], *, wher
     return LightEvents(time_s[at], lit[at], since_s=time_s[at - 1])
 
 
-def _brightness(
-    source: FrameSource, place: tuple[int, int], *, progress: Progress
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _brightness(source: FrameSource, place: tuple[int, int], *, progress: Progress) -> tuple[Floats, Floats]:
     x, y = place
     times: list[float] = []
     values: list[float] = []
@@ -124,7 +119,7 @@ def _brightness(
     return np.array(times), np.array(values)
 
 
-def _two_levels(value: NDArray[np.float64]) -> tuple[float, float, float]:
+def _two_levels(value: Floats) -> tuple[float, float, float]:
     """Return the middles of two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
@@ -143,10 +138,10 @@ def _two_levels(value: NDArray[np.float64]) -> tuple[float, float, float]:
     return low, high, robust_sigma(away)
 
 
-def _steady(time_s: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Take flickers out: states that last a frame or two and less than a tenth of a second."""
+def _steady(time_s: Floats, lit: Flags) -> Flags:
+    """Take flickers out: states that last less than a tenth of a second."""
     steady = lit.copy()
     for begin, end in constant_runs(lit)[1:-1]:
-        if end - begin < _FLICKER_FRAMES and time_s[end] - time_s[begin] < _FLICKER_S:
+        if time_s[end] - time_s[begin] < _FLICKER_S:
             steady[begin:end] = steady[begin - 1]
     return steady

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, read_table
 from torsight.core.files.tables import switch_column
+from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown, span
 
 
@@ -30,9 +30,9 @@ class LightEvents(Shown):
         Time of the last frame that did not show it yet; None for the film's frame before.
     """
 
-    time_s: NDArray[np.float64]
-    goes_on: NDArray[np.bool_]
-    since_s: NDArray[np.float64] | None = None
+    time_s: Floats
+    goes_on: Flags
+    since_s: Floats | None = None
 
     def facts(self) -> dict[str, str]:
         """Return how many changes there are, and when."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.column_names import (
     CONTRACT,
@@ -27,6 +26,7 @@ from sync.log.header import require_columns
 from sync.log.wall_clock import read_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +116,7 @@ def _time(
     return (stamps.time_s if factor == 1.0 else stamps.time_s * factor), None, None
 
 
-def _counts_rows(stamps: NDArray[np.float64]) -> bool:
+def _counts_rows(stamps: Floats) -> bool:
     """Return whether numbers are those of the rows: whole ones, each by one larger than that before."""
     return bool(np.isfinite(stamps).all() and (np.diff(stamps) == 1.0).all() and stamps[0] in (0.0, 1.0))
 

@@ -10,33 +10,31 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from sync.log.repairs import Repair
+from sync.log.timestamps import BRIDGED_S
 from torsight.core.series import constant_runs, robust_sigma, scatter, usual_step
+from torsight.core.units import Flags, Floats
 
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
 """A smaller spike stays, whatever the noise."""
-_STUCK_S: Final = 2.0
 _STUCK_ROWS: Final = 8
-"""A reading that stands still for less time or for fewer rows may be a slow instrument's."""
+"""A reading that stands still for fewer rows may be a slow instrument's; where it does for less time than is bridged
+(:data:`~sync.log.timestamps.BRIDGED_S`), taking it out would put a straight line there, which is no better known."""
 _ALIKE_SHARE: Final = 0.4
 """Less than this share of readings equal the one before where normal noise is 0.65 of their last digit or more."""
 _FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
 """Thirty such readings in a row: 0.4³⁰ = 10⁻¹², no chance in any log."""
-_FROZEN_RUNS: Final = 4
 _FROZEN_SHARE: Final = 0.3
-"""Where there are more of such runs, or they make up more of the log, the sensor is a quiet one."""
+"""Where such runs make up more of the log, the sensor is a quiet one."""
 _TO_AND_FRO: Final = 0.25
 """White noise turns two steps of three back; a sensor that only follows its spring turns few."""
 
 
-def clean_channel(
-    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], *, name: str
-) -> tuple[NDArray[np.float64], list[Repair]]:
+def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
     """Set spikes and stuck readings to NaN.
 
     Parameters
@@ -86,12 +84,12 @@ def clean_channel(
     return clean, repairs
 
 
-def in_range(temp_c: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_range(temp_c: Floats) -> Floats:
     """Return readings (n,) with those as NaN that no spring can have: infinite ones, and outside :data:`RANGE_C`."""
     return np.where((temp_c >= RANGE_C[0]) & (temp_c <= RANGE_C[1]), temp_c, np.nan)
 
 
-def noise_c(temp_c: NDArray[np.float64]) -> float:
+def noise_c(temp_c: Floats) -> float:
     """Return the noise of one reading, °C, from second differences (robust against corners and spikes)."""
     known = temp_c[np.isfinite(temp_c)]
     if len(known) < 8:
@@ -99,7 +97,7 @@ def noise_c(temp_c: NDArray[np.float64]) -> float:
     return scatter(known, order=2)
 
 
-def spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
+def spikes(time_s: Floats, temp_c: Floats) -> Flags:
     """Return which readings (n,) stand out from those around them by more than noise and a corner can make."""
     index = np.flatnonzero(np.isfinite(temp_c))
     found = np.zeros(len(temp_c), dtype=np.bool_)
@@ -118,7 +116,7 @@ def spikes(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
     return found
 
 
-def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
     """Mark runs of one value that end in a jump, or that noise cannot leave alone; the run's first reading is kept."""
     stuck = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
@@ -129,21 +127,21 @@ def _stuck(time_s: NDArray[np.float64], temp_c: NDArray[np.float64]) -> NDArray[
     jump_c = max(0.5, 10.0 * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
     same = constant_runs(known)
     for begin, end in same:
-        if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < _STUCK_S or end == len(known):
+        if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < BRIDGED_S or end == len(known):
             continue
         if abs(known[end] - known[begin]) > jump_c:
             stuck[index[begin + 1 : end]] = True
     for begin, end in _frozen(np.diff(known), same):
-        if at_s[end - 1] - at_s[begin] >= _STUCK_S:
+        if at_s[end - 1] - at_s[begin] >= BRIDGED_S:
             stuck[index[begin + 1 : end]] = True
     return stuck
 
 
-def _frozen(step_c: NDArray[np.float64], same: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return runs of one value in a channel whose neighbouring readings elsewhere are seldom alike.
 
-    None where there are many, or where they make up much of the log, or where no noise moves the readings to and fro:
-    then the sensor is a quiet one.
+    None where they make up much of the log, or where no noise moves the readings to and fro: then the sensor is a quiet
+    one.
     """
     runs = [(begin, end) for begin, end in same if end - begin >= _FROZEN_ROWS]
     inside = sum(end - begin - 1 for begin, end in runs)
@@ -152,4 +150,4 @@ def _frozen(step_c: NDArray[np.float64], same: list[tuple[int, int]]) -> list[tu
     seldom = others > 0 and alike < _ALIKE_SHARE * others
     moves = np.sign(step_c[step_c != 0])
     seldom &= len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
-    return runs if seldom and len(runs) <= _FROZEN_RUNS and inside < _FROZEN_SHARE * len(step_c) else []
+    return runs if seldom and inside < _FROZEN_SHARE * len(step_c) else []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,6 +19,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
 from torsight.core.series import usual_step
+from torsight.core.units import Flags, Floats
 from torsight.core.words.plausible import require_stamps, require_units
 
 if TYPE_CHECKING:
@@ -87,19 +87,19 @@ def read_temperature_log(
         )
     _require_order(ordered, len(frame), path=path)
     series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
-    stamps, merged = _distinct(ordered, series, first_line=first_line, repairs=repairs)
-    readings = [in_range(merged.numbers[name]) for name in NEEDED_NAMES[1:]]
+    stamps, numbers, texts = _distinct(ordered, series, first_line=first_line, repairs=repairs)
+    readings = [in_range(numbers[name]) for name in NEEDED_NAMES[1:]]
     time_s, restarts = join_blocks(stamps.time_s, stamps.block, readings)
-    temperatures: dict[str, NDArray[np.float64]] = {}
+    temperatures: dict[str, Floats] = {}
     for name in NEEDED_NAMES[1:]:
-        temperatures[name], found = clean_channel(time_s, merged.numbers[name], name=name)
+        temperatures[name], found = clean_channel(time_s, numbers[name], name=name)
         repairs += found
         if not np.isfinite(temperatures[name]).any():
-            raise _no_temperature(merged.numbers[name], where=f"{path}, column {name}")
+            raise _no_temperature(numbers[name], where=f"{path}, column {name}")
     require_units(time_s, temperatures, where=str(path))
-    switches = _read_switches(merged.numbers, repairs)
+    switches = _read_switches(numbers, repairs)
     extra: dict[str, NDArray[np.generic]] = {
-        name: values for name, values in merged.numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
+        name: values for name, values in numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
     }
     log = TemperatureLog(
         time_s=time_s,
@@ -107,7 +107,7 @@ def read_temperature_log(
         temp_b_c=temperatures["temp_b_c"],
         heat_a=switches.get("heat_a"),
         heat_b=switches.get("heat_b"),
-        extra=extra | merged.texts,
+        extra=extra | texts,
     )
     repairs += _gaps(time_s)
     coarse_s = usual_step(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
@@ -137,7 +137,7 @@ def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
         )
 
 
-def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
+def _no_temperature(values: Floats, *, where: str) -> InputError:
     known = values[np.isfinite(values)]
     middle = f"{np.sort(known)[len(known) // 2]:.4g} in the middle" if len(known) else "no number"
     return InputError(
@@ -149,23 +149,13 @@ def _no_temperature(values: NDArray[np.float64], *, where: str) -> InputError:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Columns:
-    numbers: dict[str, NDArray[np.float64]]
-    texts: dict[str, NDArray[np.generic]]
-
-
 def _distinct(
-    ordered: OrderedStamps,
-    columns: dict[str, pd.Series[Any]],
-    *,
-    first_line: int,
-    repairs: list[Repair],
-) -> tuple[OrderedStamps, _Columns]:
-    """Bring the columns into the rows' order and give every row a stamp of its own."""
+    ordered: OrderedStamps, columns: dict[str, pd.Series[Any]], *, first_line: int, repairs: list[Repair]
+) -> tuple[OrderedStamps, dict[str, Floats], dict[str, NDArray[np.generic]]]:
+    """Bring the columns, of numbers and of texts, into the rows' order and give every row a stamp of its own."""
     import pandas as pd
 
-    numbers: dict[str, NDArray[np.float64]] = {}
+    numbers: dict[str, Floats] = {}
     texts: dict[str, NDArray[np.generic]] = {}
     for name, column in columns.items():
         if pd.api.types.is_numeric_dtype(column):
@@ -180,13 +170,13 @@ def _distinct(
     same = np.concatenate([[False], (np.diff(ordered.time_s) == 0) & (np.diff(ordered.block) == 0)])
     count = int(np.count_nonzero(same))
     if count == 0:
-        return ordered, _Columns(numbers, texts)
+        return ordered, numbers, texts
     line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
     if count > _COARSE_SHARE * len(same):
         repairs.append(
             Repair("coarse_stamp", count, f"{count} stamps repeat (coarse clock); rows were spread evenly between them")
         )
-        return _spread(ordered, same), _Columns(numbers, texts)
+        return _spread(ordered, same), numbers, texts
     repairs.append(
         Repair(
             "repeated_stamp",
@@ -198,23 +188,23 @@ def _distinct(
     first = np.flatnonzero(~same)
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
     kept = OrderedStamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
-    return kept, _Columns(averaged, {name: values[first] for name, values in texts.items()})
+    return kept, averaged, {name: values[first] for name, values in texts.items()}
 
 
-def _known(values: NDArray[np.float64]) -> pd.Series[float]:
+def _known(values: Floats) -> pd.Series[float]:
     import pandas as pd
 
     return pd.Series(np.where(np.isfinite(values), values, np.nan))
 
 
-def _words(column: pd.Series[Any]) -> NDArray[np.float64]:
+def _words(column: pd.Series[Any]) -> Floats:
     """Read switches written as words; everything else is not a number."""
     words = {"true": 1.0, "on": 1.0, "yes": 1.0, "false": 0.0, "off": 0.0, "no": 0.0}
     lowered = column.astype("string").str.strip().str.lower()
     return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
 
 
-def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
+def _spread(ordered: OrderedStamps, same: Flags) -> OrderedStamps:
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
     size = np.bincount(group)
@@ -230,9 +220,9 @@ def _spread(ordered: OrderedStamps, same: NDArray[np.bool_]) -> OrderedStamps:
     return OrderedStamps(ordered.row, time_s, ordered.block, ordered.repairs)
 
 
-def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Repair]) -> dict[str, NDArray[np.bool_]]:
+def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict[str, Flags]:
     """Return the switches that the log has; a column without any readable state is reported and left out."""
-    switches: dict[str, NDArray[np.bool_]] = {}
+    switches: dict[str, Flags] = {}
     for name in _SWITCHES:
         if name not in numbers:
             continue
@@ -249,7 +239,7 @@ def _read_switches(numbers: Mapping[str, NDArray[np.float64]], repairs: list[Rep
     return switches
 
 
-def _gaps(time_s: NDArray[np.float64]) -> list[Repair]:
+def _gaps(time_s: Floats) -> list[Repair]:
     step = np.diff(time_s)
     long = step > max(5.0 * usual_step(time_s), 1.0)
     if not long.any():

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.outliers import noise_c
 from sync.log.repairs import Restart
 from torsight.core.series import rms, robust_sigma, usual_step
+from torsight.core.units import Floats, Ints
 
 _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
@@ -24,9 +24,7 @@ LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record."""
 
 
-def join_blocks(
-    time_s: NDArray[np.float64], block: NDArray[np.int64], temperatures_c: Sequence[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], tuple[Restart, ...]]:
+def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -> tuple[Floats, tuple[Restart, ...]]:
     """Move every block of rows behind the one before it; return stamps (n,) on one clock, and one restart per joint.
 
     Stamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
@@ -47,11 +45,7 @@ def join_blocks(
 
 
 def _gap(
-    time_s: NDArray[np.float64],
-    before: slice,
-    behind: slice,
-    temperatures_c: Sequence[NDArray[np.float64]],
-    step_s: float,
+    time_s: Floats, before: slice, behind: slice, temperatures_c: Sequence[Floats], step_s: float
 ) -> tuple[float, float]:
     """Return the time between the last row before and the first behind, with one sigma (infinite: not known)."""
     weight = total = 0.0
@@ -77,9 +71,7 @@ def _gap(
     return max(total / weight, 0.2 * step_s), 1.0 / math.sqrt(weight)
 
 
-def _edge(
-    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool
-) -> tuple[float, float, float, float] | None:
+def _edge(time_s: Floats, temp_c: Floats, noise: float, *, end: bool) -> tuple[float, float, float, float] | None:
     """Return value, rate and their sigmas at the end (or beginning) of a stretch.
 
     From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
@@ -94,7 +86,7 @@ def _edge(
 
 
 def _parabola(
-    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float, *, end: bool, window_s: float
+    time_s: Floats, temp_c: Floats, noise: float, *, end: bool, window_s: float
 ) -> tuple[float, float, float, float] | None:
     edge = time_s[-1] if end else time_s[0]
     near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)

@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.repairs import Repair
 from torsight.core.series import usual_step
+from torsight.core.units import Flags, Floats, Ints
 
 _RESTART_ROWS: Final = 20
 """Fewer rows than these behind a step back are mended one by one."""
-_BRIDGED_S: Final = 2.0
+BRIDGED_S: Final = 2.0
 """A straight line over so long misses a cooling by A (2 s / τ)² / 8: 0.03 °C for 60 °C with a time constant of 30 s."""
 _CLOCK_SET_S: Final = 6 * 3600.0
 """A step forward longer than this is a clock that was set, not a pause in logging."""
@@ -45,13 +45,13 @@ class OrderedStamps:
         What was done.
     """
 
-    row: NDArray[np.int64]
-    time_s: NDArray[np.float64]
-    block: NDArray[np.int64]
+    row: Ints
+    time_s: Floats
+    block: Ints
     repairs: tuple[Repair, ...]
 
 
-def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> OrderedStamps:
+def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
     """Bring rows into the order of time, block by block.
 
     ``stamp_s`` (n,) are the stamps of the file, NaN where there is none; row 0 stands on its line ``first_line``.
@@ -65,10 +65,9 @@ def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> Ordere
     time_s = stamp_s[row].copy()
     block = _blocks(time_s)
     if block[-1:].any():
-        lines = [int(row[i]) + first_line for i in np.flatnonzero(np.diff(block)) + 1]
-        repairs.append(
-            Repair("restart", int(block[-1]), f"the clock restarted {block[-1]} times, at line {_listed(lines)}")
-        )
+        lines = [str(int(row[i]) + first_line) for i in np.flatnonzero(np.diff(block)) + 1]
+        at = ", ".join(lines[:5]) + (", ..." if len(lines) > 5 else "")
+        repairs.append(Repair("restart", int(block[-1]), f"the clock restarted {block[-1]} times, at line {at}"))
     rows, times, blocks = [], [], []
     counts = {"reordered": [0, 0], "wrong_stamp": [0, 0], "dropped_stamp": [0, 0]}
     for index in range(int(block[-1]) + 1 if len(block) else 0):
@@ -91,16 +90,12 @@ def order_stamps(stamp_s: NDArray[np.float64], *, first_line: int = 2) -> Ordere
     return OrderedStamps(np.concatenate(rows), np.concatenate(times), np.concatenate(blocks), tuple(repairs))
 
 
-def _listed(lines: list[int]) -> str:
-    return ", ".join(str(line) for line in lines[:5]) + (", ..." if len(lines) > 5 else "")
-
-
-def longest_gap_s(time_s: NDArray[np.float64]) -> float:
+def longest_gap_s(time_s: Floats) -> float:
     """Return the longest gap between samples that is bridged by default: two seconds, or five usual steps if longer."""
-    return max(_BRIDGED_S, 5.0 * usual_step(time_s))
+    return max(BRIDGED_S, 5.0 * usual_step(time_s))
 
 
-def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
+def _blocks(time_s: Floats) -> Ints:
     """Give every row the number of restarts before it."""
     block = np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
@@ -125,7 +120,7 @@ def _blocks(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
     return block
 
 
-def _runs_over(before: NDArray[np.float64], behind: NDArray[np.float64]) -> bool:
+def _runs_over(before: Floats, behind: Floats) -> bool:
     """Tell whether the rows behind a step back cover time that was there already."""
     last = float(np.median(before[-3:]))
     back = behind[:_RESTART_ROWS]
@@ -142,9 +137,7 @@ def _runs_over(before: NDArray[np.float64], behind: NDArray[np.float64]) -> bool
     return there > len(back) // 3
 
 
-def _ordered_block(
-    row: NDArray[np.int64], time_s: NDArray[np.float64], counts: dict[str, list[int]], first_line: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], first_line: int) -> tuple[Ints, Floats]:
     if len(time_s) < 2 or not np.any(np.diff(time_s) < 0):
         return row, time_s
     step_s = usual_step(time_s)
@@ -174,7 +167,7 @@ def _ordered_block(
     return all_row[order], all_time[order]
 
 
-def _longest_increasing(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _longest_increasing(time_s: Floats) -> Flags:
     """Mark the longest not decreasing run of rows that can be picked (patience sorting)."""
     tails: list[float] = []
     tail_index: list[int] = []

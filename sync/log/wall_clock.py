@@ -12,9 +12,9 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats, Ints
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,7 @@ class Stamps:
         How dates were read that can be read in two ways.
     """
 
-    time_s: NDArray[np.float64]
+    time_s: Floats
     zero: str | None = None
     numeric: bool = False
     note: str | None = None
@@ -184,7 +184,7 @@ def _date_stamps(text: pd.Series[Any]) -> Stamps | None:
     return Stamps(time_s, zero=str(zero), note=note)
 
 
-def _days(year: NDArray[np.int64], month: NDArray[np.int64], day: NDArray[np.int64]) -> NDArray[np.int64]:
+def _days(year: Ints, month: Ints, day: Ints) -> Ints:
     """Return days since 1970-01-01."""
     months = (year - 1970).astype("timedelta64[Y]") + np.datetime64("1970", "Y")
     first = (months.astype("datetime64[M]") + (month - 1)).astype("datetime64[D]")
@@ -201,7 +201,7 @@ def _named_months(text: pd.Series[Any]) -> Stamps | None:
     return None
 
 
-def _seconds_of_day(fields: pd.DataFrame) -> NDArray[np.float64]:
+def _seconds_of_day(fields: pd.DataFrame) -> Floats:
     """Return seconds for columns of hours, minutes, seconds, the fraction's digits, and a or p; NaN where not known."""
     hours, minutes, seconds = (_numbers(fields.iloc[:, index]) for index in range(3))
     fraction = _numbers("0." + fields.iloc[:, 3].astype("string").fillna("0"))
@@ -211,7 +211,7 @@ def _seconds_of_day(fields: pd.DataFrame) -> NDArray[np.float64]:
     return np.where(wrong, np.nan, hours * 3600.0 + minutes * 60.0 + seconds + fraction)
 
 
-def _numbers(column: Any) -> NDArray[np.float64]:
+def _numbers(column: Any) -> Floats:
     import pandas as pd
 
     return np.asarray(pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan))

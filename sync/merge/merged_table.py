@@ -16,6 +16,7 @@ from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import StickAngles
+from torsight.core.units import Flags, Floats, Ints
 
 
 def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_s: float | None = None) -> SyncedTable:
@@ -77,13 +78,7 @@ def require_overlap(
     )
 
 
-def at_instants(
-    time_s: NDArray[np.float64],
-    value: NDArray[np.float64],
-    instant_s: NDArray[np.float64],
-    *,
-    max_gap_s: float,
-) -> NDArray[np.float64]:
+def at_instants(time_s: Floats, value: Floats, instant_s: Floats, *, max_gap_s: float) -> Floats:
     """Interpolate linearly; NaN outside and where the known values around are further apart than ``max_gap_s``."""
     known = np.isfinite(value)
     at_s, there = time_s[known], value[known]
@@ -101,7 +96,7 @@ def at_instants(
     return out
 
 
-def _held(values: NDArray[np.generic], row: NDArray[np.int64], covered: NDArray[np.bool_]) -> NDArray[np.generic]:
+def _held(values: NDArray[np.generic], row: Ints, covered: Flags) -> NDArray[np.generic]:
     taken = values[row]
     if np.issubdtype(taken.dtype, np.floating):
         return np.where(covered, taken, np.nan)

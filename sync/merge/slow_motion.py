@@ -31,8 +31,7 @@ def slow_motion_text(film_s: float, log_s: float, *, rate_fps: float | None) -> 
         return None
     text = (
         f"the film ({film_s:.1f} s) is {film_s / log_s:.1f} times as long as the log ({log_s:.1f} s): it looks like "
-        f"slow "
-        f"motion, filmed {factor} times as fast as it plays, and all times and rates are wrong if so"
+        f"slow motion, filmed {factor} times as fast as it plays, and all times and rates are wrong if so"
     )
     rate = "the rate at which it was filmed" if rate_fps is None else f"{factor * rate_fps:.4g}"
     return text, f"if it is, give the rate of filming: fps = {rate} in [video] of the experiment, or --fps"

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from sync.signals.heating_segments import HeatingSegment
@@ -22,6 +21,7 @@ from sync.signals.strokes import Stroke
 from torsight.core.records import TemperatureLog
 from torsight.core.series import block_means, usual_step
 from torsight.core.tracks import StickAngles
+from torsight.core.units import Flags, Floats
 
 MAX_LAG_S: Final = 15.0
 """Longest lag that is looked for."""
@@ -51,26 +51,9 @@ class Changepoint:
     time_sigma_s: float
     lag_s: float
     lag_sigma_s: float
-    lags_s: NDArray[np.float64]
-    lag_log_likelihood: NDArray[np.float64]
+    lags_s: Floats
+    lag_log_likelihood: Floats
     log_fit: float
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """An abrupt end of a stroke.
-
-    Attributes
-    ----------
-    stroke : int
-        Number of the stroke.
-    time_s, time_sigma_s : float
-        When, on the film's clock.
-    """
-
-    stroke: int
-    time_s: float
-    time_sigma_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +79,8 @@ class Shape:
 
 
 def fit_changepoint(
-    time_s: NDArray[np.float64],
-    temp_c: NDArray[np.float64],
+    time_s: Floats,
+    temp_c: Floats,
     shape: Shape,
     *,
     near_s: tuple[float, float],
@@ -127,9 +110,7 @@ def fit_changepoint(
     return _summary(_losses(x, y, at, lags, shape), at, lags, spread, len(x))
 
 
-def _zoomed(
-    grid: NDArray[np.float64], likely: NDArray[np.bool_], bounds: tuple[float, float] | None
-) -> NDArray[np.float64]:
+def _zoomed(grid: Floats, likely: Flags, bounds: tuple[float, float] | None) -> Floats:
     if len(grid) == 1:
         return grid
     inside = np.flatnonzero(likely)
@@ -141,22 +122,14 @@ def _zoomed(
     return np.linspace(low, high, 11)
 
 
-def _thinned(
-    time_s: NDArray[np.float64], temp_c: NDArray[np.float64], noise: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _thinned(time_s: Floats, temp_c: Floats, noise: float) -> tuple[Floats, Floats, float]:
     """Average fast logs down to some hundred points; return times, values, noise of one."""
     group = max(1, len(time_s) // _POINTS)
     x, y = block_means(time_s, group), block_means(temp_c, group)
     return x, y, max(noise, 1e-3) / float(np.sqrt(group))
 
 
-def _losses(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    at: NDArray[np.float64],
-    lags: NDArray[np.float64],
-    shape: Shape,
-) -> NDArray[np.float64]:
+def _losses(x: Floats, y: Floats, at: Floats, lags: Floats, shape: Shape) -> Floats:
     """Return the mean square that is left, for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
     for i, change_s in enumerate(at):
@@ -175,23 +148,21 @@ def _losses(
     return loss
 
 
-def _squares(y: NDArray[np.float64], curves: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(y: Floats, curves: Floats) -> Floats:
     """Return the sums of squares that the best sums of curves (k, n, m) leave of values (n,)."""
     basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=1, keepdims=True), 1e-12))
     left = y - (basis @ (y @ basis)[:, :, np.newaxis])[:, :, 0]
     return np.asarray(np.sum(left**2, axis=1))
 
 
-def _weights(loss: NDArray[np.float64], unit: float, count: int) -> NDArray[np.float64]:
+def _weights(loss: Floats, unit: float, count: int) -> Floats:
     """Return how likely each mean square is that was tried, of one in all; ``unit`` is the variance of one value."""
     excess = (loss - float(loss.min())) / unit * count
     weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum(excess, 200.0)), 0.0)
     return np.asarray(weight / weight.sum())
 
 
-def _summary(
-    loss: NDArray[np.float64], at: NDArray[np.float64], lags: NDArray[np.float64], spread: float, count: int
-) -> Changepoint:
+def _summary(loss: Floats, at: Floats, lags: Floats, spread: float, count: int) -> Changepoint:
     """Return the best changepoint, with sigmas from how fast the loss grows around it."""
     i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
     lowest = float(loss[i, j])
@@ -215,7 +186,7 @@ def cooling_start(
     segment: HeatingSegment,
     *,
     noise: float,
-    switch_s: NDArray[np.float64] | None = None,
+    switch_s: Floats | None = None,
     lag_s: float | None = None,
     split: float = 0.0,
 ) -> Changepoint | None:
@@ -250,7 +221,7 @@ def cooling_start(
     )
 
 
-def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: HeatingSegment) -> float | None:
+def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | None:
     """Return the time constant of a cooling from its later part, where a lag shows no more."""
     rise = segment.high_c - segment.low_c
     later = (temp_c < segment.low_c + 0.65 * rise) & (temp_c > segment.low_c + 0.12 * rise)
@@ -269,8 +240,8 @@ def _decay(time_s: NDArray[np.float64], temp_c: NDArray[np.float64], segment: He
     return float(np.exp(found.x))
 
 
-def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | None:
-    """Find the abrupt end of a stroke; ``None`` where the motion fades out instead."""
+def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None:
+    """Return when a stroke ends abruptly, film clock, and one sigma, s; ``None`` where the motion fades out instead."""
     length_s = stroke.end_s - stroke.begin_s
     window_s = float(np.clip(0.12 * length_s, 0.4, 8.0))
     inside = (np.abs(angles.time_s - stroke.end_s) <= window_s) & angles.valid
@@ -301,7 +272,7 @@ def find_stop(angles: StickAngles, stroke: Stroke, *, number: int) -> Stop | Non
     weight = _weights(losses, lowest, len(time_s))
     mean = float(weight @ at)
     sigma = float(np.sqrt(weight @ (at - mean) ** 2))
-    return Stop(stroke=number, time_s=mean, time_sigma_s=float(np.hypot(sigma, 0.1 * step_s)))
+    return mean, float(np.hypot(sigma, 0.1 * step_s))
 
 
 def heating_end(

@@ -12,6 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
+
 _POWERS: Final = 2
 """Degree of the polynomial through the frames: a speed that changes evenly."""
 _FEWEST: Final = _POWERS + 2
@@ -24,7 +26,7 @@ _STAMP_SHARE: Final = 0.02
 
 
 def crossing_time(
-    time_s: NDArray[np.float64], travel_rad: NDArray[np.float64], level_rad: float, *, near_s: float, noise_rad: float
+    time_s: Floats, travel_rad: Floats, level_rad: float, *, near_s: float, noise_rad: float
 ) -> tuple[float, float]:
     """Return the instant near ``near_s`` at which the way passes a level, and one sigma, s.
 
@@ -53,13 +55,7 @@ def crossing_time(
 
 
 def _with(
-    time_s: NDArray[np.float64],
-    travel_rad: NDArray[np.float64],
-    level_rad: float,
-    *,
-    near_s: float,
-    noise_rad: float,
-    count: int,
+    time_s: Floats, travel_rad: Floats, level_rad: float, *, near_s: float, noise_rad: float, count: int
 ) -> tuple[float, float, float, float] | None:
     """Return instant, its error from noise, its error from what lies between frames, and the frames' distance.
 

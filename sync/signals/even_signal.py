@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from torsight.core.series import scatter, usual_step
+from torsight.core.units import Flags, Floats
 
 WINDOW_S: Final = 2.0
 """Time over which a log is smoothed: eight rows at 4 Hz."""
@@ -40,20 +40,20 @@ class EvenSignal:
 
     start_s: float
     step_s: float
-    value: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    value: Floats
+    slope: Floats
     value_sigma: float
     slope_sigma: float
-    known: NDArray[np.bool_]
+    known: Flags
     noise: float
     point_sigma: float
 
     @property
-    def time_s(self) -> NDArray[np.float64]:
+    def time_s(self) -> Floats:
         """Times of the points."""
         return self.start_s + self.step_s * np.arange(len(self.value), dtype=np.float64)
 
-    def at(self, time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    def at(self, time_s: Floats) -> tuple[Floats, Floats, Flags]:
         """Return value, slope and whether they are known at some times."""
         place = (time_s - self.start_s) / self.step_s
         left = np.clip(np.floor(np.nan_to_num(place)).astype(np.int64), 0, len(self.value) - 2)
@@ -66,12 +66,7 @@ class EvenSignal:
 
 
 def even_signal(
-    time_s: NDArray[np.float64],
-    value: NDArray[np.float64],
-    *,
-    window_s: float,
-    max_gap_s: float,
-    slope_window_s: float | None = None,
+    time_s: Floats, value: Floats, *, window_s: float, max_gap_s: float, slope_window_s: float | None = None
 ) -> EvenSignal | None:
     """Average onto an even grid and smooth with a local parabola.
 
@@ -118,13 +113,7 @@ def _odd(points: float, most: int) -> int:
     return min(2 * max(2, round(points / 2.0)) + 1, most - 1 + most % 2)
 
 
-def _binned(
-    at_s: NDArray[np.float64],
-    there: NDArray[np.float64],
-    grid_s: NDArray[np.float64],
-    step_s: float,
-    filled: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _binned(at_s: Floats, there: Floats, grid_s: Floats, step_s: float, filled: Floats) -> Floats:
     """Average the samples around each grid point; a straight line passes unchanged where they lie evenly."""
     index = np.rint((at_s - grid_s[0]) / step_s).astype(np.int64)
     inside = (index >= 0) & (index < len(grid_s))
@@ -136,7 +125,7 @@ def _binned(
     return np.where(count > 0, mean + local * (grid_s - mean_s), filled)
 
 
-def _noise(value: NDArray[np.float64]) -> float:
+def _noise(value: Floats) -> float:
     spread = scatter(value, order=2)
     if spread > 0:
         return spread

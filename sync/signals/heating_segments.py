@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
+from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _MIN_SHARE: Final = 0.3
@@ -77,7 +77,7 @@ class LogSignals:
 
 def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
     """Smooth both temperatures, their slopes over a window of its own, and find their segments."""
-    readings: tuple[tuple[Spring, NDArray[np.float64]], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
+    readings: tuple[tuple[Spring, Floats], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
     springs = _even(log, readings, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
@@ -91,7 +91,7 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
 
 def _even(
     log: TemperatureLog,
-    readings: tuple[tuple[Spring, NDArray[np.float64]], ...],
+    readings: tuple[tuple[Spring, Floats], ...],
     *,
     window_s: float,
     max_gap_s: float,

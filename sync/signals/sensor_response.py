@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from torsight.core.units import Floats
 
 
-def lagged_ramp(x_s: NDArray[np.float64], lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
+def lagged_ramp(x_s: Floats, lag_s: float, split: float = 0.0) -> Floats:
     """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``."""
     x = np.maximum(x_s, 0.0)
     if lag_s <= 0.0:
@@ -19,7 +20,7 @@ def lagged_ramp(x_s: NDArray[np.float64], lag_s: float, split: float = 0.0) -> N
     return np.asarray(x - lag_s + late)
 
 
-def lagged_decay(x_s: NDArray[np.float64], decay_s: float, lag_s: float, split: float = 0.0) -> NDArray[np.float64]:
+def lagged_decay(x_s: Floats, decay_s: float, lag_s: float, split: float = 0.0) -> Floats:
     """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
     x = np.maximum(x_s, 0.0)
     if lag_s <= 0.0:

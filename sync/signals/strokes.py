@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.timestamps import longest_gap_s
 from sync.signals.crossing_times import crossing_time
 from sync.signals.even_signal import EvenSignal, even_signal
 from torsight.core.series import constant_runs, extent
 from torsight.core.tracks import StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
 _LONGEST_PAUSE_S: Final = 5.0
@@ -43,10 +42,10 @@ class Stroke:
     end_s: float
     start_rad: float
     stop_rad: float
-    time_s: NDArray[np.float64]
-    travel_rad: NDArray[np.float64]
-    frame_s: NDArray[np.float64]
-    frame_travel_rad: NDArray[np.float64]
+    time_s: Floats
+    travel_rad: Floats
+    frame_s: Floats
+    frame_travel_rad: Floats
     travel_sigma_rad: float
 
     @property
@@ -59,7 +58,7 @@ class Stroke:
         """The whole way, positive."""
         return abs(self.stop_rad - self.start_rad)
 
-    def crossing_s(self, level_rad: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def crossing_s(self, level_rad: Floats) -> tuple[Floats, Floats]:
         """Return film times at which the way first passes some levels, and their sigmas; NaN where it does not."""
         highest = np.maximum.accumulate(self.travel_rad)
         at = np.searchsorted(highest, level_rad, side="left")
@@ -113,11 +112,11 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     return tuple(strokes)
 
 
-def _runs(moving: NDArray[np.float64]) -> list[tuple[int, int]]:
+def _runs(moving: Floats) -> list[tuple[int, int]]:
     return [(begin, end) for begin, end in constant_runs(moving) if moving[begin] != 0]
 
 
-def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: float) -> list[tuple[int, int]]:
+def _joined(runs: list[tuple[int, int]], moving: Floats, step_s: float) -> list[tuple[int, int]]:
     """Join motions of one direction whose pause is short against them."""
     joined: list[tuple[int, int]] = []
     for begin, end in runs:
@@ -134,14 +133,7 @@ def _joined(runs: list[tuple[int, int]], moving: NDArray[np.float64], step_s: fl
 
 
 def _stroke(
-    signal: EvenSignal,
-    frames: tuple[NDArray[np.float64], NDArray[np.float64]],
-    begin: int,
-    end: int,
-    *,
-    earlier: int,
-    later: int,
-    sign: float,
+    signal: EvenSignal, frames: tuple[Floats, Floats], begin: int, end: int, *, earlier: int, later: int, sign: float
 ) -> Stroke | None:
     """Cut one stroke out, with the rests on both sides up to its neighbours."""
     margin = max(2, round(1.0 / signal.step_s))

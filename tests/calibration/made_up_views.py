@@ -83,7 +83,6 @@ def exact_view(pose, index, *, lens=LENS, board=CHESSBOARD, sigma_px=0.0, rng=No
         points_mm=board.points_mm(),
         corners_px=corners,
         wide_px=corners + pattern,
-        square_px=20.0,
     )
 
 

@@ -143,7 +143,7 @@ def characterisation() -> Characterisation:
 POSE = Pose(np.zeros(3), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
 AXIS = Axis(POSE.tvec_mm, np.array([0.0, 0.0, -1.0]), 1e-3, np.ones(2), np.ones(2), misfit=1.1, arc_rad=2.0)
 CORNERS = np.arange(8.0).reshape(4, 2)
-VIEW = View("a.png", 0, np.arange(4), np.zeros((4, 3)), CORNERS, CORNERS, 20.0, 2.0)
+VIEW = View("a.png", 0, np.arange(4), np.zeros((4, 3)), CORNERS, CORNERS, 2.0)
 
 
 MADE: dict[type[Shown], Callable[[FitResult, FittedModel], Shown]] = {

@@ -28,7 +28,7 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.layout import still
 from torsight.discovery.own.model.model_file import READING
-from torsight.discovery.own.records import read_records, time_of
+from torsight.discovery.own.own_records import read_records, time_of
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 

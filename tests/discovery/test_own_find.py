@@ -25,8 +25,8 @@ from tests.discovery.own_models import (
 from torsight.core.errors import InputError
 from torsight.discovery import Findings, Reading, candidate, find_missing, model_problem, parameter
 from torsight.discovery.own.model.evaluate import Evaluator, Model
+from torsight.discovery.own.own_records import Record
 from torsight.discovery.own.prepare import prepare
-from torsight.discovery.own.records import Record
 
 
 def sensor(observed: Any, **changes: Any) -> Any:

@@ -21,8 +21,8 @@ from torsight.discovery.own.model.check import check_problem
 from torsight.discovery.own.model.evaluate import CompiledPredict
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.values import Curve, Values
+from torsight.discovery.own.own_records import Record
 from torsight.discovery.own.prepare import prepare
-from torsight.discovery.own.records import Record
 
 TIME = np.linspace(0.0, 10.0, 201)
 VALUES = Values({"stiffness": 4.0, "damping": 0.4, "x0": 1.0})

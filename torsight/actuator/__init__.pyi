@@ -20,4 +20,6 @@ from torsight.actuator.spec import reference_spec as reference_spec
 from torsight.actuator.springs import Rig as Rig
 from torsight.actuator.stepping.closed_form import half_cycle as half_cycle
 from torsight.actuator.stepping.closed_form import stable_cycle as stable_cycle
+
+# The fit is made by the discovery, above this room: the name alone is here, nothing in this room uses it.
 from torsight.discovery.model_fit import fit_model as fit_model

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.provenance import file_hash
+from torsight.core.files.storage import read_json
 
 
 def require_one_rig(records: Sequence[Path]) -> None:
@@ -14,8 +16,6 @@ def require_one_rig(records: Sequence[Path]) -> None:
     Which file a run used stands in the ``provenance.json`` beside its table, with the file's hash. Records without one
     are taken as they are. One file that all runs have used may have been edited since.
     """
-    from torsight.core.files.provenance import file_hash
-
     seen: dict[str, Path] = {}
     for path in records:
         found = file_hash(path)
@@ -42,8 +42,6 @@ def require_one_rig(records: Sequence[Path]) -> None:
 
 def _actuator_of(record: Path) -> tuple[str, str] | None:
     """Return name and hash of the actuator file that a record's run has used; None where nothing says it."""
-    from torsight.core.files.storage import read_json
-
     path = record.parent / "provenance.json"
     if not path.is_file():
         return None

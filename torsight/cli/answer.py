@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from torsight.core.errors import TorsightError
+from torsight.core.files.storage import SCHEMA, json_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +78,6 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 
 
 def _put(name: str, *, exit_code: int, **content: Any) -> None:
-    from torsight.core.files.storage import SCHEMA, json_text
-
     sys.stdout.write(json_text({"schema": SCHEMA, "command": f"torsight {name}", "exit_code": exit_code, **content}))
     sys.stdout.flush()
 

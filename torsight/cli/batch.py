@@ -9,7 +9,10 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.core.errors import ConfigError
+from torsight.core.files.storage import read_json
+from torsight.core.words.wording import verdict_sentence
 
 
 def batch(
@@ -32,9 +35,6 @@ def batch(
     Example: torsight batch campaign/ --out results
     """
     from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.storage import read_json
-    from torsight.core.words.wording import verdict_sentence
     from torsight.report.gallery import write_gallery
 
     if timeout is not None and not 0.0 < timeout < math.inf:

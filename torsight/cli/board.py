@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
 from torsight.core.errors import ConfigError
+from torsight.core.files.storage import write_text
 
 if TYPE_CHECKING:
+    from calibration.boards.board_file import Board
+    from calibration.boards.printed_tags import TagPair
     from calibration.boards.printing import Drawing
 
 
@@ -44,58 +48,47 @@ def board(
     import tomli_w
 
     from calibration.boards.board_file import KINDS, read_board
+    from calibration.boards.printed_tags import draw_tags, tag_pair
     from calibration.boards.printing import PAGES_MM, draw_board, usual_board
-    from torsight.cli.console import say
 
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
         if value not in allowed:
             raise ConfigError(f"{name} is not known", where="torsight board", value=value, limit=", ".join(allowed))
+    made: Board | TagPair
     if tags:
-        return _tags(description, out, page, dpi, family=family, ids=(base_id, moving_id), side_mm=side_mm)
-    chosen = read_board(description) if description else usual_board(kind, page=page)
-    toml = tomli_w.dumps(chosen.content()) if description is None else ""
-    made = _write(out, draw_board(chosen, page=page), dpi=dpi, toml=toml)
-    say(f"Board           {chosen.describe()}, squares of {chosen.square_mm:g} mm, page {page}")
-    for path in made:
-        say(f"                {path}")
-    say("Print at 100 %, measure the bar of 100 mm and a square, glue it on something flat and stiff.")
-    return Answer(chosen.content(), files=tuple(made))
-
-
-def _tags(
-    description: Path | None, out: Path, page: str, dpi: float, *, family: str, ids: tuple[int, int], side_mm: float
-) -> Answer:
-    """Write a pair of tags."""
-    import tomli_w
-
-    from calibration.boards.printed_tags import draw_tags, tag_pair
-    from torsight.cli.console import say
-
-    if description is not None:
-        raise ConfigError(
-            "--tags makes tags, and no board is described for them",
-            where="torsight board",
-            value=str(description),
-            do="leave away either --tags or the board's file",
+        if description is not None:
+            raise ConfigError(
+                "--tags makes tags, and no board is described for them",
+                where="torsight board",
+                value=str(description),
+                do="leave away either --tags or the board's file",
+            )
+        made = tag_pair(family, base_id=base_id, moving_id=moving_id, side_mm=side_mm)
+        drawing = draw_tags(made, page=page)
+        words = f"Tags            {made.family}, numbers {base_id} (base) and {moving_id} (moving), black squares of"
+        lines = (
+            f"{words} {side_mm:g} mm",
+            (
+                "Print at 100 %, measure a black square and put its true side into the .toml; cut along the ticks: "
+                "the white border belongs to the tag."
+            ),
         )
-    pair = tag_pair(family, base_id=ids[0], moving_id=ids[1], side_mm=side_mm)
-    made = _write(out, draw_tags(pair, page=page), dpi=dpi, toml=tomli_w.dumps(pair.content()))
-    say(
-        f"Tags            {pair.family}, numbers {ids[0]} (base) and {ids[1]} (moving), black squares of {side_mm:g} mm"
-    )
-    for path in made:
-        say(f"                {path}")
-    say(
-        "Print at 100 %, measure a black square and put its true side into the .toml; cut along the ticks: the white "
-        "border belongs to the tag."
-    )
-    return Answer(pair.content(), files=tuple(made))
+    else:
+        made = read_board(description) if description else usual_board(kind, page=page)
+        drawing = draw_board(made, page=page)
+        lines = (
+            f"Board           {made.describe()}, squares of {made.square_mm:g} mm, page {page}",
+            "Print at 100 %, measure the bar of 100 mm and a square, glue it on something flat and stiff.",
+        )
+    files = _write(out, drawing, dpi=dpi, toml=tomli_w.dumps(made.content()) if description is None else "")
+    for line in (lines[0], *(f"                {path}" for path in files), lines[1]):
+        say(line)
+    return Answer(made.content(), files=tuple(files))
 
 
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:
     """Write a page, its picture, and what describes it; return the files."""
     from calibration.boards.printing import write_board
-    from torsight.core.files.storage import write_text
 
     write_board(out, drawing, dpi=dpi)
     made = [out]

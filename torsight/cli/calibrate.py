@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,15 +11,18 @@ import typer
 from typer.core import TyperCommand
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.core.errors import ConfigError
-from torsight.core.progress import Progress, silent
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import read_toml, write_text
+from torsight.core.optics.camera import Camera, camera_content, read_camera
+from torsight.core.progress import Progress
 
 if TYPE_CHECKING:
-    from calibration.boards.board_file import Board
     from calibration.stage import Calibration
-    from torsight.core.optics.camera import Camera
 
 _LISTS = ("--right", "--pose")
+_WHERE = "torsight calibrate"
 
 
 class Command(TyperCommand):
@@ -93,152 +97,126 @@ def calibrate(
 
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.storage import read_toml
-
     if tracks is not None:
-        for line in add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out):
-            say(line)
-        return Answer(read_toml(out), files=(out,))
-    with progress_bar() as progress:
-        lines = calibrate_to_file(
-            images or [],
-            board=board,
-            right=right or [],
-            pose=pose or [],
-            camera=camera,
-            heights_mm=(base_z_mm, moving_z_mm),
-            out=out,
-            progress=progress,
-        )
-    for line in lines:
+        lines = _add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out)
+    else:
+        with progress_bar() as progress:
+            lines = _calibrate_to_file(
+                images or [],
+                board,
+                right=right or [],
+                pose=pose or [],
+                camera=camera,
+                heights_mm=(base_z_mm, moving_z_mm),
+                out=out,
+                progress=progress,
+            )
+    for line in [*lines, f"Camera file     {out}"]:
         say(line)
-    coverage = out.with_suffix(".coverage.png")
-    return Answer(read_toml(out), files=(out, *([coverage] if images else [])))
+    made = [out, *([_coverage_of(out)] if images and tracks is None else [])]
+    return Answer(read_toml(out), files=made)
 
 
-def calibrate_to_file(
+def _coverage_of(out: Path) -> Path:
+    """Return where the picture of the coverage lies beside a camera file."""
+    return out.with_suffix(".coverage.png")
+
+
+def _calibrate_to_file(
     images: list[Path],
-    *,
     board: Path | None,
+    *,
+    right: list[Path],
+    pose: list[Path],
+    camera: Path | None,
+    heights_mm: tuple[float, float],
     out: Path,
-    right: list[Path] | None = None,
-    pose: list[Path] | None = None,
-    camera: Path | None = None,
-    heights_mm: tuple[float, float] = (0.0, 0.0),
-    progress: Progress = silent,
+    progress: Progress,
 ) -> list[str]:
     """Write the camera file and the picture of the coverage; return what there is to say.
 
     ``heights_mm`` are those of the base and the moving stick's markers above a board on the disk.
     """
-    from dataclasses import replace
-
-    import tomli_w
-
     from calibration.boards.board_file import read_board
     from calibration.quality.camera_report import account, summary
     from calibration.quality.view_coverage import draw_coverage
-    from calibration.stage import camera_of
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_text
-    from torsight.core.optics.camera import camera_content, read_camera
+    from calibration.stage import Calibration, calibrate_one, calibrate_two, camera_of
 
-    _check_usage(images, right or [], pose or [], camera)
+    _check_usage(images, right, pose, camera)
     if board is None:
-        raise ConfigError(
-            "needs --board BOARD.toml", where="torsight calibrate", do="make one with 'torsight board --out board.pdf'"
-        )
-    require_apart([out, out.with_suffix(".coverage.png")], [board, camera, *images, *(right or []), *(pose or [])])
+        raise ConfigError("needs --board BOARD.toml", where=_WHERE, do="make one with 'torsight board --out board.pdf'")
+    picture = _coverage_of(out)
+    require_apart([out, picture], [board, camera, *images, *right, *pose])
     chosen = read_board(board)
     known = read_camera(camera) if camera else None
-    result = _calibrated(images, right or [], chosen, progress=progress)
-    result = _with_axis(result, pose or [], known, heights_mm=heights_mm, progress=progress)
-    made = camera_of(result, known)
-    made = replace(made, extra=account(result, earlier=dict(known.extra) if known else None))
-    write_text(out, tomli_w.dumps(camera_content(made)))
+    if right:
+        result = calibrate_two(images, right, chosen, progress=progress)
+    else:
+        result = calibrate_one(images, chosen, progress=progress) if images else Calibration(chosen)
+    if pose:
+        result = _with_axis(result, pose, known, heights_mm=heights_mm, progress=progress)
+    _write_camera(out, camera_of(result, known), account(result, earlier=dict(known.extra) if known else None))
     lines = summary(result)
     if result.left is not None:
-        picture = out.with_suffix(".coverage.png")
         sides = [("left" if result.right else "camera", result.left)]
         draw_coverage(picture, sides + ([("right", result.right)] if result.right else []))
         lines.append(f"Coverage        {picture}")
-    return [*lines, f"Camera file     {out}"]
+    return lines
 
 
-def add_circles(
+def _write_camera(out: Path, camera: Camera, account: Mapping[str, Any]) -> None:
+    import tomli_w
+
+    write_text(out, tomli_w.dumps(camera_content(replace(camera, extra=account))))
+
+
+def _add_circles(
     tracks: Path, camera: Path | None, *, stick_mm: float | None, heights_mm: tuple[float, float], out: Path
 ) -> list[str]:
     """Write the known camera with the pose that the markers' circles show; return what there is to say."""
-    from dataclasses import replace
-
-    import tomli_w
-
     from calibration.axis.marker_circles import pose_from_tracks
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_text
-    from torsight.core.optics.camera import camera_content, read_camera
 
     if camera is None:
-        raise ConfigError("needs a known --camera with --tracks", where="torsight calibrate")
+        raise ConfigError("needs a known --camera with --tracks", where=_WHERE)
     require_apart([out], [camera, tracks])
     known = read_camera(camera)
     found = pose_from_tracks(tracks, known, stick_mm=stick_mm, base_above_moving_mm=heights_mm[0] - heights_mm[1])
-    account = dict(known.extra) | {"axis": found.account(tracks)}
-    write_text(out, tomli_w.dumps(camera_content(replace(known, pose=found.pose, extra=account))))
-    axis = account["axis"]
-    lines = [
+    axis = found.account(tracks)
+    _write_camera(out, replace(known, pose=found.pose), {**known.extra, "axis": axis})
+    return [
         f"Rotation axis   tilted by {axis['tilt_deg']:.2f}° to the line of sight, ± {axis['direction_sigma_deg']:.2f}°",
         f"  from          {axis['turned_deg']:.0f}° of the markers' circles",
+        *(f"  note          {note}" for note in found.notes),
     ]
-    return [*lines, *(f"  note          {note}" for note in found.notes), f"Camera file     {out}"]
 
 
 def _check_usage(images: list[Path], right: list[Path], pose: list[Path], camera: Path | None) -> None:
-    where = "torsight calibrate"
     if images and camera:
-        raise ConfigError("takes IMAGES or a known --camera, not both", where=where)
+        raise ConfigError("takes IMAGES or a known --camera, not both", where=_WHERE)
     if not images and not (camera and pose):
-        raise ConfigError("needs IMAGES of a board, or a known --camera with --pose or --tracks", where=where)
+        raise ConfigError("needs IMAGES of a board, or a known --camera with --pose or --tracks", where=_WHERE)
     if right and (pose or camera):
         raise ConfigError(
             "takes no --pose for a stereo pair",
-            where=where,
+            where=_WHERE,
             do="leave it away: the axis of a pair is found from the tracks",
         )
-
-
-def _calibrated(images: list[Path], right: list[Path], board: Board, *, progress: Progress) -> Calibration:
-    from calibration.stage import Calibration, calibrate_one, calibrate_two
-
-    if not images:
-        return Calibration(board)
-    if right:
-        return calibrate_two(images, right, board, progress=progress)
-    return calibrate_one(images, board, progress=progress)
 
 
 def _with_axis(
     result: Calibration, pose: list[Path], known: Camera | None, *, heights_mm: tuple[float, float], progress: Progress
 ) -> Calibration:
-    from dataclasses import replace
-
     from calibration.stage import camera_of, measure_axis
 
-    if not pose:
-        return result
+    lens_account = known.extra.get("left") if known else None
+    device = lens_account.get("device", "") if isinstance(lens_account, Mapping) else ""
     disk, seen = measure_axis(
         pose,
         result.board,
         camera_of(result, known).intrinsics,
-        device=result.left.seen.device if result.left else str(_lens_account(known).get("device", "")),
+        device=result.left.seen.device if result.left else str(device),
         base_z_mm=heights_mm[0],
         moving_z_mm=heights_mm[1],
         progress=progress,
     )
     return replace(result, disk=disk, disk_seen=seen)
-
-
-def _lens_account(known: Camera | None) -> Mapping[str, Any]:
-    account = known.extra.get("left", {}) if known else {}
-    return account if isinstance(account, Mapping) else {}

@@ -13,9 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from torsight.cli.experiment_file import read_experiment
 from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
+from torsight.core.files.provenance import file_hash, provenance
+from torsight.core.files.storage import json_text, read_json, write_table
+from torsight.core.files.tables import read_angles
 from torsight.core.progress import Progress, silent
+from torsight.core.units import DEG
 
 RESULT_COLUMNS: Final = (
     "name",
@@ -89,7 +96,6 @@ def _name(path: Path) -> str:
 
 def run_task(task: Task) -> dict[str, Any]:
     """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
-    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.limited import run_limited
     from torsight.cli.run import run_experiment
 
@@ -113,8 +119,6 @@ def run_task(task: Task) -> dict[str, Any]:
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
     """Return whether the folder holds a whole run of exactly these inputs and settings."""
     from torsight.cli.run import UNFINISHED
-    from torsight.core.files.provenance import provenance
-    from torsight.core.files.storage import json_text, read_json
 
     path = task.folder / "provenance.json"
     if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
@@ -130,12 +134,6 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
 
 def result_row(folder: Path) -> dict[str, Any]:
     """Return one row of the table of results from the files of a finished run."""
-    import numpy as np
-
-    from torsight.core.files.storage import read_json
-    from torsight.core.files.tables import read_angles
-    from torsight.core.units import DEG
-
     angles = read_angles(folder / "angle.csv")
     discovery, clock = read_json(folder / "discovery.json"), read_json(folder / "sync.json")
     known_deg = angles.angle_rad[angles.valid] / DEG
@@ -170,9 +168,7 @@ def explain_campaign(
         When the records of one rig cannot be explained together.
     """
     from torsight.cli.discover import explain_together
-    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.run import TOGETHER
-    from torsight.core.files.provenance import file_hash
 
     rigs: dict[str, list[tuple[Task, Path]]] = {}
     for task, row in zip(todo, rows, strict=True):
@@ -214,10 +210,6 @@ def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
     NoResultError
         When every experiment failed; the table is written all the same.
     """
-    import numpy as np
-
-    from torsight.core.files.storage import write_table
-
     text = ("name", "status", "message", "verdict", "effects", "folder")
     columns = {name: [row.get(name, "" if name in text else np.nan) for row in rows] for name in RESULT_COLUMNS}
     numbers = {

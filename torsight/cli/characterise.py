@@ -8,6 +8,9 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_json, write_text
 
 
 def characterise(
@@ -28,9 +31,6 @@ def characterise(
     from torsight.actuator.characterising.characterisation import characterise as fit_tests
     from torsight.actuator.characterising.figures import characterisation_figures
     from torsight.actuator.characterising.spring_tests import read_tests
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json, write_text
 
     made = (out / "actuator.toml", out / "characterisation.json")
     require_apart(made, [tests])

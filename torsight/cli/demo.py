@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
+from torsight.cli.experiment_file import read_experiment
 from torsight.cli.options import OpenView
 
 
@@ -20,8 +22,6 @@ def demo(
 
     Example: torsight demo --out demo
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.cli.experiment_file import read_experiment
     from torsight.cli.run import run_experiment, shown
     from torsight.synthetic.scene import demo_scene
     from torsight.synthetic.scene_files import render_scene

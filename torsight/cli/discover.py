@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
+from torsight.core.errors import InputError
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import read_json, write_json, write_table
+from torsight.core.files.tables import read_merged
+from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
+from torsight.core.records import SHARED_EVENT
+from torsight.core.words.wording import verdict_sentence
 
 if TYPE_CHECKING:
     from torsight.discovery.report import DiscoveryReport
@@ -47,10 +55,7 @@ def discover(
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
     from torsight.actuator.quantities import in_symbols
-    from torsight.cli.console import progress_bar, say
-    from torsight.cli.summary import effect_lines
-    from torsight.core.files.storage import read_json
-    from torsight.core.words.wording import verdict_sentence
+    from torsight.cli.summary import attention, discovery_lines
     from torsight.report import write_report
 
     with progress_bar() as progress:
@@ -62,18 +67,9 @@ def discover(
         export(export_effect, report.model, report.laws)
     content = read_json(out / "discovery.json")
     verdict = verdict_sentence(content)
-    say(f"Missing           {verdict}")
-    for line in effect_lines(content):
+    notes = [f"Note              {in_symbols(note)}" for note in report.notes if note not in verdict]
+    for line in (*attention(content), *discovery_lines(content), *notes):
         say(line)
-    for law in report.laws:
-        say(f"Law               {law.sentence}")
-    say(f"Error             {_errors(report)} (noise floor {report.noise_floor_deg:.2f}°)")
-    for record in content.get("records", ()):
-        say(f"  {record['file']}: {_unseen(record)}")
-    if report.next_experiment is not None:
-        say(f"Next experiment   {report.next_experiment.text}")
-    for note in (note for note in report.notes if note not in verdict):
-        say(f"Note              {in_symbols(note)}")
     say(f"Report            {out / 'report.html'}")
     if export_effect is not None:
         say(f"Effect            {export_effect}")
@@ -89,11 +85,6 @@ def _clock_sigma_s(merged: Path) -> float | None:
     What motion and temperature said about the clocks is in the table itself: it is not counted a second time. An offset
     that was given is a claim like any other.
     """
-    from torsight.core.errors import InputError
-    from torsight.core.files.storage import read_json
-    from torsight.core.parameter import REACH
-    from torsight.core.records import SHARED_EVENT
-
     path = merged.parent / "sync.json"
     if not path.is_file():
         return None
@@ -107,25 +98,6 @@ def _clock_sigma_s(merged: Path) -> float | None:
             "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
         ) from error
     return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_SIGMA_S) if low <= high else None
-
-
-def _errors(report: DiscoveryReport) -> str:
-    before, after = report.before, report.after
-    if not report.held_out:
-        return (
-            f"{before.rmse_train_deg:.2f}° rms before, {after.rmse_train_deg:.2f}° after, on the very record that was "
-            "fitted: one half-cycle only, none could be held out"
-        )
-    return (
-        f"{before.rmse_held_out_deg:.2f}° rms before, {after.rmse_held_out_deg:.2f}° after, on half-cycles that the "
-        "fit did not see"
-    )
-
-
-def _unseen(record: Mapping[str, Any]) -> str:
-    """Return the error on a record that was predicted from the others."""
-    before, after = (float(record[name]["rmse_other_records_deg"]) for name in ("before", "after"))
-    return f"{before:.2f}° rms before, {after:.2f}° after, with the rig's values from the other records"
 
 
 def curves_name(record: int) -> str:
@@ -145,9 +117,6 @@ def discover_to_folder(
     """
     from torsight.actuator import read_actuator
     from torsight.cli.alike import require_one_rig
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_table
-    from torsight.core.files.tables import read_merged
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
@@ -186,7 +155,6 @@ def explain_together(
 def _write(report: DiscoveryReport, out: Path) -> None:
     """Write what was found; of further records an earlier discovery may have left curves: they go."""
     from torsight.actuator.fitted import write_model
-    from torsight.core.files.storage import write_json, write_table
     from torsight.report.figures.law_plots import write_laws
 
     for stale in out.glob("curves_[0-9]*.csv"):

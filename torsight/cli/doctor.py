@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.options import Columns, Fps, Units, said
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ def doctor(
     from torsight.cli.checkup.examine import examine, inputs_of
     from torsight.cli.checkup.finding import exit_code, ordered, verdict
     from torsight.cli.checkup.install import check_install
-    from torsight.cli.console import progress_bar, say
 
     chosen = inputs_of(inputs, fps=fps)
     if columns is not None or units is not None:

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_json
+from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -37,8 +41,6 @@ def fit(
 
     Example: torsight fit out/merged.csv --actuator actuator.toml --out out
     """
-    from torsight.cli.console import progress_bar, say
-
     with progress_bar() as progress:
         result = fit_to_folder(merged, actuator, out=out, effects=tuple(effect or ()), progress=progress)
     tau = result.estimates["tau_c_mnm"]
@@ -57,9 +59,6 @@ def fit_to_folder(
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json
-    from torsight.core.files.tables import read_merged
     from torsight.discovery.model_fit import fit_model
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])

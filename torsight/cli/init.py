@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
 from torsight.core.errors import ConfigError
+from torsight.core.files.storage import write_text
 
 
 def init(
@@ -20,9 +22,6 @@ def init(
 
     Example: torsight init my-rig
     """
-    from torsight.cli.console import say
-    from torsight.core.files.storage import write_text
-
     templates = Path(__file__).parent / "templates"
     targets = {template: folder / template.name for template in sorted(templates.glob("*.toml"))}
     for target in targets.values():

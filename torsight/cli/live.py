@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
+from torsight.cli.ends import asks, handled
 from torsight.cli.options import CameraFile, Columns, Fps, Serve, Units, WebPort, said
 from torsight.core.errors import InputError
+from torsight.core.files.storage import read_json
+from torsight.core.optics.camera import read_camera
+from torsight.core.words.wording import estimate
 
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
-    from torsight.core.optics.camera import Camera
     from torsight.viewer.live.measure.model_watch import ModelWatch
     from torsight.viewer.live.record.outcome import Outcome
     from torsight.viewer.live.screen.feed import Feed
-    from tracker.detect.marker_file import MarkerHints
 
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
 """What a live record leaves in its folder."""
@@ -66,24 +69,28 @@ def live(
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
     from sync.log.column_names import chosen_columns
-    from torsight.cli.console import say
-    from torsight.core.files.storage import read_json
+    from torsight.actuator.spec import read_actuator
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.live_session import Session
     from torsight.viewer.live.measure.growing_log import WatchedLog
     from torsight.viewer.live.record.live_report import write_experiment
     from torsight.viewer.live.screen.feed import Feed
     from torsight.viewer.program import chosen_port
+    from tracker.detect.marker_file import read_markers
 
     named = said(columns, units)
     folder = out or Path(f"live-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
-    hints, lens, spec = _read(markers, camera, actuator)
+    hints = None if markers is None else read_markers(markers)
+    lens = None if camera is None else read_camera(camera)
+    spec = None if actuator is None else read_actuator(actuator)
     if temperature.is_dir():
         raise InputError("is a folder", where=str(temperature), limit="a log", do="name the file that is written")
     ports = chosen_port(port, 9876, option="--port"), chosen_port(web_port, 9090, option="--web-port")
     pictures = open_pictures(source, speed=speed, fps=fps, grows=grows)
     stop = threading.Event()
-    with _ended_by(stop), _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
+    # Ctrl-C and other requests to end let the record be made whole.
+    ended = handled(asks(), lambda *_: stop.set())
+    with ended, _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
         session = Session(
             pictures,
             WatchedLog(temperature, offset_s, chosen_columns(**named)),
@@ -105,20 +112,6 @@ def live(
     return Answer(read_json(folder / "live.json"), files=[path for path in files if path.exists()])
 
 
-def _read(
-    markers: Path | None, camera: Path | None, actuator: Path | None
-) -> tuple[MarkerHints | None, Camera | None, ActuatorSpec | None]:
-    from torsight.actuator.spec import read_actuator
-    from torsight.core.optics.camera import read_camera
-    from tracker.detect.marker_file import read_markers
-
-    return (
-        None if markers is None else read_markers(markers),
-        None if camera is None else read_camera(camera),
-        None if actuator is None else read_actuator(actuator),
-    )
-
-
 @contextlib.contextmanager
 def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
     """Give the model beside the record, where its values are known; it ends with the block."""
@@ -133,8 +126,6 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
     """Return the lines that end a live record."""
-    from torsight.core.words.wording import estimate
-
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     lines = [
@@ -157,17 +148,9 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
     return lines
 
 
-def _ended_by(stop: threading.Event) -> contextlib.AbstractContextManager[None]:
-    """Let Ctrl-C and a request to end set ``stop``, while the block lasts."""
-    from torsight.cli.ends import asks, handled
-
-    return handled(asks(), lambda *_: stop.set())
-
-
 @contextlib.contextmanager
 def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[None]:
     """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
-    from torsight.cli.console import say
     from torsight.viewer.program import Viewer, browser_address, free_port, has_display
 
     screens: list[Viewer] = []

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
 from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.files.paths import require_apart
+from torsight.core.tracks import MARKERS
 
 if TYPE_CHECKING:
     from tracker.frames.film_source import FilmSource
@@ -41,7 +44,6 @@ def markers(
 
     Example: torsight markers film.mp4 --out markers.toml
     """
-    from torsight.core.files.paths import require_apart
     from tracker.frames.source import open_source
 
     if preview is not None and (preview.suffix.lower() != ".png" or preview == out):
@@ -62,7 +64,6 @@ def markers(
 def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: float, no_open: bool) -> Answer:
     import webbrowser
 
-    from torsight.cli.console import say
     from torsight.markers.server import Server, pick
     from torsight.markers.session import Session
     from torsight.viewer.program import has_display
@@ -80,8 +81,6 @@ def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: f
 
 
 def _preview(source: FilmSource | PictureSource, picture: Path, *, out: Path | None) -> Answer:
-    from torsight.cli.console import say
-    from torsight.core.tracks import MARKERS
     from torsight.markers.picks import content_of, write_markers
     from torsight.markers.preview import write_preview
     from torsight.markers.session import find_markers, first_picture

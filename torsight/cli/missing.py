@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.discover import FILES
 from torsight.cli.options import Seed
-from torsight.core.progress import Progress, silent
-
-if TYPE_CHECKING:
-    from torsight.discovery.own.answer.findings import Findings
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_json, write_table, write_text
 
 FAILURES: Final = "model_errors.txt"
 """Where the tracebacks of a model go that failed in the middle of a fit."""
@@ -44,11 +43,23 @@ def missing(
 
     Example: torsight missing model.py a.csv b.csv --out found
     """  # noqa: D301 - \b keeps the lines of the example apart in the help
-    from torsight.cli.console import progress_bar, say
+    from torsight.discovery.own.answer.saved import write_model
+    from torsight.discovery.own.find import find_missing
+    from torsight.discovery.own.model.model_file import problem_of
     from torsight.report.own_report import write_own_report
 
+    require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
     with progress_bar() as progress:
-        found = missing_to_folder(model, records, out=out, seed=seed, progress=progress)
+        found = find_missing(problem_of(model, records), seed=seed, progress=progress)
+        write_json(out / "discovery.json", found.to_json())
+        write_model(out / "model.json", found.model(), model_file=model)
+        write_table(out / "curves.csv", found.curves())
+        for law in found.laws:
+            if law.chosen:
+                write_table(out / law.csv_name, law.table())
+        (out / FAILURES).unlink(missing_ok=True)
+        if found.failures:
+            write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")
         write_own_report(found, out, model=model, records=records)
     say(found.summary())
     if found.failures:
@@ -57,27 +68,3 @@ def missing(
     say(f"Results           {out}")
     written = [out / name for name in (*FILES, *([FAILURES] if found.failures else []))]
     return Answer(found.to_json(), files=tuple(written))
-
-
-def missing_to_folder(
-    model: Path, records: list[Path], *, out: Path, seed: int = 0, progress: Progress = silent
-) -> Findings:
-    """Find what is missing and write everything but the report; return what was found."""
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json, write_table, write_text
-    from torsight.discovery.own.answer.saved import write_model
-    from torsight.discovery.own.find import find_missing
-    from torsight.discovery.own.model.model_file import problem_of
-
-    require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
-    found = find_missing(problem_of(model, records), seed=seed, progress=progress)
-    write_json(out / "discovery.json", found.to_json())
-    write_model(out / "model.json", found.model(), model_file=model)
-    write_table(out / "curves.csv", found.curves())
-    for law in found.laws:
-        if law.chosen:
-            write_table(out / law.csv_name, law.table())
-    (out / FAILURES).unlink(missing_ok=True)
-    if found.failures:
-        write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")
-    return found

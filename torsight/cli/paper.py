@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 
 
 def paper(
@@ -20,7 +21,6 @@ def paper(
     Example: torsight paper --out paper
     """
     from torsight.actuator.characterising.paper_figures import make_paper
-    from torsight.cli.console import progress_bar, say
 
     with progress_bar() as progress:
         content = make_paper(out, seed=seed, progress=progress)

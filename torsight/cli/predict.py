@@ -9,7 +9,12 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.options import Columns, Units, said
+from torsight.core.errors import ConfigError
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_table
+from torsight.core.units import DEG
 
 
 def predict(
@@ -36,7 +41,6 @@ def predict(
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
-    from torsight.core.errors import ConfigError
     from torsight.discovery.own.answer.saved import is_own_model
 
     if is_own_model(model):
@@ -47,10 +51,7 @@ def predict(
         raise ConfigError("the actuator's model needs it", where="--start-angle", do="give the angle at the first row")
     from torsight.actuator.fitted import read_model
     from torsight.actuator.record.logs import read_log
-    from torsight.cli.console import progress_bar, say
     from torsight.cli.simulate import write_angles_of
-    from torsight.core.files.paths import require_apart
-    from torsight.core.units import DEG
     from torsight.discovery.prediction import predict_with_sigma
 
     require_apart([out], [model, temperature])
@@ -72,9 +73,6 @@ def predict(
 
 def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path) -> Answer:
     """Predict another record with a model of one's own, from initial states 'NAME=VALUE' where they are given."""
-    from torsight.cli.console import say
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_table
     from torsight.discovery.own.answer.saved import read_model
     from torsight.discovery.own.model.quiet import heard
 
@@ -89,8 +87,6 @@ def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path
 
 def _named_value(words: str) -> tuple[str, float]:
     """Read 'NAME=VALUE'."""
-    from torsight.core.errors import ConfigError
-
     name, _, value = words.partition("=")
     try:
         return name.strip(), float(value)

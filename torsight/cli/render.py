@@ -8,6 +8,9 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import read_toml
 
 
 def render(
@@ -23,9 +26,6 @@ def render(
 
     Example: torsight render fixtures/scenes/paper.toml --out paper
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import read_toml
     from torsight.synthetic.scene import scene_from
     from torsight.synthetic.scene_files import record_scene, render_scene
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
+from torsight.cli.experiment_file import Experiment, experiment_from, read_experiment
 from torsight.cli.frame_coverage import is_no_result
 from torsight.cli.options import OpenView
 from torsight.cli.track import FILES as TRACKED
 from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.files.paths import require_apart
+from torsight.core.files.provenance import file_hash, provenance, versions
+from torsight.core.files.storage import json_text, read_json, write_json, write_text
+from torsight.core.files.tables import read_angles
+from torsight.core.optics.camera import read_camera
 from torsight.core.progress import Progress, silent
-
-if TYPE_CHECKING:
-    from torsight.cli.experiment_file import Experiment
 
 
 def run(
@@ -36,9 +40,6 @@ def run(
 
     Example: torsight run experiment.toml --out results
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.cli.experiment_file import read_experiment
-
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
     chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
@@ -51,7 +52,6 @@ def run(
 
 def shown(folder: Path, *more: str, view: bool) -> Answer:
     """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer."""
-    from torsight.cli.console import say
     from torsight.cli.summary import summary
 
     for line in ("", *summary(folder), *more):
@@ -66,7 +66,6 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
     from torsight.cli.campaign import result_row
-    from torsight.core.files.storage import read_json
 
     track = folder / "track.json"
     few = track.is_file() and is_no_result(read_json(track))
@@ -82,10 +81,6 @@ def again(path: Path) -> Experiment:
     InputError
         When the file is no provenance, or an input is missing or has other bytes.
     """
-    from torsight.cli.experiment_file import experiment_from
-    from torsight.core.files.provenance import file_hash
-    from torsight.core.files.storage import read_json
-
     content = read_json(path)
     recorded, configuration = content.get("inputs"), content.get("configuration")
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):
@@ -104,9 +99,6 @@ def again(path: Path) -> Experiment:
 
 def other_versions(path: Path) -> list[str]:
     """Return what to say where a ``provenance.json`` names other versions than are installed: numbers may differ."""
-    from torsight.core.files.provenance import versions
-    from torsight.core.files.storage import read_json
-
     recorded = read_json(path).get("versions")
     recorded = recorded if isinstance(recorded, dict) else {}
     changed = [
@@ -126,9 +118,6 @@ def run_experiment(
     unfinished track goes on from its last checkpoint.
     """
     from torsight.core.files.lock import only_writer
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.provenance import provenance
-    from torsight.core.files.storage import write_json
 
     folder = out or experiment.output
     made = [*(TRACKED if experiment.angle is None else ()), *_MADE]
@@ -154,8 +143,6 @@ def run_experiment(
 
 def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
     """Refuse results of files that were written to while they were read: their hashes would say what is not so."""
-    from torsight.core.files.provenance import file_hash
-
     for name, before in inputs.items():
         if file_hash(Path(name)) != before:
             state.close()
@@ -172,8 +159,6 @@ def _check(experiment: Experiment) -> None:
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
     from torsight.cli.sync import read_settings
-    from torsight.core.files.tables import read_angles
-    from torsight.core.optics.camera import read_camera
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
@@ -299,6 +284,4 @@ class _State:
         self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-        from torsight.core.files.storage import json_text, write_text
-
         write_text(self._path, json_text({"key": self._key, "finished": self.finished}))

@@ -5,17 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import say
 from torsight.cli.options import Columns, Units, said
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import write_table
+from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG, MNM, Floats
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from torsight.actuator.model import Simulation
-    from torsight.core.records import TemperatureLog
 
 
 def simulate(
@@ -31,14 +33,9 @@ def simulate(
 
     Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
     """
-    import numpy as np
-
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.record.logs import read_log
     from torsight.actuator.spec import read_actuator
-    from torsight.cli.console import say
-    from torsight.core.files.paths import require_apart
-    from torsight.core.units import DEG
 
     require_apart([out], [actuator, temperature])
     model = ActuatorModel(read_actuator(actuator))
@@ -49,19 +46,9 @@ def simulate(
 
 
 def write_angles_of(
-    out: Path,
-    log: TemperatureLog,
-    simulation: Simulation,
-    *,
-    angle_rad: NDArray[np.float64],
-    sigma_rad: NDArray[np.float64] | None = None,
+    out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: Floats, sigma_rad: Floats | None = None
 ) -> Answer:
     """Write the angles for a log's instants, what is NaN left empty; return rows, ranges and file."""
-    import numpy as np
-
-    from torsight.core.files.storage import write_table
-    from torsight.core.units import DEG, MNM
-
     write_table(
         out,
         {

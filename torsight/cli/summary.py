@@ -15,10 +15,44 @@ from torsight.core.units import DEG
 from torsight.core.words.wording import effect_name, estimate, held_out_errors, named, not_explained
 
 
-def effect_lines(discovery: Mapping[str, Any]) -> list[str]:
-    """Return a line for each effect that was named, with its values: those made for people where there are any."""
-    effects = discovery.get("effects") or []
-    return [f"  {effect_name(str(effect['id']))}: {effect_values(effect)}" for effect in effects]
+def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
+    """Return what a ``discovery.json`` says: what is missing, its laws, the error before and after, what to do next."""
+    effects = [
+        # The values that are made for people, where there are any.
+        f"  {effect_name(str(effect['id']))}: {effect_values(effect)}"
+        for effect in discovery.get("effects") or []
+    ]
+    floor = discovery.get("noise_floor_deg")
+    noise = "" if floor is None else f" (noise floor {floor:.2f}°)"
+    proposed = (discovery.get("next_experiment") or {}).get("text")
+    return [
+        f"Missing           {named(discovery)}",
+        *effects,
+        *(f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")),
+        f"Error             {_errors(discovery)}{noise}",
+        *(f"  {record['file']}: {_unseen(record)}" for record in discovery.get("records") or []),
+        *([f"Next experiment   {proposed}"] if proposed else []),
+    ]
+
+
+def _errors(discovery: Mapping[str, Any]) -> str:
+    before, after = held_out_errors(discovery)
+    on = "half-cycles that the fit did not see"
+    if before is None or after is None:
+        before, after = (discovery[name]["rmse_train_deg"] for name in ("before", "after"))
+        on = "the very record that was fitted: one half-cycle only, none could be held out"
+    return f"{before:.2f}° rms before, {after:.2f}° after, on {on}"
+
+
+def _unseen(record: Mapping[str, Any]) -> str:
+    """Return the error on a record that was predicted from the others."""
+    before, after = (float(record[name]["rmse_other_records_deg"]) for name in ("before", "after"))
+    return f"{before:.2f}° rms before, {after:.2f}° after, with the rig's values from the other records"
+
+
+def attention(discovery: Mapping[str, Any]) -> list[str]:
+    """Return a line where what was named does not explain the record: said before anything that is read from it."""
+    return [f"Attention         {doubt}"] if (doubt := not_explained(discovery)) else []
 
 
 def summary(folder: Path) -> list[str]:
@@ -26,28 +60,14 @@ def summary(folder: Path) -> list[str]:
     angles = read_angles(folder / "angle.csv")
     known = angles.angle_rad[angles.valid] / DEG
     discovery = read_json(folder / "discovery.json")
-    # What does not explain the record is said before anything that is read from it.
-    doubt = not_explained(discovery)
-    lines = [
-        *([f"Attention         {doubt}"] if doubt else []),
+    return [
+        *attention(discovery),
         (
             f"Range of motion   {np.ptp(known):.1f}° (from {known.min():.1f}° to {known.max():.1f}°), "
             f"{100.0 * angles.valid.mean():.1f} % of {len(angles)} frames measured"
         ),
         f"Friction torque   {estimate(discovery['parameters']['tau_c_mnm'])}",
-        f"Missing           {named(discovery)}",
-        *effect_lines(discovery),
+        *discovery_lines(discovery),
+        f"Report            {folder / 'report.html'}",
+        f"Recording         {folder / 'recording.rrd'}",
     ]
-    lines += [f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")]
-    before, after = held_out_errors(discovery)
-    if before is not None and after is not None:
-        floor = discovery.get("noise_floor_deg")
-        lines.append(
-            f"Error             {before:.2f}° rms before, {after:.2f}° after, on half-cycles that the fit did not see"
-            + (f" (noise floor {floor:.2f}°)" if floor is not None else "")
-        )
-    proposed = (discovery.get("next_experiment") or {}).get("text")
-    if proposed:
-        lines.append(f"Next experiment   {proposed}")
-    lines += [f"Report            {folder / 'report.html'}", f"Recording         {folder / 'recording.rrd'}"]
-    return lines

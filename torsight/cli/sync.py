@@ -7,16 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
+from torsight.cli.experiment_file import KEYS
 from torsight.cli.options import Columns, Fps, Units, said
 from torsight.core.errors import ConfigError
+from torsight.core.files.config import get_number, is_number
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import check_keys, read_json, write_json, write_table
+from torsight.core.files.tables import read_angles, write_merged
 from torsight.core.progress import Progress, silent
+from torsight.core.records import SyncedTable
 
 if TYPE_CHECKING:
     from sync import LightEvents
-    from torsight.core.records import SyncedTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +78,6 @@ def sync(
 
     Example: torsight sync --angle angle.csv --temperature temps.csv --out out
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.storage import read_json
-
     given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events, "led": led}
     settings = {key: value for key, value in given.items() if value is not None}
     with progress_bar() as progress:
@@ -138,17 +142,11 @@ def sync_to_folder(
     NoResultError
         When the offset is neither given nor to be found.
     """
-    import numpy as np
-
     from sync import find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
     from sync.merge.merged_table import require_overlap
     from sync.merge.slow_motion import slow_motion_text
     from sync.merge.sync_report import sync_content
-    from torsight.cli.console import say
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json
-    from torsight.core.files.tables import read_angles, write_merged
     from tracker.frames.timing import timing
 
     steps = 4.0
@@ -194,7 +192,6 @@ def _light(
 ) -> LightEvents:
     """Return when the light at a place of the film changed, and leave a table of it."""
     from sync import film_light_events
-    from torsight.core.files.storage import write_table
 
     if film is None:
         raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
@@ -214,9 +211,6 @@ def read_settings(table: Mapping[str, Any]) -> Settings:
         When the file that ``led_events`` names cannot be used.
     """
     from sync import read_light_events
-    from torsight.cli.experiment_file import KEYS
-    from torsight.core.files.config import get_number
-    from torsight.core.files.storage import check_keys
 
     where = "[sync]"
     check_keys(table, KEYS["sync"], where=where)
@@ -233,8 +227,6 @@ def read_settings(table: Mapping[str, Any]) -> Settings:
 
 
 def _place(value: Any) -> tuple[float, float]:
-    from torsight.core.files.config import is_number
-
     if not (isinstance(value, Sequence) and len(value) == 2 and all(is_number(item) for item in value)):
         raise ConfigError("'led' is no place in the picture", where="[sync]", value=repr(value), limit="[x, y], px")
     return float(value[0]), float(value[1])

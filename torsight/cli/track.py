@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.console import progress_bar, say
 from torsight.cli.frame_coverage import few_angles, is_no_result
 from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
+from torsight.core.files.paths import require_apart
+from torsight.core.files.storage import read_json, write_json, write_table
+from torsight.core.files.tables import marker_columns, write_angles
+from torsight.core.optics.camera import Camera, read_camera, require_second, require_size
 from torsight.core.progress import Progress, silent
+from torsight.core.tracks import StickAngles
 
 if TYPE_CHECKING:
-    from torsight.core.optics.camera import Camera
-    from torsight.core.tracks import StickAngles
     from tracker.detect.marker_file import MarkerHints
     from tracker.frames.film_source import FilmSource
     from tracker.frames.image_sequence import PictureSource
@@ -50,9 +54,6 @@ def track(
 
     Example: torsight track film.mp4 --out out
     """
-    from torsight.cli.console import progress_bar, say
-    from torsight.core.files.storage import read_json
-
     with progress_bar() as progress:
         angles = track_to_folder(
             video,
@@ -109,12 +110,7 @@ def track_to_folder(
     StickAngles
         What stands in ``angle.csv``.
     """
-    from torsight.cli.console import say
     from torsight.core.files.lock import only_writer
-    from torsight.core.files.paths import require_apart
-    from torsight.core.files.storage import write_json, write_table
-    from torsight.core.files.tables import marker_columns, write_angles
-    from torsight.core.optics.camera import read_camera
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
     from torsight.markers.track_picture import keep_pictures, write_track_picture
     from tracker.angle.orient import orient
@@ -180,7 +176,7 @@ def _tracked(
         from torsight.markers.preview import write_preview
         from torsight.markers.track_picture import NAME as TRACK_PICTURE
         from tracker.detect.candidates import look
-        from tracker.detect.given import first_frame
+        from tracker.detect.given_positions import first_frame
 
         frame = first_frame(source)
         if frame.luma is not None:
@@ -199,9 +195,6 @@ def _tracked(
 
 def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
     """Return what is to be said of how a camera file goes with one film or two."""
-    from torsight.cli.console import say
-    from torsight.core.optics.camera import require_second
-
     if two:
         require_second(lens, where=where)
         return []
@@ -219,7 +212,6 @@ def _sources(
     video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
 ) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
     """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
-    from torsight.core.optics.camera import require_size
     from tracker.frames.source import open_source
 
     source = open_source(video, fps=fps, timestamps=timestamps)

@@ -8,8 +8,11 @@ from typing import Annotated
 
 import typer
 
+from torsight.cli.console import progress_bar, say
+from torsight.cli.ends import Ended
 from torsight.cli.options import Serve, WebPort
 from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.files.storage import read_toml
 
 
 def view(
@@ -33,8 +36,6 @@ def view(
 
     Example: torsight view results
     """
-    from torsight.cli.console import say
-    from torsight.cli.ends import Ended
     from torsight.viewer.program import Viewer, address_of, browser_address, chosen_port, free_port, has_display
 
     if pictures is None and at is not None:
@@ -88,7 +89,6 @@ def recording_of(folder: Path) -> Path:
             where=str(folder / "recording.rrd"),
             do="make it with 'torsight run', and name its output folder",
         )
-    from torsight.cli.console import progress_bar
     from torsight.viewer import write_recording
 
     with progress_bar() as progress:
@@ -97,8 +97,6 @@ def recording_of(folder: Path) -> Path:
 
 def _film_of(folder: Path) -> Path | None:
     """Return the film of a live record, where it still is where it was."""
-    from torsight.core.files.storage import read_toml
-
     if not (folder / "experiment.toml").is_file():
         return None
     film = read_toml(folder / "experiment.toml").get("angle", {}).get("film")

@@ -6,6 +6,7 @@ was met, which is allowed and what to do. The command line prints it on one line
 
 from __future__ import annotations
 
+import functools
 import unicodedata
 from typing import Any, ClassVar, Final
 
@@ -60,7 +61,8 @@ class TorsightError(Exception):
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         # Errors come back from worker processes: keep the keyword-only fields.
-        return (_rebuild, (type(self), self.what, self.where, self.value, self.limit, self.do))
+        kept = {name: getattr(self, name) for name in ("where", "value", "limit", "do")}
+        return functools.partial(type(self), self.what, **kept), ()
 
 
 def _short(text: str) -> str:
@@ -70,12 +72,6 @@ def _short(text: str) -> str:
 def _printable(text: str) -> str:
     """Keep what a damaged file holds from moving the cursor or colouring the terminal; a message is one line."""
     return "".join("�" if unicodedata.category(one).startswith("C") else one for one in text)
-
-
-def _rebuild(
-    kind: type[TorsightError], what: str, where: str | None, value: object, limit: str | None, do: str | None
-) -> TorsightError:
-    return kind(what, where=where, value=value, limit=limit, do=do)
 
 
 class ConfigError(TorsightError, ValueError):

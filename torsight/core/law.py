@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from torsight.core.parameter import Parameter
 from torsight.core.series import rms, usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 TIME = "time_s"
 """The driver that is the record's own time."""
@@ -49,7 +47,7 @@ class Kernel:
     """
 
     name: str
-    matrix: Array
+    matrix: Floats
     smooth: bool
 
 
@@ -85,7 +83,7 @@ class Law:
     driver: str
     unit: str
     title: str
-    nodes: Array
+    nodes: Floats
     scale: float
     kernels: tuple[Kernel, ...]
     spring: str = ""
@@ -135,8 +133,8 @@ class LawForm:
     """
 
     id: str
-    nodes: Array
-    basis: Array
+    nodes: Floats
+    basis: Floats
     unit: str
     scale: float
     prior: bool
@@ -152,11 +150,11 @@ class LawForm:
         unit, sigma = ("", 1.0) if self.prior else (self.unit, None)
         return tuple(Parameter(name=name, value=0.0, unit=unit, sigma=sigma, null=0.0) for name in self.names)
 
-    def values(self, parameters: Sequence[float] | Array) -> Array:
+    def values(self, parameters: Sequence[float] | Floats) -> Floats:
         """Return the law's values on its nodes (k,)."""
         return np.asarray(self.basis @ np.asarray(parameters, np.float64))
 
-    def at(self, driver: Array, parameters: Sequence[float] | Array) -> Array:
+    def at(self, driver: Floats, parameters: Sequence[float] | Floats) -> Floats:
         """Return the law by lines between its nodes; beyond them the outermost value holds."""
         return np.interp(driver, self.nodes, self.values(parameters))
 
@@ -171,7 +169,7 @@ class LawForm:
         }
 
 
-def smooth_between(nodes: Array, values: Array) -> tuple[Array, Array]:
+def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Return places and values of a smooth curve through values on nodes (k,): between the places lines do.
 
     A natural cubic spline: lines between the nodes themselves would cut a wave of five nodes a period by a sixth. It
@@ -184,7 +182,7 @@ def smooth_between(nodes: Array, values: Array) -> tuple[Array, Array]:
 
 
 @functools.lru_cache(maxsize=256)
-def _spline(nodes: bytes) -> tuple[Array, Array]:
+def _spline(nodes: bytes) -> tuple[Floats, Floats]:
     """Return places (m,) between nodes, and the matrix (m, k) from the nodes' values to theirs."""
     at = np.frombuffer(nodes)
     gaps = np.arange(_FINER * (len(at) - 1) + 1) / _FINER
@@ -192,25 +190,25 @@ def _spline(nodes: bytes) -> tuple[Array, Array]:
     return places, np.asarray(CubicSpline(at, np.eye(len(at)), bc_type="natural")(places))
 
 
-def squared_exponential(nodes: Array, length: float) -> Array:
+def squared_exponential(nodes: Floats, length: float) -> Floats:
     """Return the covariance (k, k) of a smooth function with this length, standard deviation one."""
     off = (nodes[:, None] - nodes[None, :]) / length
     return np.asarray(np.exp(-0.5 * off**2))
 
 
-def outer(values: Array) -> Array:
+def outer(values: Floats) -> Floats:
     """Return the covariance (k, k) of a function known up to its size, root mean square one over the nodes."""
     unit = values / max(rms(values), 1e-300)
     return np.outer(unit, unit)
 
 
-def slope(nodes: Array) -> Array:
+def slope(nodes: Floats) -> Floats:
     """Return the covariance (k, k) of a straight line through zero in the middle of the nodes."""
     return outer(nodes - 0.5 * (nodes[0] + nodes[-1]))
 
 
 def smooth_kernels(
-    nodes: Array, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
+    nodes: Floats, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
 ) -> tuple[Kernel, ...]:
     """Return smooth kernels whose lengths are shares of the nodes' range; with ``line`` each has a slope beside it.
 
@@ -226,6 +224,6 @@ def smooth_kernels(
     )
 
 
-def usual_kernels(forms: Sequence[tuple[str, Array]]) -> tuple[Kernel, ...]:
+def usual_kernels(forms: Sequence[tuple[str, Floats]]) -> tuple[Kernel, ...]:
     """Return kernels of usual forms, each known up to its size."""
     return tuple(Kernel(name, outer(values), smooth=False) for name, values in forms)

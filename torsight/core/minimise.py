@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _STEPS: Final = 60
 """Steps at most: a fit that gains a little with each of so many creeps along a valley that tells nothing more."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.frozen import Frozen
-from torsight.core.units import DEG, PPM
+from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.shown import Shown, draw_series, share, span
 
 if TYPE_CHECKING:
@@ -35,11 +35,11 @@ class TemperatureLog(Frozen, Shown):
         Further columns, kept under their own names.
     """
 
-    time_s: NDArray[np.float64]
-    temp_a_c: NDArray[np.float64]
-    temp_b_c: NDArray[np.float64]
-    heat_a: NDArray[np.bool_] | None = None
-    heat_b: NDArray[np.bool_] | None = None
+    time_s: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    heat_a: Flags | None = None
+    heat_b: Flags | None = None
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -49,7 +49,7 @@ class TemperatureLog(Frozen, Shown):
         """Return rows, time and temperatures."""
         return {"rows": str(len(self)), "time": span(self.time_s, "s"), **_temperature_facts(self)}
 
-    def temp_c(self, spring: str) -> NDArray[np.float64]:
+    def temp_c(self, spring: str) -> Floats:
         """Return the temperature of spring ``"a"`` or ``"b"``."""
         return self.temp_a_c if spring == "a" else self.temp_b_c
 
@@ -85,11 +85,11 @@ class ClockMap(Shown):
     method: str
     notes: tuple[str, ...] = ()
 
-    def to_temperature_time(self, film_time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_temperature_time(self, film_time_s: Floats) -> Floats:
         """Return the temperature log's time for times on the film's clock, s."""
         return film_time_s * (1.0 + self.drift_ppm * PPM) + self.offset_s
 
-    def to_film_time(self, temperature_time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_film_time(self, temperature_time_s: Floats) -> Floats:
         """Return the film's time for times on the temperature log's clock, s."""
         return (temperature_time_s - self.offset_s) / (1.0 + self.drift_ppm * PPM)
 
@@ -140,13 +140,13 @@ class SyncedTable(Frozen, Shown):
         Further columns, kept under their own names.
     """
 
-    time_s: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
-    angle_sigma_rad: NDArray[np.float64]
-    temp_a_c: NDArray[np.float64]
-    temp_b_c: NDArray[np.float64]
-    heat_a: NDArray[np.bool_] | None = None
-    heat_b: NDArray[np.bool_] | None = None
+    time_s: Floats
+    angle_rad: Floats
+    angle_sigma_rad: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    heat_a: Flags | None = None
+    heat_b: Flags | None = None
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def __len__(self) -> int:

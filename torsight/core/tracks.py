@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
 from torsight.core.words.wording import number
 
@@ -38,11 +37,11 @@ class MarkerTracks(Shown):
         Width and height of the picture.
     """
 
-    frame: NDArray[np.int64]
-    time_s: NDArray[np.float64]
-    position_px: NDArray[np.float64]
-    covariance_px2: NDArray[np.float64]
-    valid: NDArray[np.bool_]
+    frame: Ints
+    time_s: Floats
+    position_px: Floats
+    covariance_px2: Floats
+    valid: Flags
     size_px: tuple[int, int]
 
     def __post_init__(self) -> None:
@@ -104,12 +103,12 @@ class StickAngles(Shown):
         False after a gap over which the whole turn could not be decided by the motion on both sides.
     """
 
-    frame: NDArray[np.int64]
-    time_s: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
-    sigma_rad: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    branch_certain: NDArray[np.bool_]
+    frame: Ints
+    time_s: Floats
+    angle_rad: Floats
+    sigma_rad: Floats
+    valid: Flags
+    branch_certain: Flags
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError, TorsightError
+from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.tracks import MARKERS, USUAL_SHARE, MarkerTracks
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import counted, listed
 from torsight.markers.drawing import SHOWN_PX
 from tracker.detect.marker_file import MarkerHints, read_markers
@@ -88,22 +88,19 @@ class Followed:
         Frames that were followed.
     seen : (4,) int64
         In how many of them each point was seen.
-    turned_deg : (2,) float64
-        By how much the line through each stick's points turned from its one extreme to the other; NaN where not seen.
     verdict : str
         One sentence.
     warnings : tuple of str
         What does not look right.
     """
 
-    frame: NDArray[np.int64]
-    time_s: NDArray[np.float64]
+    frame: Ints
+    time_s: Floats
     pictures: tuple[bytes, ...]
-    position_px: NDArray[np.float64]
-    angle_deg: NDArray[np.float64]
+    position_px: Floats
+    angle_deg: Floats
     count: int
-    seen: NDArray[np.int64]
-    turned_deg: NDArray[np.float64]
+    seen: Ints
     verdict: str
     warnings: tuple[str, ...]
 
@@ -150,7 +147,6 @@ def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float)
     angles = orient(tracks, None, pixel_aspect=source.pixel_aspect).angles
     shown = np.unique(np.linspace(0, count - 1, _SHOWN).round().astype(np.int64))
     seen = tracks.valid.sum(axis=0)
-    turned_deg = np.array([_turned_deg(tracks, first) for first in (0, 2)])
     unseen = [
         f"{name.replace('_', ' ')} in {count - n}"
         for name, n in zip(MARKERS, seen.tolist(), strict=True)
@@ -166,20 +162,19 @@ def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float)
         angle_deg=angles.angle_rad[shown] / DEG,
         count=count,
         seen=seen,
-        turned_deg=turned_deg,
-        verdict=_verdict(int(angles.valid.sum()), tracks, which_moves(part, hints), turned_deg),
+        verdict=_verdict(int(angles.valid.sum()), tracks, which_moves(part, hints)),
         warnings=tuple(warnings),
     )
 
 
-def _verdict(known: int, tracks: MarkerTracks, moving: int | None, turned_deg: NDArray[np.float64]) -> str:
+def _verdict(known: int, tracks: MarkerTracks, moving: int | None) -> str:
     count, lasted_s = len(tracks), float(tracks.time_s[-1] - tracks.time_s[0])
     told = f"{known} of {counted(count, 'frame')} ({lasted_s:.1f} s) have an angle"
     if moving is None:
         return f"{told}; neither stick has turned yet: follow a longer stretch to see which one moves."
     if moving == 0:
         return f"{told}, but the stick picked as base is the one that turns: exchange base and moving."
-    return f"{told}; the moving stick turned by {turned_deg[1]:.1f}°."
+    return f"{told}; the moving stick turned by {_turned_deg(tracks):.1f}°."
 
 
 def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
@@ -194,7 +189,7 @@ def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
     return None
 
 
-def name_sticks(source: FrameSource, sticks_px: NDArray[np.float64], *, seconds: float) -> NDArray[np.float64] | None:
+def name_sticks(source: FrameSource, sticks_px: Floats, *, seconds: float) -> Floats | None:
     """Return the markers (4, 2) of two sticks (2, 2, 2) in their order, base first; None where neither moves yet.
 
     The sticks' markers are those of the first frame, inner ones first; so many seconds of the film are looked at.
@@ -207,38 +202,22 @@ def name_sticks(source: FrameSource, sticks_px: NDArray[np.float64], *, seconds:
     return None if moving is None else np.array([*one, *two] if moving else [*two, *one])
 
 
-def _turned_deg(tracks: MarkerTracks, first: int) -> float:
-    offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
-    offset = offset[tracks.valid[:, first] & tracks.valid[:, first + 1]]
+def _turned_deg(tracks: MarkerTracks) -> float:
+    """Return by how much the moving stick turned from its one extreme to the other; NaN where it is not seen."""
+    offset = (tracks.position_px[:, 3] - tracks.position_px[:, 2])[tracks.valid[:, 2:].all(axis=1)]
     if not len(offset):
         return float("nan")
     return float(np.ptp(np.unwrap(np.arctan2(offset[:, 1], offset[:, 0])))) / DEG
 
 
-def _pictures(source: Beginning, shown: NDArray[np.int64]) -> tuple[bytes, ...]:
+def _pictures(source: Beginning, shown: Ints) -> tuple[bytes, ...]:
     """Return some frames as JPEG, shrunk to what a page shows; a frame that cannot be decoded as an empty picture."""
-    wanted = set(shown.tolist())
-    return tuple(
-        jpeg(frame.luma if frame.luma is not None else np.zeros(source.size_px[::-1], np.uint8))
-        for frame in source
-        if frame.index in wanted
-    )
+    wanted, empty = set(shown.tolist()), np.zeros(source.size_px[::-1], np.uint8)
+    lumas = (empty if frame.luma is None else frame.luma for frame in source if frame.index in wanted)
+    return tuple(encoded(shrunk(luma, SHOWN_PX), ".jpg", quality=85) for luma in lumas)
 
 
-def jpeg(luma: NDArray[np.uint8]) -> bytes:
-    """Return a frame as JPEG, shrunk to what a page shows."""
-    import cv2
-
-    scale = SHOWN_PX / max(luma.shape)
-    if scale < 1.0:
-        size = (round(scale * luma.shape[1]), round(scale * luma.shape[0]))
-        luma = np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    done, data = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, 85])
-    assert done  # noqa: S101 - a grey picture can always be encoded
-    return data.tobytes()
-
-
-def _known(point: NDArray[np.float64]) -> list[float] | None:
+def _known(point: Floats) -> list[float] | None:
     return None if np.isnan(point).any() else [float(point[0]), float(point[1])]
 
 

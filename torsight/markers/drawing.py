@@ -16,9 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.files.small_pictures import encoded
 from torsight.core.files.storage import write_bytes
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 
 if TYPE_CHECKING:
@@ -118,7 +120,7 @@ class Canvas:
         left, top, wide, tall = cv2.getTextSize((1, 1), words, (0, 0), self._face, TEXT_PX, _REGULAR)
         return int(left), int(top), int(wide), int(tall)
 
-    def line(self, points_px: NDArray[np.float64], colour: Colour, *, width_px: int = 1) -> None:
+    def line(self, points_px: Floats, colour: Colour, *, width_px: int = 1) -> None:
         """Draw the line through places (n, 2); it is interrupted where one is NaN."""
         for begin, end in runs(np.asarray(np.isfinite(points_px).all(axis=1))):
             places = [_fixed(points_px[begin:end])]
@@ -148,7 +150,7 @@ class Canvas:
         self.line(np.array([[x - reach_px, y], [x + reach_px, y]]), colour)
         self.line(np.array([[x, y - reach_px], [x, y + reach_px]]), colour)
 
-    def tint(self, polygons_px: Sequence[NDArray[np.float64]], colour: Colour, share: float) -> None:
+    def tint(self, polygons_px: Sequence[Floats], colour: Colour, share: float) -> None:
         """Colour polygons (n, 2) apart from each other, by a share from 0 (not at all) to 1 (opaque)."""
         over = self.pixels.copy()
         for corners_px in polygons_px:
@@ -162,7 +164,7 @@ class Canvas:
 
     def save(self, path: Path) -> None:
         """Write a PNG, the same bytes for the same content."""
-        write_bytes(path, cv2.imencode(".png", self.pixels)[1].tobytes())
+        write_bytes(path, encoded(self.pixels, ".png"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +187,7 @@ class FrameView:
     scale_x: float
     scale_y: float
 
-    def at(self, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, places_px: Floats) -> Floats:
         """Return where places (..., 2) of the frame are on the canvas; pixel centres are at whole numbers in both."""
         corner = np.array([self.left_px, self.top_px]) - 0.5
         return np.asarray((places_px - corner) * np.array([self.scale_x, self.scale_y]) - 0.5, dtype=np.float64)
@@ -207,7 +209,7 @@ def show_frame(
     return view
 
 
-def show_stick(view: FrameView, points_px: NDArray[np.float64], *, colour: Colour, radius_px: float) -> None:
+def show_stick(view: FrameView, points_px: Floats, *, colour: Colour, radius_px: float) -> None:
     """Draw the markers (2, 2) of a stick that were read, and the line between them; NaN where one was not."""
     places = view.at(points_px)
     view.canvas.line(places, colour)
@@ -228,9 +230,7 @@ def show_candidates(view: FrameView, candidates: Sequence[Candidate]) -> None:
         view.canvas.label((x + 0.8 * reach, y - 0.8 * reach), str(one.number), colour)
 
 
-def show_named(
-    view: FrameView, places_px: NDArray[np.float64], names: Sequence[str], colours: Sequence[Colour]
-) -> None:
+def show_named(view: FrameView, places_px: Floats, names: Sequence[str], colours: Sequence[Colour]) -> None:
     """Draw places (n, 2) as rings with a cross and a name."""
     for (x, y), name, colour in zip(view.at(places_px).tolist(), names, colours, strict=True):
         view.canvas.ring((x, y), 9.0, colour)
@@ -259,7 +259,7 @@ def marker_colours() -> list[Colour]:
     return [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
 
 
-def round_numbers(low: float, high: float, *, most: int) -> NDArray[np.float64]:
+def round_numbers(low: float, high: float, *, most: int) -> Floats:
     """Return at most so many multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
     from matplotlib.ticker import MaxNLocator
 
@@ -272,6 +272,6 @@ def wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(text, width) or [""]
 
 
-def _fixed(places_px: NDArray[np.float64]) -> NDArray[np.int32]:
+def _fixed(places_px: Floats) -> NDArray[np.int32]:
     """Return places in OpenCV's numbers with fixed point; what lies far outside is drawn at the edge of its range."""
     return np.clip(np.rint(places_px * 2.0**_SHIFT), -(2**24), 2**24).astype(np.int32)

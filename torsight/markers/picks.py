@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
 STICKS: Final = ("base", "moving")
+PICKED: Final = tuple(kind for kind in KINDS if kind != "tag")
+"""Kinds of marker that are given by their positions; a tag is found by its number."""
 SNAPS: Final = "dot"
 """The kind of marker whose position is the centre of a dot; every other kind is followed where it was picked."""
 
@@ -40,25 +42,6 @@ class Place:
     x_px: float
     y_px: float
     radius_px: float | None
-
-
-def accepted_kinds() -> tuple[str, ...]:
-    """Return the kinds of marker that the tracker accepts with four positions and nothing else."""
-    return tuple(kind for kind in KINDS if _accepts(kind))
-
-
-def kinds_may_differ() -> bool:
-    """Return whether the tracker accepts one kind for the base stick and another for the moving one."""
-    return len(accepted_kinds()) > 1 and _accepts(dict(zip(STICKS, accepted_kinds(), strict=False)))
-
-
-def _accepts(kind: Any) -> bool:
-    corners = [[10.0, 10.0], [90.0, 10.0], [10.0, 90.0], [90.0, 90.0]]
-    try:
-        read_markers({"base": corners[:2], "moving": corners[2:], "kind": kind})
-    except ConfigError:
-        return False
-    return True
 
 
 def place(
@@ -85,7 +68,7 @@ def place(
         When there is no dot next to it.
     """
     from tracker.detect.dots import dot_near
-    from tracker.detect.given import SNAP_PX
+    from tracker.detect.given_positions import SNAP_PX
 
     height, width = luma.shape
     where = f"[{x_px:.1f}, {y_px:.1f}]"

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from torsight.core.words.colours import GIVEN_COLOUR
 from torsight.markers.drawing import (
     DOT,
@@ -36,9 +37,10 @@ if TYPE_CHECKING:
 
 _CORNER_PX: Final = (60.0, 50.0)
 """Where the frame's upper left corner is in the picture."""
-_LIST_PX: Final = 620.0
-_LINE_PX: Final = 15.0
 _LINE_CHARACTERS: Final = 98
+_LIST_PX: Final = 0.53 * TEXT_PX * _LINE_CHARACTERS
+_LINE_PX: Final = 1.25 * TEXT_PX
+"""The list beside the frame: a letter is about half as wide as it is tall, a line a quarter taller than its letters."""
 _GRID_LINES: Final = 16
 """Most lines of the grid along the frame's longer side."""
 _GRID_SHARE: Final = 0.28
@@ -52,8 +54,8 @@ def write_preview(
     *,
     title: str,
     message: str = "",
-    given_px: NDArray[np.float64] | None = None,
-    named_px: NDArray[np.float64] | None = None,
+    given_px: Floats | None = None,
+    named_px: Floats | None = None,
 ) -> None:
     """Draw one frame with a grid in pixels, the candidates with their numbers, and the markers that were found.
 
@@ -110,7 +112,7 @@ def _grid(canvas: Canvas, view: FrameView, size_px: tuple[int, int]) -> None:
     canvas.text_upwards((16, top + height / 2), "y (px)")
 
 
-def _found_words(seen: Sighting, named_px: NDArray[np.float64] | None) -> str:
+def _found_words(seen: Sighting, named_px: Floats | None) -> str:
     if seen.sticks_px is None:
         return seen.reason
     if named_px is None:

@@ -25,7 +25,7 @@ from torsight.markers.session import Session, require_saved
 PAGE: Final = Path(__file__).parent / "page.html"
 _BEAT_S: Final = 0.5
 """How often the page is written to, to notice that it is gone."""
-_RELOAD_S: Final = 2.0
+_RELOAD_S: Final = 4.0 * _BEAT_S
 """A page that is back within this time was only loaded again."""
 _LARGEST: Final = 100_000
 """Bytes that a page ever sends: four positions and their kinds take a hundredth of it."""

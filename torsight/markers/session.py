@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.files.small_pictures import encoded
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 from torsight.markers.beginning import Followed, follow_beginning, name_sticks, seconds_of
 from torsight.markers.picks import (
+    PICKED,
+    SNAPS,
     STICKS,
-    accepted_kinds,
     content_of,
     hints_of,
-    kinds_may_differ,
     place,
     read_earlier,
     write_markers,
@@ -73,8 +75,7 @@ class Session:
             "frame": self.index,
             "out": str(self.out),
             "markers": list(MARKERS),
-            "kinds": list(accepted_kinds()),
-            "kinds_may_differ": kinds_may_differ(),
+            "kinds": list(PICKED),
             "colours": {"base": hex_of(BASE_COLOUR), "moving": hex_of(MOVING_COLOUR)},
             "found": None if found is None else dict(zip(MARKERS, found.reshape(4, 2).tolist(), strict=True)),
             "found_note": self._found_note(),
@@ -105,8 +106,7 @@ class Session:
         }
         given = self._earlier.get("kind")
         kinds = given if isinstance(given, Mapping) else dict.fromkeys(STICKS, given)
-        known = accepted_kinds()
-        return {"points": points, "kind": {stick: kind if kind in known else known[0] for stick, kind in kinds.items()}}
+        return {"points": points, "kind": {stick: kind if kind in PICKED else SNAPS for stick, kind in kinds.items()}}
 
     def place(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Return where a pick comes to lie; ``asked`` holds ``x, y, kind`` and ``others``, the other picks by name."""
@@ -132,11 +132,7 @@ class Session:
 
     def first_png(self) -> bytes:
         """Return the first frame, every pixel as it is."""
-        import cv2
-
-        done, data = cv2.imencode(".png", self.first)
-        assert done  # noqa: S101 - a grey picture can always be encoded
-        return data.tobytes()
+        return encoded(self.first, ".png")
 
     def save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Write the marker file, unless the tracker could not start from it."""
@@ -151,16 +147,14 @@ class Session:
 
 def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
     """Return the first frame that was decoded whole, and its number."""
-    from tracker.detect.given import first_frame
+    from tracker.detect.given_positions import first_frame
 
     frame = first_frame(source)
     assert frame.luma is not None  # noqa: S101 - such frames are passed over
     return np.ascontiguousarray(frame.luma).copy(), frame.index
 
 
-def find_markers(
-    source: FilmSource | PictureSource, first: NDArray[np.uint8]
-) -> tuple[Sighting, NDArray[np.float64] | None]:
+def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -> tuple[Sighting, Floats | None]:
     """Return what automatic detection sees in the first frame, and the four markers in their order.
 
     The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,15 @@ from numpy.typing import NDArray
 from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import counted
 from torsight.markers.drawing import PLAIN, Box, Canvas, draw_grid, round_numbers, show_frame, show_stick
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
+    from tracker.frames.film_source import FilmSource
+    from tracker.frames.image_sequence import PictureSource
     from tracker.track import TrackResult
 
 NAME: Final = "track.png"
@@ -27,30 +28,16 @@ NAME: Final = "track.png"
 _OVER_THE_FILM: Final = 4
 """Frames beside the first one and the worst one, evenly spaced up to the last."""
 _PANEL_PX: Final = 420.0
+"""Width of a frame's panel; three of them stand side by side."""
 _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
 _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
+"""Room for the words above a panel; height of the plot of the angle."""
 _GAP: Final = rgb(LIGHT["before"])
 _ANGLE: Final = rgb(LIGHT["after"])
 """As in the report."""
 _GRID: Final[Colour] = (230, 230, 230)
-
-
-class Pictures(Protocol):
-    """A source of frames that gives single ones again after a pass."""
-
-    name: str
-
-    @property
-    def frame_count(self) -> int | None:
-        """Number of frames, where it is known before they are read."""
-
-    def keep(self, indices: Iterable[int]) -> None:
-        """Say which frames will be asked for after the next pass: they need not be decoded again."""
-
-    def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return some frames of the last pass by their numbers, without those that cannot be decoded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +48,15 @@ class Shown:
     why: str
 
 
-def keep_pictures(source: Pictures) -> None:
+def keep_pictures(source: FilmSource | PictureSource) -> None:
     """Say to a source, before a pass, which of its frames will be drawn as far as that is known by then."""
     if source.frame_count:
         source.keep(_evenly(source.frame_count))
 
 
-def write_track_picture(path: Path, source: Pictures, result: TrackResult, angles: StickAngles) -> None:
+def write_track_picture(
+    path: Path, source: FilmSource | PictureSource, result: TrackResult, angles: StickAngles
+) -> None:
     """Draw the first frame, four over the film and the worst one with the markers as read, and the angle with its gaps.
 
     The film is asked for these frames after a pass.
@@ -179,7 +168,7 @@ def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Sh
     low, high = _limits(reach[np.isfinite(reach)], margin=0.05)
     begin_s, end_s = _limits(time_s, margin=0.01)
 
-    def at(times: NDArray[np.float64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(times: Floats, degrees: Floats) -> Floats:
         across = (times - begin_s) / (end_s - begin_s) * (width - 1)
         return np.column_stack([across, (high - degrees) / (high - low) * (height - 1)])
 
@@ -218,7 +207,7 @@ def _write_legend(canvas: Canvas, end_px: tuple[int, int], *, gaps: int) -> None
         x -= 44
 
 
-def _limits(values: NDArray[np.float64], *, margin: float) -> tuple[float, float]:
+def _limits(values: Floats, *, margin: float) -> tuple[float, float]:
     """Return the range of values and a share of it at either side; never an empty one."""
     if not len(values):
         return 0.0, 1.0

@@ -7,18 +7,6 @@ films it; ``experiment`` plays a scene, ``render`` writes it.
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.core.lazy import lazily
 
-_HOMES: Final = {
-    "Scene": "scene",
-    "demo_scene": "scene",
-    "read_scene": "scene",
-    "scene_from": "scene",
-    "Record": "experiment",
-    "make_record": "experiment",
-    "render_scene": "scene_files",
-}
-
-__getattr__, __dir__ = lazily(__name__, _HOMES)
+__getattr__, __dir__ = lazily(__name__, __file__)

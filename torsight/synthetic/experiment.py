@@ -8,18 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.records import SyncedTable
-from torsight.core.units import DEG, PPM
+from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.synthetic.effects.hidden import ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.rig.moving_rig import RigRecord, Setup, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,12 +59,12 @@ class Played:
             read = between_samples(self.read_rad, (time_s + self.before_s) / self.rig.step_s)
         return reading_angle(read, time_s, slips) + self.scene.sticks.offset_deg * DEG
 
-    def lit(self, time_s: Floats) -> NDArray[np.bool_]:
+    def lit(self, time_s: Floats) -> Flags:
         """Return whether a spring is switched on at instants of the film's clock."""
         if self.rig is None:
             return np.zeros(time_s.shape, bool)
         index = np.clip(((time_s + self.before_s) / self.rig.step_s).astype(np.int64), 0, len(self.rig) - 1)
-        on: NDArray[np.bool_] = (self.rig.heat_a | self.rig.heat_b)[index]
+        on: Flags = (self.rig.heat_a | self.rig.heat_b)[index]
         return on
 
 

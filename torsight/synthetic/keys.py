@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from typing import Any, TypeVar
 
 from torsight.core.files.config import get_number, get_numbers, get_switch, get_text, get_whole
 from torsight.core.files.storage import check_keys
+from torsight.core.units import DEG, MNM
 
 T = TypeVar("T")
 
@@ -30,7 +31,7 @@ class KeyRule:
     choices : tuple of str
         Allowed texts; empty where any is.
     constant : str
-        The integrator's constant that a key of an effect sets; empty where it sets none by itself.
+        The integrator's constant that a key sets; empty where it sets none by itself.
     """
 
     help: str
@@ -61,6 +62,23 @@ def rule_of(item: Field[Any]) -> KeyRule:
         msg = f"{item.name} was not declared by key()"
         raise TypeError(msg)
     return rule
+
+
+def is_section(kind: Any) -> bool:
+    """Return whether a type is a section: a dataclass, every field of which was declared by :func:`key`."""
+    return is_dataclass(kind) and all("rule" in item.metadata for item in fields(kind))
+
+
+def constants_of(section: Any) -> dict[str, float]:
+    """Return the integrator's constants that a section's keys set, in SI; a text is its place among the choices."""
+    rules = {item.name: rule_of(item) for item in fields(section)}
+    return {rule.constant: _in_si(name, getattr(section, name), rule) for name, rule in rules.items() if rule.constant}
+
+
+def _in_si(name: str, value: float | str, rule: KeyRule) -> float:
+    if isinstance(value, str):
+        return rule.choices.index(value)
+    return value * DEG if name.endswith("_deg") else value * MNM if "_mnm" in name else value
 
 
 def read_section(kind: type[T], table: Mapping[str, Any], *, where: str) -> T:

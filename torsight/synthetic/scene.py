@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 from torsight.synthetic.effects.hidden import read_hidden
 from torsight.synthetic.effects.mechanisms import HiddenEffect
-from torsight.synthetic.keys import key, read_section
+from torsight.synthetic.keys import is_section, key, read_section
 from torsight.synthetic.rig.moving_rig import Mechanics, Sensor, Thermal
 from torsight.synthetic.rig.protocol import Protocol, read_protocol
 from torsight.synthetic.rig.rig_values import Declared, RigValues, declared_from, draw_values
@@ -181,7 +181,6 @@ class Scene(Frozen):
     log: LogSettings
     events: tuple[FilmEvent, ...]
     output: OutputSettings
-    source: Mapping[str, Any] = field(default_factory=dict)
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return the random numbers for one purpose; they do not depend on what else is drawn."""
@@ -189,18 +188,7 @@ class Scene(Frozen):
 
 
 SECTIONS: Final[Mapping[str, type[Any]]] = {
-    "mechanics": Mechanics,
-    "thermal": Thermal,
-    "sensor": Sensor,
-    "motion": Motion,
-    "film": FilmSettings,
-    "camera": CameraSettings,
-    "stereo": StereoSettings,
-    "sticks": StickSettings,
-    "light": LightSettings,
-    "led": LedSettings,
-    "log": LogSettings,
-    "output": OutputSettings,
+    name: kind for name, kind in get_type_hints(Scene).items() if is_section(kind)
 }
 """Sections with plain keys; [actuator], [rig], [protocol], [effects] and [[event]] have their own layout."""
 
@@ -238,7 +226,6 @@ def scene_from(content: Mapping[str, Any], *, where: str = "scene", seed: int | 
         events=tuple(
             read_section(FilmEvent, item, where=place) for item, place in get_tables(content, "event", where=where)
         ),
-        source=content,
         **sections,
     )
     _check(scene, where=where)

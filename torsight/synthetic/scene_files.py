@@ -9,22 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import write_table, write_text
 from torsight.core.files.tables import write_merged
 from torsight.core.optics.camera import camera_content
 from torsight.core.progress import Progress, silent
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.experiment import Played, clock, log_columns, make_record, play_scene
 from torsight.synthetic.filming.camera_work import Occluders, frame_ticks, light_gain, shake_path
 from torsight.synthetic.filming.film_writer import SUFFIXES, TICKS, open_film
 from torsight.synthetic.filming.optics import camera_of, views
 from torsight.synthetic.filming.studio import Studio
 from torsight.synthetic.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> Path:
@@ -108,7 +105,7 @@ def film_names(scene: Scene) -> tuple[str, ...]:
     return (f"film{suffix}",)
 
 
-def _film(played: Played, ticks: NDArray[np.int64], time_s: Floats, *, out: Path, progress: Progress) -> Floats:
+def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: Progress) -> Floats:
     """Film the scene; return where the first camera sees the markers in the first frame."""
     scene = played.scene
     seen = views(scene)

@@ -23,26 +23,6 @@ Positions on ``film`` are in pixels of the picture that is shown, which is narro
 
 from __future__ import annotations
 
-from pathlib import Path
+from torsight.core.lazy import lazily
 
-from torsight.core.files.paths import AnyPath
-from torsight.core.progress import Progress, silent
-
-
-def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
-    """Write ``recording.rrd`` into a run's folder; see :func:`torsight.viewer.recording.write_recording`."""
-    from torsight.viewer.recording import write_recording as write
-
-    return write(folder, film=film, progress=progress)
-
-
-def save_pictures(
-    recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
-) -> list[Path]:
-    """Save a recording's panes as PNG without a screen; see :func:`torsight.viewer.screenshots.save_pictures`."""
-    from torsight.viewer.screenshots import save_pictures as save
-
-    return save(recording, out, time_s=time_s, size_px=size_px)
-
-
-__all__ = ["save_pictures", "write_recording"]
+__getattr__, __dir__ = lazily(__name__, __file__)

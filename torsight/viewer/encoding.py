@@ -50,6 +50,12 @@ def _load_everything(av: Any) -> None:
         container.mux(stream.encode())
 
 
+def report(error: Exception, *, system: bool, message: str) -> None:
+    """Say on standard output what is wrong; with the system's number where it is the ``system`` that refused."""
+    json.dump({"errno": getattr(error, "errno", None) if system else None, "message": message}, sys.stdout)
+    sys.stdout.flush()
+
+
 def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s: float) -> int:
     """Encode what comes on standard input and return the exit code."""
     import av
@@ -97,10 +103,7 @@ if __name__ == "__main__":
         code = main(sys.argv[1], sys.argv[2], width_px, height_px, rate, float(sys.argv[6]))
     except Exception as error:  # noqa: BLE001 - the sender says what it means
         system = isinstance(error, OSError) and not type(error).__module__.startswith("av")
-        sys.stdout.write(
-            json.dumps({"errno": getattr(error, "errno", None) if system else None, "message": str(error)})
-        )
-        sys.stdout.flush()
+        report(error, system=system, message=str(error))
         code = 1
     # At once: what an encoder does at its own end no longer matters.
     os._exit(code)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Ints
 from torsight.viewer import encoding
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Preview:
     """
 
     path: Path
-    frame: NDArray[np.int64]
+    frame: Ints
     scale: float
     size_px: tuple[int, int]
 

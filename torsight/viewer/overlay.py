@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, MOVING_COLOUR, Colour
 
 ARC_COLOUR: Final = GIVEN_COLOUR
@@ -37,14 +37,14 @@ class Overlay:
         The angle as it is written beside the arc.
     """
 
-    points_px: NDArray[np.float64]
+    points_px: Floats
     names: tuple[str, ...]
-    sticks_px: tuple[NDArray[np.float64], ...]
+    sticks_px: tuple[Floats, ...]
     sticks: tuple[str, ...]
-    arc_px: NDArray[np.float64]
+    arc_px: Floats
     label: str
 
-    def strokes(self) -> tuple[list[NDArray[np.float64]], list[Colour], list[str]]:
+    def strokes(self) -> tuple[list[Floats], list[Colour], list[str]]:
         """Return sticks and arc as lines, with their colours and the words beside them."""
         lines = list(self.sticks_px)
         colours = [colour_of(stick) for stick in self.sticks]
@@ -61,7 +61,7 @@ def colour_of(name: str) -> Colour:
     return BASE_COLOUR if name.startswith("base") else MOVING_COLOUR
 
 
-def overlay(position_px: NDArray[np.float64], angle_rad: float, *, scale: float) -> Overlay:
+def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
     """Return what is drawn on one frame.
 
     Parameters
@@ -89,7 +89,7 @@ def overlay(position_px: NDArray[np.float64], angle_rad: float, *, scale: float)
     )
 
 
-def _arc(shown: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+def _arc(shown: Floats, angle_rad: float) -> Floats:
     """Return the arc about the point where the two sticks' lines are nearest to their inner markers.
 
     Whole turns beyond the first are not drawn twice; the label carries them.
@@ -105,9 +105,7 @@ def _arc(shown: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
     return np.column_stack([centre[0] + radius * np.cos(along), centre[1] - radius * np.sin(along)])
 
 
-def _crossing(
-    first: NDArray[np.float64], along: NDArray[np.float64], second: NDArray[np.float64], across: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _crossing(first: Floats, along: Floats, second: Floats, across: Floats) -> Floats:
     """Return where two lines cross, or the middle between their inner markers where they are nearly parallel."""
     determinant = along[0] * across[1] - along[1] * across[0]
     middle = (first + second) / 2.0

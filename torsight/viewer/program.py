@@ -133,9 +133,7 @@ class Viewer:
         """End it, wait for it, and forget what it said and left in its temporary folder."""
         if self.running:
             self.process.terminate()
-            try:
-                self.process.wait(timeout=3.0)
-            except subprocess.TimeoutExpired:
+            if not self.ended_within(3.0):
                 self.process.kill()
         self.process.wait()
         self._said.close()

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, column, read_results
@@ -22,7 +21,7 @@ from torsight.core.files.storage import atomic_path
 from torsight.core.files.tables import marker_values
 from torsight.core.progress import Progress, silent
 from torsight.core.series import usual_step
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import effect_name, variable_name
 from torsight.viewer import view_layout
 from torsight.viewer.film_preview import MOST_FRAMES, Preview, trouble_of, write_preview
@@ -238,14 +237,14 @@ def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview 
         log_overlays(stream, drawn, times(chosen, time_s))
 
 
-def times(frame: NDArray[np.int64], time_s: NDArray[np.float64]) -> list[rr.TimeColumn]:
+def times(frame: Ints, time_s: Floats) -> list[rr.TimeColumn]:
     """Return both timelines for frames of the film."""
     import rerun as rr
 
     return [rr.TimeColumn(view_layout.TIME, duration=time_s[frame]), rr.TimeColumn(view_layout.FRAME, sequence=frame)]
 
 
-def overlays(results: RunResults, frame: NDArray[np.int64], *, scale: float) -> list[Overlay]:
+def overlays(results: RunResults, frame: Ints, *, scale: float) -> list[Overlay]:
     """Return what is drawn on each of the frames."""
     table = results.markers
     if table is None:

@@ -4,7 +4,7 @@ Rerun's writer of files ends when the disk is full, and whatever asks it for any
 flush, the next recording, the end of the program. So it is not let into the process that holds the results.
 
 On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
-is wrong is reported as ``{"errno": …, "message": …}`` on standard output.
+is wrong is told by :func:`torsight.viewer.encoding.report`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import signal
 import sys
 from pathlib import Path
 
+from torsight.viewer.encoding import report
 from torsight.viewer.film_preview import Preview
 from torsight.viewer.recording import log_recording
 
@@ -28,10 +29,8 @@ def main() -> int:
     try:
         log_recording(Path(task["folder"]), Path(task["target"]), preview)
     except Exception as error:  # noqa: BLE001 - the sender says what it means
-        number = error.errno if isinstance(error, OSError) else None
-        words = error.strerror if isinstance(error, OSError) and error.strerror else f"{type(error).__name__}: {error}"
-        sys.stdout.write(json.dumps({"errno": number, "message": words}))
-        sys.stdout.flush()
+        system = isinstance(error, OSError) and error.strerror
+        report(error, system=bool(system), message=str(system) if system else f"{type(error).__name__}: {error}")
         return 1
     return 0
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
-from torsight.core.optics.hanging import USUAL_PX, direction_bins, hanging_errors, spread_rows
+from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
 
 Floats = NDArray[np.float64]
@@ -189,7 +189,7 @@ class _Paths:
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
         white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
-        whiten = hanging_errors(self.direction_rad, self.misfit, values, usual=usual / white).whiten
+        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
         return lambda left: np.asarray(factor @ left)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
 from tracker.appearance.lucas_kanade import READING, Luma
-from tracker.follow.dots import DotState
+from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import base_shift
 from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of

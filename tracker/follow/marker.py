@@ -14,7 +14,7 @@ from tracker.appearance.disc import COLUMNS, window_pixels
 from tracker.appearance.dot_fit import DotShape
 from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
 from tracker.detect.dots import Dot
-from tracker.detect.given import given_dots
+from tracker.detect.given_positions import given_dots
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, half_width
 from tracker.follow.reading import share_of_step

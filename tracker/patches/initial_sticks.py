@@ -15,9 +15,9 @@ from torsight.core.progress import Progress, silent
 from torsight.core.tracks import MARKERS
 from torsight.core.words.wording import listed
 from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
-from tracker.detect.given import LOOKED_AT
+from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.follow.dots import DotState
+from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
 from tracker.follow.marker import given_markers
 from tracker.frames.frame import Frame

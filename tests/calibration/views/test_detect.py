@@ -90,7 +90,7 @@ def test_part_of_a_larger_chessboard_is_known_by_what_lies_beyond():
     grid = np.arange(54).reshape(6, 9)[1:5, 1:8].ravel()
     inner = type(view)(
         name="", index=0, corner=np.arange(28), points_mm=part.points_mm(),
-        corners_px=view.corners_px[grid], wide_px=view.wide_px[grid], square_px=view.square_px,
+        corners_px=view.corners_px[grid], wide_px=view.wide_px[grid],
     )  # fmt: skip
     assert goes_on(grey, inner, part)
 

@@ -256,15 +256,18 @@ def noisy(rows=1200, seed=4):
     return time_s, np.round(temp_c + 0.03 * rng.standard_normal(rows), 2)
 
 
-@pytest.mark.parametrize(("begin", "end"), [(900, 1200), (50, 120)])
-def test_a_sensor_that_hangs_without_a_jump(tmp_path, begin, end):
+@pytest.mark.parametrize("hangs", [[(900, 1200)], [(50, 120)], [(begin, begin + 50) for begin in range(20, 1200, 200)]])
+def test_a_sensor_that_hangs_without_a_jump(tmp_path, hangs):
     time_s, temp_c = noisy()
     hung = temp_c.copy()
-    hung[begin:end] = hung[begin]
+    for begin, end in hangs:
+        hung[begin:end] = hung[begin]
     pd.DataFrame({"time_s": time_s, "temp_a_c": hung, "temp_b_c": temp_c}).to_csv(tmp_path / "t.csv", index=False)
     reading = read_temperature_log(tmp_path / "t.csv")
-    assert kinds(reading)["stuck"] == pytest.approx(end - begin - 1, abs=2)
-    assert np.isnan(reading.log.temp_a_c[begin + 5 : end - 5]).all()
+    lost = sum(end - begin - 1 for begin, end in hangs)
+    assert kinds(reading)["stuck"] == pytest.approx(lost, abs=2 * len(hangs))
+    for begin, end in hangs:
+        assert np.isnan(reading.log.temp_a_c[begin + 5 : end - 5]).all()
     assert np.isfinite(reading.log.temp_b_c).all()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,7 +101,7 @@ def test_moving_stick_covers_the_base_stick(small_scene: dict) -> None:
     points = view.project(marker_points(scene, 0.0))
     between = points[2:].mean(axis=0).round().astype(int)
     assert covered[between[1], between[0]] == pytest.approx(scene.sticks.level, abs=1.0)
-    swapped = scene_from({**scene.source, "sticks": {"dot_level": 200.0, "level": 40.0}})
+    swapped = replace(scene, sticks=replace(scene.sticks, dot_level=200.0, level=40.0))
     light_dots = draw(swapped, view, 90.0)
     x, y = view.project(marker_points(swapped, 90.0 * DEG))[3].round().astype(int)
     assert light_dots[y, x] > 190.0

@@ -7,7 +7,7 @@ import pytest
 
 from tracker.detect.dots import dot_near
 from tracker.detect.sticks import Stick
-from tracker.follow.dots import DotState
+from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
 from tracker.follow.redetect import Prediction, Region, jump_px
@@ -64,7 +64,7 @@ def turning(count: int, *, first: float = 100.0, step: float = 2.0) -> list[list
 
 
 def test_a_usual_turn_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tracker.follow.dots.redetect", lambda *_: pytest.fail("nothing was lost"))
+    monkeypatch.setattr("tracker.follow.followed_dots.redetect", lambda *_: pytest.fail("nothing was lost"))
     scenes = turning(12, step=1.0)
     for row, scene in zip(followed(scenes), scenes, strict=True):
         check(row, scene)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync import LightEvents, LogReading, find_clock
 from sync.clock.estimation import WIDE_S
@@ -26,7 +25,7 @@ from torsight.cli.checkup.rig import limits_of
 from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import number
 
 _ADVICE: Final = (
@@ -117,7 +116,7 @@ def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAng
     return StickAngles(np.arange(count), time_s, angle, np.full(count, sigma_rad), known, known)
 
 
-def _made_up_light(log: TemperatureLog, frame_s: NDArray[np.float64]) -> LightEvents | None:
+def _made_up_light(log: TemperatureLog, frame_s: Floats) -> LightEvents | None:
     """Return the first frames that would show a change of the heating switch; None where the log has no switch."""
     switch = log.heat_a if log.heat_a is not None else log.heat_b
     if switch is None:

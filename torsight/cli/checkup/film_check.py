@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torsight.cli.checkup.finding import FEW, Check, Finding, refusal
 from torsight.cli.checkup.stretch import CLIP, track_stretches
 from torsight.core.errors import TorsightError
+from torsight.core.files.small_pictures import shrunk
 from torsight.core.optics.camera import Camera, require_size
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import counted
@@ -27,10 +28,10 @@ Picture = NDArray[np.uint8]
 
 PLACES: Final = 17
 """Frames over the whole film that are looked at for motion."""
-_LOOKED_AT: Final = (4, 8, 12, 16)
+_LOOKED_AT: Final = range(4, PLACES, 4)
 """Those of them in which the markers are looked for, which costs as much as tracking a thousand frames."""
 _SMALL_PX: Final = 160
-"""Width to which a frame is shrunk before it is compared with another: single pixels no longer count."""
+"""Longer side to which a frame is shrunk before it is compared with another: single pixels no longer count."""
 _STEP_GREY: Final = 25
 """Change of brightness that counts as motion: a tenth of what eight bits hold, above noise and flicker."""
 
@@ -154,7 +155,7 @@ def _liveliest(
         luma = _luma_at(source, stamps, place)
         if luma is None:
             continue
-        seen[place] = _small(luma)
+        seen[place] = shrunk(luma, _SMALL_PX)
         if sought and number in _LOOKED_AT:
             found.append(sticks_in(luma) is not None)
     progress("sampling frames", PLACES, PLACES)
@@ -172,7 +173,7 @@ def _liveliest(
         luma = _luma_at(source, stamps, middle)
         if luma is None:
             break
-        seen[middle] = _small(luma)
+        seen[middle] = shrunk(luma, _SMALL_PX)
         low, high = max(((low, middle), (middle, high)), key=lambda ends: _changed(seen[ends[0]], seen[ends[1]]))
     return max(begin, min((low + high) // 2 - CLIP // 2, count - CLIP))
 
@@ -180,12 +181,6 @@ def _liveliest(
 def _luma_at(source: Any, stamps: Stamps, place: int) -> Picture | None:
     frame = next(iter(Clip(source, stamps, first=place, count=1)), None)
     return None if frame is None or frame.luma is None else frame.luma.copy()
-
-
-def _small(luma: Picture) -> Picture:
-    height, width = luma.shape
-    size = (_SMALL_PX, max(1, round(_SMALL_PX * height / width)))
-    return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _changed(one: Picture, other: Picture) -> float:

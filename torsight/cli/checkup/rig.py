@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import stable_cycle
-from torsight.core.units import DEG
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, Floats
 
 _RATE_RATIO: Final = 1.3
 """Heating rates closer than this count as one."""
@@ -118,7 +115,7 @@ def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
     return kept
 
 
-def steepest_deg_per_c(angle_deg: Array, temp_c: Array) -> float:
+def steepest_deg_per_c(angle_deg: Floats, temp_c: Floats) -> float:
     """Return by how much the angle moves per °C where it is steepest."""
     step_c = np.diff(temp_c)
     moving = np.abs(step_c) > 1e-3

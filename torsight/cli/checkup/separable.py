@@ -16,25 +16,20 @@ from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.progress import Progress, silent
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.discovery.design.separation import Rival, linear_gains
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
-Array = NDArray[np.float64]
-
 RESIDUAL_DEG: Final = 0.3
 CORRELATION_S: Final = 10.0
 """What a good record leaves, and its correlation time: a sample counts as its interval over this."""
-
-
 _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
 
@@ -83,7 +78,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
     needed = sum(1 + len(one.x) for one in explanations)
     done = 0
 
-    def predict(values: Mapping[str, float], rival: Rival) -> Array:
+    def predict(values: Mapping[str, float], rival: Rival) -> Floats:
         nonlocal done
         done = min(done + 1, needed)
         progress("what discovery can tell", done, needed)

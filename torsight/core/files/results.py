@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import read_json, read_table
 from torsight.core.frozen import Frozen
+from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate, verdict_sentence
 
@@ -71,7 +71,7 @@ class RunResults(Frozen, Shown):
             facts["discovery"] = verdict_sentence(self.discovery)
         return facts
 
-    def measured_angle_deg(self) -> NDArray[np.float64]:
+    def measured_angle_deg(self) -> Floats:
         """Return the measured angles that are known."""
         table = self.first_of("angle", "merged", "curves")
         if table is None:
@@ -80,7 +80,7 @@ class RunResults(Frozen, Shown):
         known = np.isfinite(values) & (column(table, "valid") > 0.5 if "valid" in table.columns else True)
         return np.asarray(values[known])
 
-    def measured_frames(self) -> NDArray[np.bool_]:
+    def measured_frames(self) -> Flags:
         """Return in which frames (n,) the angle is known; none where there is no ``angle.csv``."""
         return np.empty(0, np.bool_) if self.angle is None else column(self.angle, "valid") > 0.5
 
@@ -107,7 +107,7 @@ class RunResults(Frozen, Shown):
         draw_series(axes, columns["time_s"], lines, label="angle, °")
 
 
-def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+def column(table: pd.DataFrame, name: str) -> Floats:
     """Return a column as float64 (NaN throughout where it is absent)."""
     if name not in table.columns:
         return np.full(len(table), np.nan)

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
 from torsight.core.files.paths import missing_file, require_ordinary, unreadable
+from torsight.core.units import Flags
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -337,7 +337,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
 
 
 def first_row(
-    wrong: NDArray[np.bool_], *, where: str | Path, column: str, lines: Sequence[int] | None = None
+    wrong: Flags, *, where: str | Path, column: str, lines: Sequence[int] | None = None
 ) -> list[tuple[int, str]]:
     """Return the first row of a table (n,) that is wrong, and the place to name: file, line and column; [] if none is.
 

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, number_column, read_table, write_table
 from torsight.core.records import SyncedTable, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.plausible import MOST_TURNED_DEG, require_stamps, require_units
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def angle_columns(angles: StickAngles) -> dict[str, Any]:
     }
 
 
-def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
+def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
     """Return the column ``frame`` of a table, one row after the other of the film.
 
     Raises
@@ -66,9 +65,7 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> NDArray[np.int64]:
     return np.asarray(frame, dtype=np.int64)
 
 
-def switch_column(
-    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
-) -> NDArray[np.bool_] | None:
+def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None) -> Flags | None:
     """Return a column of zeros and ones as flags; None where there is none of that name.
 
     Raises
@@ -115,7 +112,7 @@ def read_angles(path: AnyPath) -> StickAngles:
     )
 
 
-def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequence[int] | None = None) -> None:
+def require_increasing(time_s: Floats, *, path: Path, lines: Sequence[int] | None = None) -> None:
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
 
     ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
@@ -134,7 +131,7 @@ def require_increasing(time_s: NDArray[np.float64], *, path: Path, lines: Sequen
     require_stamps(time_s, where=f"{path}, column time_s")
 
 
-def _angle_rad(table: pd.DataFrame, *, path: Path) -> NDArray[np.float64]:
+def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:
     """Return a table's angles, rad, refusing those that no film can have counted."""
     angle_deg = table["angle_deg"].to_numpy(np.float64)
     for row, place in first_row(np.abs(angle_deg) > MOST_TURNED_DEG, where=path, column="angle_deg"):
@@ -148,7 +145,7 @@ def _angle_rad(table: pd.DataFrame, *, path: Path) -> NDArray[np.float64]:
     return np.asarray(angle_deg * DEG)
 
 
-def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None = None) -> dict[str, Any]:
+def marker_columns(tracks: MarkerTracks, position_mm: Floats | None = None) -> dict[str, Any]:
     """Return the columns of ``markers.csv``.
 
     ``m_sigma_px`` is the root of the mean of the covariance's diagonal; ``position_mm`` (n, 4, 3) adds the
@@ -167,7 +164,7 @@ def marker_columns(tracks: MarkerTracks, position_mm: NDArray[np.float64] | None
     return columns
 
 
-def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKERS) -> NDArray[np.float64]:
+def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKERS) -> Floats:
     """Return columns of ``markers.csv`` by marker and part, such as ``x_px``: (n, k, p), NaN where not valid."""
     values = [[table[f"{name}_{part}"].to_numpy(np.float64) for part in parts] for name in names]
     valid = np.array([table[f"{name}_valid"].to_numpy(np.float64) > 0.5 for name in names])

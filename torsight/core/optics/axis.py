@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.minimise import jacobian_of
@@ -21,8 +20,7 @@ from torsight.core.optics.circles import Circles, axis_basis, common_centre, on_
 from torsight.core.optics.geometry import meeting_point, rotation_vector
 from torsight.core.optics.hanging import USUAL_PX, spread_rows
 from torsight.core.optics.sights import Sight
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _FEWEST_FRAMES: Final = 8
 """Frames with both moving markers below which no axis is looked for ..."""

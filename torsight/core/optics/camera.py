@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_numbers, get_table, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
+from torsight.core.units import Floats
 
 _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
 
@@ -34,8 +34,8 @@ class Intrinsics:
     """
 
     size_px: tuple[int, int]
-    matrix: NDArray[np.float64]
-    distortion: NDArray[np.float64]
+    matrix: Floats
+    distortion: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +54,8 @@ class Pose:
         Heights of the planes in which the two sticks' markers lie.
     """
 
-    rvec: NDArray[np.float64]
-    tvec_mm: NDArray[np.float64]
+    rvec: Floats
+    tvec_mm: Floats
     base_z_mm: float
     moving_z_mm: float
 
@@ -75,8 +75,8 @@ class RightCamera:
     """
 
     intrinsics: Intrinsics
-    rvec: NDArray[np.float64]
-    tvec_mm: NDArray[np.float64]
+    rvec: Floats
+    tvec_mm: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,24 +18,19 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.minimise import least_squares
 from torsight.core.optics.geometry import cross_matrix
-from torsight.core.optics.hanging import hanging_errors
+from torsight.core.optics.hanging import whitening
 from torsight.core.optics.sights import Sight
-from torsight.core.series.scatter import robust_sigma
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from torsight.core.series.scatter import BY_CHANCE, robust_sigma
+from torsight.core.units import Flags, Floats
 
 _ENOUGH: Final = 1e-6
 """Gain of χ² from which a further step is not taken: a thousandth of a standard deviation."""
 _ANGLE_STEPS: Final = 2
 """Gauss-Newton steps for θ: its first guess is off by the pictures' noise over a radius, and each step leaves about the
 square of it."""
-_FAR: Final = 6.0
-"""Misfit, in the usual one, from which a frame does not count: a dot next to another was misread."""
 # Places of the shared values.
 _TILT, _POINT, _RADII = slice(0, 2), slice(2, 5), slice(5, 7)
 _BETWEEN, _RISE, _VALUES = 7, 8, 9
@@ -197,13 +192,10 @@ class Circles:
 
     def weighed(self, *, usual: float) -> Circles:
         """Return the fit under the correlation of its residuals; see :mod:`torsight.core.optics.hanging`."""
-        errors = hanging_errors(
-            self.turns().angle_rad,
-            lambda part: self.misfit(self._with(part)),
-            self.values[self.free],
-            usual=usual,
+        directions, values = self.turns().angle_rad, self.values[self.free]
+        return replace(
+            self, whiten=whitening(directions, lambda part: self.misfit(self._with(part)), values, usual=usual)
         )
-        return replace(self, whiten=errors.whiten)
 
     def fitted(self) -> Circles:
         """Return the best fit."""
@@ -290,9 +282,9 @@ def _without_direction(error: Floats, direction: Floats) -> Floats:
 
 
 def near(misfit: Floats) -> Flags:
-    """Return the frames (n,) whose misfits (n, k) are not far larger than usual."""
+    """Return the frames (n,) whose misfits (n, k) chance can make; beyond, a dot next to another was misread."""
     off = np.abs(misfit).max(axis=1)
-    return np.asarray(off < _FAR * max(robust_sigma(off), 1e-9))
+    return np.asarray(off < BY_CHANCE * max(robust_sigma(off), 1e-9))
 
 
 def on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _NEWTON_STEPS: Final = 30
 """Steps to a ray at most: lenses with k1 from −0.4 to 0.2 take 3 to 9; where the model folds over there is no ray."""
@@ -122,7 +120,7 @@ def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats,
     with np.errstate(all="ignore"):
         for _ in range(_NEWTON_STEPS):
             value, derivative = distort(ray, intrinsics.distortion)
-            step = _solve_2x2(derivative, value - bent)
+            step = _applied(_inverse_2x2(derivative), value - bent)
             ray = ray - step
             if not np.any(np.abs(step) > _RAY_TOLERANCE):
                 break
@@ -242,7 +240,7 @@ def triangulate(
     point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
     for _ in range(_TRIANGULATION_STEPS):
         normal, gradient, _ = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
-        point = point - _solve_3x3(normal, gradient)
+        point = point - _applied(_inverse_3x3(normal), gradient)
     normal, _, chi_squared = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
     front = (point[..., 2] > 0.0) & ((point @ rotation.T + shift)[..., 2] > 0.0)
     return SpacePoints(
@@ -290,7 +288,7 @@ def _normal_equations(
             slope = (turn[:2] - (seen[..., :2] / depth)[..., None] * turn[2]) / depth[..., None]
         pull = np.swapaxes(slope, -1, -2) @ weight
         normal = normal + pull @ slope
-        gradient = gradient + (pull @ error[..., None])[..., 0]
+        gradient = gradient + _applied(pull, error)
         misfit = misfit + np.einsum("...i,...ij,...j->...", error, weight, error)
     return normal, gradient, misfit
 
@@ -332,10 +330,6 @@ def _inverse_2x2(matrix: Floats) -> Floats:
     return np.asarray(turned / (a * d - b * c)[..., None, None])
 
 
-def _solve_2x2(matrix: Floats, vector: Floats) -> Floats:
-    return np.asarray((_inverse_2x2(matrix) @ vector[..., None])[..., 0])
-
-
 def _inverse_3x3(matrix: Floats) -> Floats:
     """Invert by cofactors: a NaN or singular matrix becomes NaN instead of stopping the whole array."""
     rows = [matrix[..., index, :] for index in range(3)]
@@ -344,5 +338,6 @@ def _inverse_3x3(matrix: Floats) -> Floats:
         return np.asarray(np.stack(columns, axis=-1) / np.sum(rows[0] * columns[0], axis=-1)[..., None, None])
 
 
-def _solve_3x3(matrix: Floats, vector: Floats) -> Floats:
-    return np.asarray((_inverse_3x3(matrix) @ vector[..., None])[..., 0])
+def _applied(matrix: Floats, vector: Floats) -> Floats:
+    """Return each matrix (..., m, n) times its vector (..., n)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])

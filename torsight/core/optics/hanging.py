@@ -14,15 +14,14 @@ that are about as likely as the best the most careful ones are taken: short arcs
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.minimise import jacobian_of
-
-Floats = NDArray[np.float64]
+from torsight.core.parameter import REACH
+from torsight.core.units import Flags, Floats, Ints
 
 USUAL_PX: Final = 0.02
 """Usual size of a marker's correlated errors, on films from lossless to CRF 30."""
@@ -31,39 +30,15 @@ _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Ratios of the size of the correlated errors to the usual one that are tried."""
 _SPREAD: Final = 1.2
 """Standard deviation of the logarithm of that ratio: a factor of three."""
-_AS_LIKELY: Final = 2.0
-"""By how much the logarithm of the likelihood may be less than the best: two standard deviations."""
+_AS_LIKELY: Final = 0.5 * REACH**2
+"""By how much the logarithm of the likelihood may be less than the best: the end of a 95 % interval (Wilks, 1938)."""
 _MOST_ROWS: Final = 160
 """Rows of which the correlation is estimated: the time goes with their third power (eigenvectors)."""
 _BIN_RAD: Final = np.deg2rad(2.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HangingErrors:
-    """How the errors of a fit are correlated.
-
-    Attributes
-    ----------
-    whiten : (n, n) float64
-        Takes residuals in units of white noise to independent ones of unit variance.
-    white : float
-        a: white noise over its stated size; 1 at least.
-    ratio : float
-        κ: size of the correlated errors over that of the white noise.
-    length_rad : float
-        ℓ.
-    """
-
-    whiten: Floats
-    white: float
-    ratio: float
-    length_rad: float
-
-
-def hanging_errors(
-    direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float
-) -> HangingErrors:
-    """Estimate how a fit's errors are correlated.
+def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float) -> Floats:
+    """Return the matrix (n, n) that takes a fit's residuals, in units of white noise, to independent ones of unit size.
 
     Parameters
     ----------
@@ -82,7 +57,7 @@ def hanging_errors(
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
-    found: list[tuple[float, HangingErrors]] = []
+    found: list[tuple[float, float, Floats]] = []
     for length in _LENGTHS_RAD:
         # In its own directions the covariance is diagonal for every ratio.
         share, ways = np.linalg.eigh(np.exp(-apart / length))
@@ -98,21 +73,18 @@ def hanging_errors(
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
             score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2
-            whiten = (ways / np.sqrt(variance)).T / white
-            found.append((score, HangingErrors(whiten, white, float(ratio * usual), length)))
-    limit = max(score for score, _ in found) - _AS_LIKELY
-    likely = [errors for score, errors in found if score >= limit]
-    return max(likely, key=lambda errors: (errors.white * errors.ratio) ** 2 * errors.length_rad)
+            found.append((score, (white * ratio) ** 2 * length, (ways / np.sqrt(variance)).T / white))
+    limit = max(score for score, _, _ in found) - _AS_LIKELY
+    likely = [(care, whiten) for score, care, whiten in found if score >= limit]
+    return max(likely, key=lambda one: one[0])[1]
 
 
-def direction_bins(direction_rad: Floats) -> NDArray[np.int64]:
+def direction_bins(direction_rad: Floats) -> Ints:
     """Return the numbers (n,) of the steps of two degrees in which directions lie."""
     return np.asarray(np.floor((direction_rad % (2.0 * np.pi)) / _BIN_RAD), dtype=np.int64)
 
 
-def spread_rows(
-    direction_rad: Floats, known: NDArray[np.bool_], *, apart: NDArray[np.bool_] | None = None
-) -> NDArray[np.intp]:
+def spread_rows(direction_rad: Floats, known: Flags, *, apart: Flags | None = None) -> NDArray[np.intp]:
     """Return rows that are known, spread evenly over the stick's directions: a rest tells nothing new.
 
     Rows for which ``apart`` (n,) differs are told apart as those of unlike directions are.

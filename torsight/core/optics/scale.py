@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _STICKS = {"base": (0, 1), "moving": (2, 3)}
-_SIGNIFICANT: Final = 4.0
-"""Standard deviations from which a difference of lengths is told: chance reaches four once in 16,000 sticks."""
+_SIGNIFICANT: Final = NormalDist().inv_cdf(1.0 - 0.5e-4)
+"""Standard deviations from which a difference of lengths is told: chance reaches them once in 10⁴ sticks."""
 _BY_HAND_SIGMA_MM: Final = 0.1
 """Standard deviation of a distance that was measured by hand."""
 

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import ray_from_pixel
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from torsight.core.units import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

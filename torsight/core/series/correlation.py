@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 
-def correlation_time(pieces: Sequence[Array]) -> float:
+def correlation_time(pieces: Sequence[Floats]) -> float:
     """Return the integrated correlation time τ = 1 + 2 Σ ρ_k of a residual, in samples (at least 1: independent).
 
     The autocorrelation is pooled over the pieces (each recorded in one go) and taken about zero, since a model's error

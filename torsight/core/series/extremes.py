@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from torsight.core.units import Floats
 
 
-def extremes(value: NDArray[np.float64], threshold: float, *, stride: int = 1) -> list[int]:
+def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
     """Return the indices of extremes that differ from the next by at least the threshold.
 
     Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends.

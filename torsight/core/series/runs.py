@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Flags
 
-def runs(flag: NDArray[np.bool_]) -> list[tuple[int, int]]:
+
+def runs(flag: Flags) -> list[tuple[int, int]]:
     """Return begin and end (exclusive) of every run of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
     return [(begin, end) for begin, end in edges.reshape(-1, 2).tolist()]

@@ -7,23 +7,26 @@ from statistics import NormalDist
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from torsight.core.units import Floats
+
+BY_CHANCE: Final = NormalDist().inv_cdf(1.0 - 1e-9)
+"""Standard deviations that chance reaches once in 10⁹ samples, which are a year of film: beyond is another cause."""
 _NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 
 
-def rms(values: NDArray[np.float64]) -> float:
+def rms(values: Floats) -> float:
     """Return the root of the mean square of values (n,)."""
     return float(np.sqrt(np.mean(values**2)))
 
 
-def robust_sigma(deviation: NDArray[np.float64]) -> float:
+def robust_sigma(deviation: Floats) -> float:
     """Return the standard deviation of normal deviations (n,) from their median size: outliers hardly move it."""
     return float(np.median(np.abs(deviation))) / _NORMAL_MEDIAN
 
 
-def scatter(*pieces: NDArray[np.float64], stride: int = 1, order: int = 3) -> float:
+def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     """Return the standard deviation of one reading of evenly sampled pieces, one of them longer than three strides.
 
     Differences of that order, of samples that are ``stride`` apart, leave almost nothing of a slow trend, and their
@@ -34,13 +37,13 @@ def scatter(*pieces: NDArray[np.float64], stride: int = 1, order: int = 3) -> fl
     return robust_sigma(differences) / float(np.sqrt(float(math.comb(2 * order, order))))
 
 
-def share_explained(measured: NDArray[np.float64], fitted: NDArray[np.float64]) -> float:
+def share_explained(measured: Floats, fitted: Floats) -> float:
     """Return R², 1 less the residual's share of the variance; NaN where what was measured does not vary."""
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")
 
 
-def _difference(piece: NDArray[np.float64], stride: int, order: int) -> NDArray[np.float64]:
+def _difference(piece: Floats, stride: int, order: int) -> Floats:
     count = max(0, len(piece) - order * stride)
     total = np.zeros(count)
     for step in range(order, -1, -1):

@@ -10,11 +10,9 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 LATEST_S: Final = 1e11
 """A larger stamp is no number of seconds: milliseconds of the calendar have 13 digits."""
@@ -39,7 +37,7 @@ _LOOKED_AT: Final = 1000
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
 
 
-def require_stamps(time_s: Array, *, where: str) -> None:
+def require_stamps(time_s: Floats, *, where: str) -> None:
     """Refuse stamps (n,) that are no seconds by their size or their steps; ``where`` names file and column."""
     if len(time_s) < 2:
         return
@@ -54,7 +52,7 @@ def require_stamps(time_s: Array, *, where: str) -> None:
         raise InputError("lasts too long", where=where, value=f"{span_s:g} s", limit="three years", do=_SECONDS)
 
 
-def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) -> None:
+def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str) -> None:
     """Refuse a log of heated springs whose times are not seconds, or whose temperatures are not °C.
 
     A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
@@ -70,7 +68,7 @@ def require_units(time_s: Array, temps_c: Mapping[str, Array], *, where: str) ->
         _require_pace(time_s[known], temp_c[known], where=f"{where}, column time_s")
 
 
-def _require_cold(temp_c: Array, *, where: str) -> None:
+def _require_cold(temp_c: Floats, *, where: str) -> None:
     coldest = float(temp_c.min())
     if coldest < _COLDEST_C:
         raise InputError(
@@ -90,7 +88,7 @@ def _require_cold(temp_c: Array, *, where: str) -> None:
         )
 
 
-def _require_pace(time_s: Array, temp_c: Array, *, where: str) -> None:
+def _require_pace(time_s: Floats, temp_c: Floats, *, where: str) -> None:
     span_s = float(time_s[-1] - time_s[0])
     if span_s < _SHORTEST_S:
         raise InputError(

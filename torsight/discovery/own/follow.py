@@ -26,7 +26,7 @@ from torsight.discovery.own.model.layout import noise_of
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Values
-from torsight.discovery.own.records import Record
+from torsight.discovery.own.own_records import Record
 
 Array = NDArray[np.float64]
 

@@ -7,32 +7,15 @@ beyond it. What stands outside the contract's list is in :mod:`torsight.syntheti
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from torsight.core.files.config import get_table
 from torsight.core.files.storage import check_keys
-from torsight.synthetic.effects.mechanisms import (
-    Backlash,
-    Creep,
-    DirectionFriction,
-    EndStop,
-    Gravity,
-    GreaseTemperature,
-    HiddenEffect,
-    Imbalance,
-    KineticsShape,
-    LatentHeat,
-    LocalTorque,
-    ReadingDrift,
-    RoomDrift,
-    RPhase,
-    StaticFriction,
-    ThermistorCurve,
-    TorqueBias,
-    UnlikeSprings,
-)
+from torsight.synthetic.effects import mechanisms
+from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import key, read_section
 
 STIFFENING_FORMS: Final = ("cubic", "third_slope", "quadratic", "loading", "bend")
@@ -171,37 +154,14 @@ class MarkerSlip(HiddenEffect):
     lasts_s: float = key(0.0, "how long it takes", lower=0.0, upper=1e5)
 
 
-HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
-    "sensor_lag": SensorLag,
-    "sensor_gain": SensorGain,
-    "clock_offset": ClockOffset,
-    "heat_crosstalk": HeatCrosstalk,
-    "nonuniform_temperature": NonuniformTemperature,
-    "coil_friction": CoilFriction,
-    "viscous_friction": ViscousFriction,
-    "position_friction": PositionFriction,
-    "stiffening": Stiffening,
-    "eccentricity": Eccentricity,
-    "fatigue": Fatigue,
-    "marker_slip": MarkerSlip,
-    "creep": Creep,
-    "torque_bias": TorqueBias,
-    "gravity": Gravity,
-    "grease_temperature": GreaseTemperature,
-    "backlash": Backlash,
-    "static_friction": StaticFriction,
-    "direction_friction": DirectionFriction,
-    "r_phase": RPhase,
-    "thermistor_curve": ThermistorCurve,
-    "end_stop": EndStop,
-    "imbalance": Imbalance,
-    "unlike_springs": UnlikeSprings,
-    "local_torque": LocalTorque,
-    "reading_drift": ReadingDrift,
-    "room_drift": RoomDrift,
-    "latent_heat": LatentHeat,
-    "kinetics_shape": KineticsShape,
-}
+def _effects_of(module: Mapping[str, Any]) -> dict[str, type[HiddenEffect]]:
+    """Return the effects that a module defines by their ids, which are their names in small letters."""
+    kinds = {name: kind for name, kind in module.items() if isinstance(kind, type) and issubclass(kind, HiddenEffect)}
+    del kinds["HiddenEffect"]
+    return {re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower(): kinds[name] for name in kinds}
+
+
+HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = _effects_of(globals()) | _effects_of(vars(mechanisms))
 """Effects by id; the first twelve are those of the public contract."""
 
 

@@ -5,10 +5,10 @@ The contract's twelve, and the list of all, stand in :mod:`torsight.synthetic.ef
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from torsight.core.units import DEG, MNM
-from torsight.synthetic.keys import KeyRule, key, rule_of
+from torsight.core.units import DEG
+from torsight.synthetic.keys import constants_of, key
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,15 +17,7 @@ class HiddenEffect:
 
     def constants(self) -> dict[str, float]:
         """Return the constants of the integrator that its keys set, SI; none where it acts on clock or reading only."""
-        rules = {item.name: rule_of(item) for item in fields(self)}
-        return {rule.constant: _in_si(name, getattr(self, name), rule) for name, rule in rules.items() if rule.constant}
-
-
-def _in_si(name: str, value: float | str, rule: KeyRule) -> float:
-    """Return a key's value without its unit's prefix; that of a law is its place among the choices."""
-    if isinstance(value, str):
-        return rule.choices.index(value)
-    return value * DEG if name.endswith("_deg") else value * MNM if "_mnm" in name else value
+        return constants_of(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,11 +24,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-
-Floats = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 NODES: Final = 256
 """Nodes of a law in the integrator: lines between them miss a law of the shortest length by 2e-4 of its size."""
@@ -119,7 +117,7 @@ def draw_law(
     return RigLaw(port, driver, start, stop, values / np.max(np.abs(values)), spring)
 
 
-def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: NDArray[np.int64], cycle: Floats) -> Floats:
+def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: Ints, cycle: Floats) -> Floats:
     """Return by what θ_L is multiplied (n,) in each half-cycle, from its number and the spring's own cycle number."""
     share = np.ones(len(cycle))
     for item in laws:

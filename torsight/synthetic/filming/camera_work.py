@@ -8,15 +8,12 @@ from fractions import Fraction
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.experiment import Played
 from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX
 from torsight.synthetic.scene import FilmEvent, FilmSettings, Scene
-
-Floats = NDArray[np.float64]
 
 _ENTRY_S: Final = 0.15
 """Time in which a hand comes into the picture, and goes."""
@@ -41,9 +38,7 @@ class Bar:
     level: float
 
 
-def frame_ticks(
-    settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator
-) -> NDArray[np.int64]:
+def frame_ticks(settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator) -> Ints:
     """Return the stamps of the frames that the film has, in ticks of its container."""
     count = max(1, int(duration_s * settings.fps + 1e-9))
     place = np.arange(count, dtype=np.float64)

@@ -10,12 +10,13 @@ import threading
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final, Protocol, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError
+from torsight.core.files.small_pictures import encoded
 from torsight.core.files.storage import atomic_path, not_written
 from torsight.synthetic.scene import FilmSettings
 
@@ -32,15 +33,8 @@ TICKS: Final = {
 SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 
 
-class Writer(Protocol):
-    """Takes the frames of a film in order."""
-
-    def add(self, tick: int, luma: Luma) -> None:
-        """Add a frame with its stamp; the array is not changed afterwards."""
-
-
 @contextlib.contextmanager
-def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[Writer]:
+def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[_Pictures | _Encoder]:
     """Give a writer for a film that appears at ``path`` when it is whole."""
     if settings.codec == "png":
         with _open_folder(path) as folder_writer:
@@ -51,7 +45,7 @@ def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> I
 
 
 @contextlib.contextmanager
-def _open_folder(path: Path) -> Iterator[Writer]:
+def _open_folder(path: Path) -> Iterator[_Pictures]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:
@@ -67,18 +61,15 @@ def _open_folder(path: Path) -> Iterator[Writer]:
 
 
 class _Pictures:
+    """Writes the frames as pictures into a folder, in their order."""
+
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._count = 0
 
     def add(self, tick: int, luma: Luma) -> None:
-        import cv2
-
         del tick
-        done, data = cv2.imencode(".png", luma)
-        if not done:
-            raise OutputError("picture cannot be encoded", where=str(self._folder))
-        (self._folder / f"{self._count:06d}.png").write_bytes(data.tobytes())
+        (self._folder / f"{self._count:06d}.png").write_bytes(encoded(luma, ".png"))
         self._count += 1
 
 

@@ -10,14 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.synthetic.scene import CameraSettings, Scene
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,24 +32,24 @@ class View:
     """
 
     intrinsics: Intrinsics
-    rotation: Matrix
-    translation_mm: Matrix
+    rotation: Floats
+    translation_mm: Floats
 
-    def project(self, points_mm: Matrix) -> Matrix:
+    def project(self, points_mm: Floats) -> Floats:
         """Return pixel positions (n, 2) of points (n, 3) in the world."""
         inside = points_mm @ self.rotation.T + self.translation_mm
         flat = distort(inside[:, :2] / inside[:, 2:], self.intrinsics.distortion)
         k = self.intrinsics.matrix
         return np.column_stack([k[0, 0] * flat[:, 0] + k[0, 2], k[1, 1] * flat[:, 1] + k[1, 2]])
 
-    def plane_from_ray(self, z_mm: float) -> Matrix:
+    def plane_from_ray(self, z_mm: float) -> Floats:
         """Return the homography (3, 3) from undistorted rays (x, y, 1) to (X, Y, 1) in the plane at height z."""
         columns = np.column_stack(
             [self.rotation[:, 0], self.rotation[:, 1], self.rotation[:, 2] * z_mm + self.translation_mm]
         )
         return np.asarray(np.linalg.inv(columns), np.float64)
 
-    def rays(self, margin_px: int) -> Matrix:
+    def rays(self, margin_px: int) -> Floats:
         """Return undistorted rays (h + 2m, w + 2m, 2) of all pixels and a margin around the picture."""
         width, height = self.intrinsics.size_px
         k = self.intrinsics.matrix
@@ -60,7 +57,7 @@ class View:
         y = (np.arange(-margin_px, height + margin_px) - k[1, 2]) / k[1, 1]
         return undistort(np.stack(np.meshgrid(x, y), axis=-1), self.intrinsics.distortion)
 
-    def jacobian(self, point_mm: Matrix) -> Matrix:
+    def jacobian(self, point_mm: Floats) -> Floats:
         """Return d(pixel)/d(X, Y) (2, 2) at a point of the world, px/mm."""
         step = 0.01
         offsets = np.array([[step, 0, 0], [-step, 0, 0], [0, step, 0], [0, -step, 0]])
@@ -68,7 +65,7 @@ class View:
         return np.column_stack([seen[0] - seen[1], seen[2] - seen[3]]) / (2.0 * step)
 
 
-def distort(flat: Matrix, coefficients: Matrix) -> Matrix:
+def distort(flat: Floats, coefficients: Floats) -> Floats:
     """Return where a lens puts normalised image points (..., 2)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = flat[..., 0], flat[..., 1]
@@ -83,7 +80,7 @@ def distort(flat: Matrix, coefficients: Matrix) -> Matrix:
     )
 
 
-def undistort(seen: Matrix, coefficients: Matrix) -> Matrix:
+def undistort(seen: Floats, coefficients: Floats) -> Floats:
     """Return the normalised image points that a lens puts at ``seen`` (fixed point, to 1e-12)."""
     flat = seen.copy()
     for _ in range(60):
@@ -94,7 +91,7 @@ def undistort(seen: Matrix, coefficients: Matrix) -> Matrix:
     return flat
 
 
-def rotation_about(axis: Matrix, angle_rad: float) -> Matrix:
+def rotation_about(axis: Floats, angle_rad: float) -> Floats:
     """Return the rotation (3, 3) about an axis of any length."""
     return Rotation.from_rotvec(angle_rad * axis / np.linalg.norm(axis)).as_matrix()
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import njit
+from torsight.core.units import Floats, Ints
 
-Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 MARGIN_PX = 32
@@ -104,7 +104,7 @@ def near_stick(x_mm: float, y_mm: float, turns: Floats, shape: Floats) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: int) -> NDArray[np.int64]:
+def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: int) -> Ints:
     """Return for each row from where to where (k, 2) it lies within a convex outline widened by ``reach_px``."""
     spans = np.empty((rows, 2), np.int64)
     for row in range(rows):
@@ -166,7 +166,7 @@ class Stick(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: NDArray[np.int64]) -> None:
+def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: Ints) -> None:
     """Draw a stick into a picture, averaged over its directions.
 
     Only the pixels of ``spans`` (k, 2) are looked at, from the first row on: x from, to (:func:`row_spans`).

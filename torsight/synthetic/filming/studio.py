@@ -8,13 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.filming.camera_work import Bar, marker_points
 from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_bar, draw_stick, expose, row_spans
 from torsight.synthetic.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _NOISE_POOL: Final = 1 << 22
 """Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
@@ -134,7 +132,7 @@ class Studio:
             rows.append([metric[0, 0], metric[0, 1], metric[1, 1]])
         return np.array(rows)
 
-    def _area(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> tuple[int, NDArray[np.int64]]:
+    def _area(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> tuple[int, Ints]:
         """Return the pixels that a stick can touch: first row, and from where to where in each."""
         import cv2
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
 from torsight.synthetic.effects.random_laws import NODES, SLOTS, RigLaw
+from torsight.synthetic.keys import constants_of
 from torsight.synthetic.rig.rig_values import RigValues
 
 ONSET_SCALE_RAD: Final = 100.0 * DEG
@@ -155,7 +156,7 @@ def law(c: Any, slot: int, x: float) -> float:
 
 
 def pack(
-    values: RigValues, *, mechanics: Any, thermal: Any, quantum_c: float, effects: Mapping[str, HiddenEffect]
+    values: RigValues, sections: Iterable[Any], *, presliding_rad: float, effects: Mapping[str, HiddenEffect]
 ) -> Constants:
     """Return a rig's constants from its springs and friction, sections of the scene, and its hidden effects."""
     plain: dict[str, Any] = {
@@ -172,28 +173,16 @@ def pack(
         "c_a": values.rig.c_austenite,
         "c_m": values.rig.c_martensite,
         "tau_c": values.rig.tau_c_nm,
-        "inertia": mechanics.inertia_kg_m2,
-        "damping": mechanics.damping_n_m_s,
-        "bristle": values.rig.tau_c_nm / (mechanics.presliding_deg * DEG),
-        "room_c": thermal.room_c,
-        "resistance": thermal.resistance_ohm,
-        "capacity": thermal.wire_capacity_j_per_k,
-        "to_room": thermal.wire_to_room_w_per_k,
-        "to_body": thermal.wire_to_body_w_per_k,
-        "between": thermal.between_wires_w_per_k,
-        "body_capacity": thermal.body_capacity_j_per_k,
-        "body_to_room": thermal.body_to_room_w_per_k,
-        "gain_p": thermal.gain_p_a_per_k,
-        "gain_i": thermal.gain_i_a_per_k_s,
-        "current_max": thermal.current_max_a,
-        "quantum_c": quantum_c,
+        "bristle": values.rig.tau_c_nm / presliding_rad,
     }
+    for section in sections:
+        plain |= constants_of(section)
     for effect in effects.values():
         plain |= effect.constants()
     return Constants(**plain)
 
 
-def zones(effects: Mapping[str, HiddenEffect]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def zones(effects: Mapping[str, HiddenEffect]) -> tuple[Floats, Floats]:
     """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
     effect = effects.get("nonuniform_temperature")
     if not isinstance(effect, NonuniformTemperature):

@@ -11,15 +11,10 @@ limit; the integral waits while the current stands at a limit.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.core.units import Floats
 from torsight.synthetic.rig.constants import Constants
-
-Floats: TypeAlias = NDArray[np.float64]
 
 
 @lending

@@ -6,9 +6,9 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.units import Floats, Ints
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import Constants, law
 from torsight.synthetic.rig.heat import control, heat_step, lag_step, sense
@@ -19,7 +19,6 @@ from torsight.synthetic.rig.mechanics import (
     PHI,
     REST,
     SPEED,
-    Floats,
     Pair,
     Springs,
     friction_limit,
@@ -41,24 +40,10 @@ from torsight.synthetic.rig.spring_state import (
     start_heating,
 )
 
-SIGNALS: Final = (
-    "angle_rad",
-    "rate_rad_s",
-    "wire_a_c",
-    "wire_b_c",
-    "body_c",
-    "temp_a_c",
-    "temp_b_c",
-    "current_a_a",
-    "current_b_a",
-    "xi_a",
-    "xi_b",
-    "friction_nm",
-)
-"""Columns of the recorded signals."""
-
 _SLACK_C: Final = 0.1
+"""A temperature that turns by less has not turned: three sigmas of a reading's usual noise."""
 _RELEASED: Final = 0.9
+"""Share of its limit to which friction must fall before the rig counts as stuck again."""
 _OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
 _OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
 _RATE_FOLLOWS_S: Final = 2.0
@@ -84,7 +69,7 @@ class Course(NamedTuple):
         Noise of the two readings.
     """
 
-    command: NDArray[np.int64]
+    command: Ints
     reference_c: Floats
     cycle: Floats
     share: Floats
@@ -179,7 +164,7 @@ def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Fl
 def integrate(
     pair: Pair, start: Floats, s: Floats, zones: tuple[Floats, Floats], course: Course, sample_s: float, substeps: int
 ) -> Floats:
-    """Run the rig and return one row of :data:`SIGNALS` per sample.
+    """Run the rig and return one row of signals per sample, those of a ``RigRecord`` in their order.
 
     Parameters
     ----------

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.core.units import Floats
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
 from torsight.synthetic.rig.spring_state import TORQUE_TOLERANCE_NM, Spring, past_onset, solve_spring
 
-Floats: TypeAlias = NDArray[np.float64]
 Pair: TypeAlias = NDArray[np.void]
 """The rig's constants twice, with spring A's values and with spring B's."""
 Springs: TypeAlias = tuple[Spring, Spring]

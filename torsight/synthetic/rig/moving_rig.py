@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.synthetic.effects.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
 from torsight.synthetic.effects.random_laws import RigLaw, read_with, recoverable_share
 from torsight.synthetic.keys import key
 from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
-from torsight.synthetic.rig.integrator import SIGNALS, Course, integrate
+from torsight.synthetic.rig.integrator import Course, integrate
 from torsight.synthetic.rig.protocol import Commands, Protocol, commands
 from torsight.synthetic.rig.rig_values import RigValues
 from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
@@ -25,8 +25,10 @@ from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARM
 class Mechanics:
     """Section [mechanics]: mass and regularised friction."""
 
-    inertia_kg_m2: float = key(2e-8, "moment of inertia of what turns, at time factor 1", lower=0.0, upper=1.0)
-    damping_n_m_s: float = key(1e-7, "viscous damping", lower=0.0, upper=1.0)
+    inertia_kg_m2: float = key(
+        2e-8, "moment of inertia of what turns, at time factor 1", lower=0.0, upper=1.0, constant="inertia"
+    )
+    damping_n_m_s: float = key(1e-7, "viscous damping", lower=0.0, upper=1.0, constant="damping")
     presliding_deg: float = key(0.02, "elastic deflection of the friction before it slides", lower=1e-6, upper=5.0)
     substeps: int = key(1, "steps of the integrator per sample of the log", lower=1, upper=1000)
 
@@ -35,17 +37,27 @@ class Mechanics:
 class Thermal:
     """Section [thermal]: heat, and the PI law that drives it. The protocol's time factor scales what sets its pace."""
 
-    room_c: float = key(23.4, "room temperature", lower=-50.0, upper=100.0)
-    resistance_ohm: float = key(0.45, "resistance of one wire", lower=1e-3, upper=1e3)
-    wire_capacity_j_per_k: float = key(0.5, "heat capacity of a wire with what sticks to it", lower=1e-4, upper=1e3)
-    wire_to_room_w_per_k: float = key(0.010, "loss of a wire to the room", lower=0.0, upper=10.0)
-    wire_to_body_w_per_k: float = key(0.0015, "loss of a wire to the rig's body", lower=0.0, upper=10.0)
-    between_wires_w_per_k: float = key(0.0004, "heat passing directly between the wires", lower=0.0, upper=10.0)
-    body_capacity_j_per_k: float = key(1.2, "heat capacity of the body", lower=1e-4, upper=1e5)
-    body_to_room_w_per_k: float = key(0.010, "loss of the body to the room", lower=0.0, upper=10.0)
-    gain_p_a_per_k: float = key(0.10, "proportional gain Kp", lower=0.0, upper=100.0)
-    gain_i_a_per_k_s: float = key(0.004, "integral gain Ki", lower=0.0, upper=100.0)
-    current_max_a: float = key(2.5, "limit of the current source", lower=1e-3, upper=100.0)
+    room_c: float = key(23.4, "room temperature", lower=-50.0, upper=100.0, constant="room_c")
+    resistance_ohm: float = key(0.45, "resistance of one wire", lower=1e-3, upper=1e3, constant="resistance")
+    wire_capacity_j_per_k: float = key(
+        0.5, "heat capacity of a wire with what sticks to it", lower=1e-4, upper=1e3, constant="capacity"
+    )
+    wire_to_room_w_per_k: float = key(0.010, "loss of a wire to the room", lower=0.0, upper=10.0, constant="to_room")
+    wire_to_body_w_per_k: float = key(
+        0.0015, "loss of a wire to the rig's body", lower=0.0, upper=10.0, constant="to_body"
+    )
+    between_wires_w_per_k: float = key(
+        0.0004, "heat passing directly between the wires", lower=0.0, upper=10.0, constant="between"
+    )
+    body_capacity_j_per_k: float = key(
+        1.2, "heat capacity of the body", lower=1e-4, upper=1e5, constant="body_capacity"
+    )
+    body_to_room_w_per_k: float = key(
+        0.010, "loss of the body to the room", lower=0.0, upper=10.0, constant="body_to_room"
+    )
+    gain_p_a_per_k: float = key(0.10, "proportional gain Kp", lower=0.0, upper=100.0, constant="gain_p")
+    gain_i_a_per_k_s: float = key(0.004, "integral gain Ki", lower=0.0, upper=100.0, constant="gain_i")
+    current_max_a: float = key(2.5, "limit of the current source", lower=1e-3, upper=100.0, constant="current_max")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +66,7 @@ class Sensor:
 
     sample_s: float = key(0.015, "sampling time of log and controller", lower=1e-3, upper=10.0)
     noise_c: float = key(0.03, "standard deviation of a reading", lower=0.0, upper=10.0)
-    quantum_c: float = key(0.01, "step of a reading; 0 for none", lower=0.0, upper=5.0)
+    quantum_c: float = key(0.01, "step of a reading; 0 for none", lower=0.0, upper=5.0, constant="quantum_c")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,22 +104,22 @@ class RigRecord:
         Number of the half-cycle; −1 before the first.
     """
 
-    time_s: NDArray[np.float64]
-    angle_rad: NDArray[np.float64]
-    rate_rad_s: NDArray[np.float64]
-    wire_a_c: NDArray[np.float64]
-    wire_b_c: NDArray[np.float64]
-    body_c: NDArray[np.float64]
-    temp_a_c: NDArray[np.float64]
-    temp_b_c: NDArray[np.float64]
-    heat_a: NDArray[np.bool_]
-    heat_b: NDArray[np.bool_]
-    current_a_a: NDArray[np.float64]
-    current_b_a: NDArray[np.float64]
-    xi_a: NDArray[np.float64]
-    xi_b: NDArray[np.float64]
-    friction_nm: NDArray[np.float64]
-    half_cycle: NDArray[np.int64]
+    time_s: Floats
+    angle_rad: Floats
+    rate_rad_s: Floats
+    wire_a_c: Floats
+    wire_b_c: Floats
+    body_c: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    heat_a: Flags
+    heat_b: Flags
+    current_a_a: Floats
+    current_b_a: Floats
+    xi_a: Floats
+    xi_b: Floats
+    friction_nm: Floats
+    half_cycle: Ints
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -117,12 +129,12 @@ class RigRecord:
         """Time from one sample to the next."""
         return float(self.time_s[1] - self.time_s[0])
 
-    def angle_at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle_at(self, time_s: Floats) -> Floats:
         """Return the actuator angle at any instants, rad; held beyond the ends."""
         return between_samples(self.angle_rad, time_s / self.step_s)
 
 
-def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+def between_samples(values: Floats, place: Floats) -> Floats:
     """Return a sampled signal at places in units of samples: cubic, without overshoot, held beyond the ends."""
     last = len(values) - 1
     place = np.clip(place, 0.0, last - 1e-6)
@@ -134,9 +146,7 @@ def between_samples(values: NDArray[np.float64], place: NDArray[np.float64]) -> 
     # Fritsch and Carlson's limit: no overshoot where a motion starts or stops within a sample.
     bound = 3.0 * np.abs(rise)
     first, second = (np.where(m * rise > 0, np.clip(0.5 * m, -bound, bound), 0.0) for m in slopes)
-    result: NDArray[np.float64] = (
-        start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * first + u * u * (u - 1) * second
-    )
+    result: Floats = start + u * u * (3 - 2 * u) * rise + u * (1 - u) ** 2 * first + u * u * (u - 1) * second
     return result
 
 
@@ -207,8 +217,8 @@ def scaled_constants(
     Heat capacities and integral time go with the time factor f, inertia with f², damping with f: a shortened record is
     the paper's record on a faster clock, as quasi-static as it was.
     """
-    quantum_c = setup.sensor.quantum_c
-    plain = pack(values, mechanics=setup.mechanics, thermal=setup.thermal, quantum_c=quantum_c, effects=effects)
+    sections = (setup.mechanics, setup.thermal, setup.sensor)
+    plain = pack(values, sections, presliding_rad=setup.mechanics.presliding_deg * DEG, effects=effects)
     factor = protocol.time_factor
     return plain._replace(
         capacity=plain.capacity * factor,
@@ -224,7 +234,7 @@ def home_angle(values: RigValues) -> float:
     return min(0.33 * (0.5 * values.rig.theta_p_rad - values.rig.theta_cr_rad) * 1.5, 0.5 * values.rig.theta_p_rad)
 
 
-def home_state(pair: NDArray[np.void], angle_rad: float) -> NDArray[np.float64]:
+def home_state(pair: NDArray[np.void], angle_rad: float) -> Floats:
     """Return both springs as cold martensite at an angle, driven there by B (the model's home).
 
     Each is on its loading curve; where that leaves more than the friction torque between them, A was unwound
@@ -239,7 +249,7 @@ def home_state(pair: NDArray[np.void], angle_rad: float) -> NDArray[np.float64]:
     return state
 
 
-def _room_drift(since_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect]) -> NDArray[np.float64]:
+def _room_drift(since_s: Floats, effects: Mapping[str, HiddenEffect]) -> Floats:
     """Return what the room adds to both readings, °C, so long after the record began."""
     drift_c = np.zeros_like(since_s)
     for effect in effects.values():
@@ -250,25 +260,22 @@ def _room_drift(since_s: NDArray[np.float64], effects: Mapping[str, HiddenEffect
     return drift_c
 
 
-def _record(rows: NDArray[np.float64], orders: Commands, *, sample_s: float) -> RigRecord:
+def _record(rows: Floats, orders: Commands, *, sample_s: float) -> RigRecord:
     kept = rows[orders.recorded :]
     command = orders.command[orders.recorded :]
-    signals = {name: np.ascontiguousarray(kept[:, i]) for i, name in enumerate(SIGNALS)}
-    return RigRecord(
-        time_s=sample_s * np.arange(len(kept), dtype=np.float64),
-        heat_a=command == 1,
-        heat_b=command == 2,
-        half_cycle=orders.half_cycle[orders.recorded :],
-        **signals,
-    )
+    others = {
+        "time_s": sample_s * np.arange(len(kept), dtype=np.float64),
+        "heat_a": command == 1,
+        "heat_b": command == 2,
+        "half_cycle": orders.half_cycle[orders.recorded :],
+    }
+    names = [item.name for item in fields(RigRecord) if item.name not in others]
+    return RigRecord(**others, **dict(zip(names, np.ascontiguousarray(kept.T), strict=True)))
 
 
 def reading_angle(
-    angle_rad: NDArray[np.float64],
-    time_s: NDArray[np.float64],
-    effects: Mapping[str, HiddenEffect],
-    laws: Sequence[RigLaw] = (),
-) -> NDArray[np.float64]:
+    angle_rad: Floats, time_s: Floats, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
+) -> Floats:
     """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip, drift and laws on top of φ.
 
     Parameters
@@ -303,7 +310,7 @@ def reading_angle(
     return read
 
 
-def play(angle_rad: NDArray[np.float64], gap_rad: float) -> NDArray[np.float64]:
+def play(angle_rad: Floats, gap_rad: float) -> Floats:
     """Return what follows ``angle_rad`` through a play of width ``gap_rad``, started in its middle."""
     out = np.empty_like(angle_rad)
     follower = float(angle_rad[0])

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_tables, get_text
 from torsight.core.files.storage import check_keys
+from torsight.core.units import Floats, Ints
 from torsight.synthetic.keys import key, read_section
 
 
@@ -43,7 +43,7 @@ class HalfCycle:
     """
 
     spring: int
-    reference: NDArray[np.float64]
+    reference: Floats
     heat_s: float
     cool_s: float
 
@@ -82,10 +82,10 @@ class Commands:
         First sample of the record (after homing).
     """
 
-    command: NDArray[np.int64]
-    reference_c: NDArray[np.float64]
-    cycle: NDArray[np.float64]
-    half_cycle: NDArray[np.int64]
+    command: Ints
+    reference_c: Floats
+    cycle: Floats
+    half_cycle: Ints
     recorded: int
 
 
@@ -134,7 +134,7 @@ def _half_cycle(table: Mapping[str, Any], timing: Timing, *, where: str) -> Half
     return HalfCycle(spring="ab".index(spring), reference=scaled, heat_s=heat_s * factor, cool_s=cool_s * factor)
 
 
-def _points(value: Any, *, where: str) -> NDArray[np.float64]:
+def _points(value: Any, *, where: str) -> Floats:
     try:
         points = np.array(value, np.float64)
     except (TypeError, ValueError):
@@ -175,7 +175,7 @@ def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: fl
         parts.append((-1 - item.spring, item.cool_s, None, cycle, number))
     last = parts[-1]
     parts.append((last[0], after_s, None, last[3], last[4]))
-    columns: list[tuple[NDArray[np.float64], ...]] = []
+    columns: list[tuple[Floats, ...]] = []
     for command, duration_s, half_cycle, cycle, number in parts:
         time_s = np.arange(round(duration_s / sample_s)) * sample_s
         reference = np.full(time_s.shape, room_c)

@@ -11,9 +11,9 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.core.units import Floats
 from torsight.synthetic.effects.hidden import STIFFENING_FORMS
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
@@ -28,11 +28,11 @@ COLD, HEATING, COOLING = 0.0, 1.0, 2.0
 class Spring(NamedTuple):
     """One spring: its state (columns as above); per zone the fraction at the last turn and now, weight and coolness."""
 
-    s: NDArray[np.float64]
-    xi0: NDArray[np.float64]
-    xi: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    cooler_c: NDArray[np.float64]
+    s: Floats
+    xi0: Floats
+    xi: Floats
+    weight: Floats
+    cooler_c: Floats
 
 
 LOADING, BEND = (STIFFENING_FORMS.index(form) for form in ("loading", "bend"))
@@ -176,7 +176,7 @@ def fraction(c: Constants, spring: Spring, temp_c: float, tau: float) -> float:
 
 
 @lending
-def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c: float) -> float:
+def torque(c: Constants, s: Floats, theta: float, xi: float, temp_c: float) -> float:
     """Return a spring's torque at an angle and a martensite fraction, N·m."""
     stiffness = c.k_a + xi * (c.k_m - c.k_a)
     tau: float
@@ -194,7 +194,7 @@ def torque(c: Constants, s: NDArray[np.float64], theta: float, xi: float, temp_c
 
 
 @lending
-def transforms(c: Constants, s: NDArray[np.float64]) -> bool:
+def transforms(c: Constants, s: Floats) -> bool:
     """Return whether the spring's phase can change now."""
     return s[MODE] != COLD or c.crosstalk == 1
 
@@ -269,7 +269,7 @@ def follow_passive(spring: Spring, temp_c: float, slack_c: float) -> None:
 
 
 @lending
-def retake_reference(c: Constants, s: NDArray[np.float64], theta: float, temp_c: float) -> None:
+def retake_reference(c: Constants, s: Floats, theta: float, temp_c: float) -> None:
     """Take the present state as the reference of the active spring's torque."""
     s[THETA_R] = theta
     s[TAU_R] = s[TAU] - side_torque(c, theta, temp_c)

@@ -158,15 +158,7 @@ class Session:
         self._look_at_size(frame)
         seen = self._tracker.step(frame)
         self._take_earlier()
-        self._recorder.frame(
-            frame.index,
-            frame.time_s,
-            angle_rad=seen.angle_rad,
-            sigma_rad=seen.sigma_rad,
-            position_px=seen.position_px,
-            covariance_px2=seen.covariance_px2,
-            position_mm=seen.position_mm,
-        )
+        self._recorder.frame(frame.index, frame.time_s, seen)
         self._show(frame, seen)
         self._intake.go()
         if self._steady and not frame.dropped:

@@ -23,14 +23,14 @@ from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.problem import ModelProblem
-from torsight.discovery.own.records import Table
+from torsight.discovery.own.own_records import Table
 from torsight.discovery.report import estimates_of
 from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from torsight.discovery.own.answer.predicted import PredictedOutputs
+    from torsight.discovery.own.answer.own_prediction import PredictedOutputs
     from torsight.discovery.own.answer.saved import SavedModel
 
 Array = NDArray[np.float64]

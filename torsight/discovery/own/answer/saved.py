@@ -23,13 +23,13 @@ from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import beyond
-from torsight.discovery.own.answer.predicted import PredictedOutputs
+from torsight.discovery.own.answer.own_prediction import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
 from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import Record, Table, column_of, read_records, time_column, time_of
+from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.inference.fitting import WORKERS
 from torsight.discovery.own.model.values import Curve, Values, by_name
-from torsight.discovery.own.records import Record
+from torsight.discovery.own.own_records import Record
 
 Array = NDArray[np.float64]
 Predict = Callable[[Any, Any], Any]

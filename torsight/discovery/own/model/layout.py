@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.series import runs, scatter
 from torsight.discovery.own.model import given
-from torsight.discovery.own.records import LEAST_ROWS, Record, column_of
+from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
 
 Array = NDArray[np.float64]
 _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))

@@ -23,7 +23,7 @@ from torsight.discovery.own.model.declare import candidates_of, parameters_of
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
-from torsight.discovery.own.records import Record
+from torsight.discovery.own.own_records import Record
 
 NEEDED: Final = ("predict", "parameters", "output")
 """Names that a model file without ``problem`` defines."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.values import ByName
-from torsight.discovery.own.records import Record, column_of, time_of
+from torsight.discovery.own.own_records import Record, column_of, time_of
 
 if TYPE_CHECKING:
     from torsight.discovery.own.compiled.stepper import Stepper

@@ -34,7 +34,7 @@ from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Mo
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.records import Record, Table, read_records, time_column, time_of
+from torsight.discovery.own.own_records import Record, Table, read_records, time_column, time_of
 
 Array = NDArray[np.float64]
 

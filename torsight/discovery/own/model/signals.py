@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.series import scatter
 from torsight.discovery.own.model import layout as lay
-from torsight.discovery.own.records import Record, column_of, time_column
+from torsight.discovery.own.own_records import Record, column_of, time_column
 
 Array = NDArray[np.float64]
 

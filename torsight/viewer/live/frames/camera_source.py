@@ -7,13 +7,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.viewer.live.frames.intake import Picture, Pictures
+
+if TYPE_CHECKING:
+    import cv2
 
 SILENT_S: Final = 10.0
 """A camera or a stream that gives no picture for this long has ended."""
@@ -22,31 +25,9 @@ _RECENT_S: Final = 1.0
 """A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this."""
 _STEPS: Final = 31
 """Steps of time of which the median is the usual one: a second at 30 per second."""
-_LOST_BY_STAMPS: Final = 1.5
-_LOST_BY_ARRIVAL: Final = 2.5
-"""A step of this many usual steps is a lost picture; arrivals are delayed by other programs too, stamps are not."""
 
 
-class Capture(Protocol):
-    """What is used of ``cv2.VideoCapture``."""
-
-    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Return whether there is a camera."""
-
-    def grab(self) -> bool:
-        """Wait for the next picture."""
-
-    def retrieve(self) -> tuple[bool, Any]:
-        """Return the picture that was waited for."""
-
-    def get(self, prop: int) -> float:
-        """Return a property."""
-
-    def release(self) -> None:
-        """Let go of the camera."""
-
-
-def open_capture(number: int, fps: float | None) -> Capture:
+def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:
     """Open OpenCV's capture of a camera, at a rate if one is asked for; its own words on an absent one are hushed."""
     import cv2
 
@@ -147,7 +128,6 @@ class _Stamps:
         step_s, self._last_s = taken_s - self._last_s, taken_s
         usual_s = statistics.median(self._steps) if len(self._steps) >= 5 else None
         self._steps.append(step_s)
-        limit = _LOST_BY_STAMPS if self._by_driver else _LOST_BY_ARRIVAL
-        if usual_s is None or step_s < limit * usual_s:
-            return taken_s, 0
-        return taken_s, max(1, round(step_s / usual_s) - 1)
+        steps = 1 if usual_s is None else round(step_s / usual_s)
+        # Two steps at once are a lost picture; an arrival, not a stamp, may be late by one, delayed by other programs.
+        return taken_s, steps - 1 if steps > (1 if self._by_driver else 2) else 0

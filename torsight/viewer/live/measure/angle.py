@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Camera
 from torsight.core.optics.geometry import on_plane
+from torsight.core.units import Floats
 
 _BASE_WEIGHT = 0.05
 """Share of a new frame in the base stick's running direction."""
 
-_Map = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+_Map = Callable[[Floats], tuple[Floats, Floats]]
 """From pixels (4, 2) to positions (4, 2) in a plane, y up, and their derivatives (4, 2, 2)."""
 
 
@@ -43,9 +43,7 @@ class LiveAngle:
         self._last: tuple[float, float] | None = None
         self._speed_rad_s = 0.0
 
-    def step(
-        self, time_s: float, position_px: NDArray[np.float64], covariance_px2: NDArray[np.float64]
-    ) -> tuple[float, float, NDArray[np.float64] | None]:
+    def step(self, time_s: float, position_px: Floats, covariance_px2: Floats) -> tuple[float, float, Floats | None]:
         """Return angle and its sigma (rad; NaN where not known) and positions in space.
 
         Markers (4, 2) stand in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
@@ -86,7 +84,7 @@ class LiveAngle:
         self._last = (time_s, whole)
         return whole
 
-    def _in_space(self, points: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _in_space(self, points: Floats) -> Floats | None:
         if self._heights is None:
             return None
         height = np.repeat(self._heights, 2)
@@ -97,14 +95,14 @@ def _maps(camera: Camera | None, pixel_aspect: float) -> tuple[_Map, _Map]:
     if camera is None or camera.pose is None:
         upwards = np.diag([pixel_aspect, -1.0])
 
-        def flat(pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def flat(pixels: Floats) -> tuple[Floats, Floats]:
             return pixels @ upwards, np.broadcast_to(upwards, (len(pixels), 2, 2))
 
         return flat, flat
     pose, intrinsics = camera.pose, camera.intrinsics
 
     def onto(z_mm: float) -> _Map:
-        def met(pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def met(pixels: Floats) -> tuple[Floats, Floats]:
             found, slopes = on_plane(pixels, intrinsics, pose=pose, z_mm=z_mm)
             return found[:, :2], slopes
 
@@ -113,12 +111,7 @@ def _maps(camera: Camera | None, pixel_aspect: float) -> tuple[_Map, _Map]:
     return onto(pose.base_z_mm), onto(pose.moving_z_mm)
 
 
-def _direction(
-    inner: NDArray[np.float64],
-    outer: NDArray[np.float64],
-    inner_cov: NDArray[np.float64],
-    outer_cov: NDArray[np.float64],
-) -> tuple[float, float]:
+def _direction(inner: Floats, outer: Floats, inner_cov: Floats, outer_cov: Floats) -> tuple[float, float]:
     dx, dy = (outer - inner).tolist()
     square = dx * dx + dy * dy
     if not math.isfinite(square) or square == 0.0:

@@ -87,15 +87,11 @@ class LogFollower:
         rows += self._read()
         if self._moved():
             rows += self._read()
-            self._close()
+            self.close()
             self._tell(f"the log {self.path.name} was rotated; going on with the new one")
             if self._open():
                 rows += self._read()
         return rows
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._close()
 
     def _whole(self) -> list[LogRow]:
         """Return the rows of a table that does not grow, once it is there."""
@@ -120,7 +116,8 @@ class LogFollower:
         self._rest = b""
         return True
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Let go of the file."""
         if self._file is not None:
             os.close(self._file)
         self._file, self._identity = None, None

@@ -8,22 +8,21 @@ from array import array
 from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
 from torsight.core.records import SyncedTable
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     from torsight.actuator.drive import Drive
     from torsight.actuator.spec import ActuatorSpec
 
-Array = NDArray[np.float64]
 
 STEP_S: Final = 1.0 / ROW_RATE_HZ
 """Rows of the thinned record: as many as a fit keeps."""
@@ -66,7 +65,7 @@ class Thinned:
     def __len__(self) -> int:
         return len(self._time_s)
 
-    def columns(self) -> tuple[Array, ...]:
+    def columns(self) -> tuple[Floats, ...]:
         """Return time and values of every closed step."""
         return tuple(np.array(one, dtype=np.float64) for one in (self._time_s, *self._values))
 
@@ -97,9 +96,9 @@ class ModelNews:
         Why there is nothing, else empty.
     """
 
-    time_s: Array
-    angle_rad: Array
-    residual_rad: Array
+    time_s: Floats
+    angle_rad: Floats
+    residual_rad: Floats
     half_cycles: tuple[HalfCycleBegin, ...] = ()
     friction: dict[str, Any] | None = None
     values: Mapping[str, float] | None = None
@@ -107,7 +106,7 @@ class ModelNews:
 
 
 def model_of(
-    spec: ActuatorSpec, columns: tuple[Array, ...], values: Mapping[str, float] | None, *, friction: bool
+    spec: ActuatorSpec, columns: tuple[Floats, ...], values: Mapping[str, float] | None, *, friction: bool
 ) -> ModelNews:
     """Simulate (and fit, if the friction is asked for) the plain model on a record; runs in its own process."""
     from torsight.actuator.effects import always_fitted
@@ -247,16 +246,11 @@ class ModelWatch:
         new = news.time_s > self._known_s
         if len(news.time_s):
             self._known_s = float(news.time_s[-1])
-        return ModelNews(
-            news.time_s[new],
-            news.angle_rad[new],
-            news.residual_rad[new],
-            half_cycles=news.half_cycles,
-            friction=news.friction,
-            trouble=news.trouble,
+        return replace(
+            news, time_s=news.time_s[new], angle_rad=news.angle_rad[new], residual_rad=news.residual_rad[new]
         )
 
-    def _columns(self, *, again: bool) -> tuple[Array, ...] | None:
+    def _columns(self, *, again: bool) -> tuple[Floats, ...] | None:
         """Return the record as far as both angle and temperatures reach; None where there is no more than last time."""
         if min(len(self._angles), len(self._temperatures)) < LEAST_ROWS:
             return None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S
 from tracker.frames.frame import Damage, Frame
@@ -31,8 +32,8 @@ _TELL_AFTER: Final = 3
 """Frames for which a marker must be away, or back, before it is reported."""
 _EARLIER_MOST: Final = round(3600.0 / STEP_S)
 """Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
-_LOST_EARLY_S: Final = 1.0
-"""A start whose markers are lost this long before anything moved was a wrong one."""
+_LOST_EARLY_S: Final = 2.0 * _LOOK_EVERY_S
+"""A start whose markers are lost for two looks before anything moved was a wrong one."""
 
 Tell = Callable[[float, int, str, str], None]
 """Takes time (s), frame, kind and words of an event."""
@@ -54,11 +55,11 @@ class Seen:
         In space, with a calibrated camera.
     """
 
-    position_px: NDArray[np.float64]
-    covariance_px2: NDArray[np.float64]
+    position_px: Floats
+    covariance_px2: Floats
     angle_rad: float
     sigma_rad: float
-    position_mm: NDArray[np.float64] | None
+    position_mm: Floats | None
 
 
 class EarlierAngle(NamedTuple):
@@ -111,7 +112,7 @@ class LiveTracker:
         self._away = np.zeros(4, np.int64)
         self._told = np.zeros(4, bool)
         self._lost_since_s: float | None = None
-        self._still: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=_EARLIER_MOST)
+        self._still: deque[tuple[float, Floats, Floats]] = deque(maxlen=_EARLIER_MOST)
         self._earlier: list[EarlierAngle] = []
 
     @property
@@ -186,7 +187,7 @@ class LiveTracker:
         found, self._earlier = self._earlier, []
         return found
 
-    def _keep_still(self, time_s: float, position: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    def _keep_still(self, time_s: float, position: Floats, covariance: Floats) -> None:
         if not self._still or time_s - self._still[-1][0] >= STEP_S:
             self._still.append((time_s, position, covariance))
 

@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.storage import not_written
-from torsight.core.files.tables import marker_columns
+from torsight.core.files.storage import not_written, read_table, write_table
+from torsight.core.files.tables import marker_columns, marker_values, write_angles
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import DEG
 
 if TYPE_CHECKING:
     from torsight.core.optics.camera import Camera
+    from torsight.viewer.live.measure.tracking import Seen
     from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25
@@ -88,7 +88,8 @@ class Recorder:
         except OSError as error:
             raise not_written(folder, error) from error
         for name in ("angle.csv", "markers.csv", "temps.csv", "events.csv"):
-            _refuse_existing(folder / name)
+            if (folder / name).exists():
+                raise _exists(folder / name)
         none = MarkerTracks(
             np.empty(0, np.int64),
             np.empty(0),
@@ -104,29 +105,19 @@ class Recorder:
         self._events = LineFile(folder / "events.csv", EVENTS)
         self._temperatures: LineFile | None = None
 
-    def frame(
-        self,
-        index: int,
-        time_s: float,
-        *,
-        angle_rad: float,
-        sigma_rad: float,
-        position_px: NDArray[np.float64],
-        covariance_px2: NDArray[np.float64],
-        position_mm: NDArray[np.float64] | None,
-    ) -> None:
+    def frame(self, index: int, time_s: float, seen: Seen) -> None:
         """Append one frame; what is not known is NaN."""
-        known = math.isfinite(angle_rad)
-        self._angle.add((index, time_s, angle_rad / DEG, sigma_rad / DEG, known, 1))
+        known = math.isfinite(seen.angle_rad)
+        self._angle.add((index, time_s, seen.angle_rad / DEG, seen.sigma_rad / DEG, known, 1))
         row: list[float] = [index, time_s]
         nowhere = np.full(3, np.nan)
         for marker in range(4):
-            x, y = position_px[marker].tolist()
-            seen = math.isfinite(x)
-            sigma = math.sqrt(0.5 * float(np.trace(covariance_px2[marker]))) if seen else math.nan
-            row += [x, y, sigma, seen]
+            x, y = seen.position_px[marker].tolist()
+            shows = math.isfinite(x)
+            sigma = math.sqrt(0.5 * float(np.trace(seen.covariance_px2[marker]))) if shows else math.nan
+            row += [x, y, sigma, shows]
             if self._in_space:
-                row += (nowhere if position_mm is None else position_mm[marker]).tolist()
+                row += (nowhere if seen.position_mm is None else seen.position_mm[marker]).tolist()
         self._markers.add(row)
 
     def log(self, header: str, lines: Sequence[str]) -> None:
@@ -164,8 +155,6 @@ def finish(
     None where no frame came, or no markers were ever seen. The first ``swapped`` rows call the base stick moving,
     because no stick had moved yet.
     """
-    from torsight.core.files.storage import read_table, write_table
-    from torsight.core.files.tables import marker_columns, marker_values, write_angles
     from tracker.angle.orient import orient
 
     path = folder / "markers.csv"
@@ -190,11 +179,6 @@ def finish(
     write_table(path, marker_columns(orientation.with_errors(tracks), orientation.position_mm))
     write_angles(folder / "angle.csv", orientation.angles)
     return orientation
-
-
-def _refuse_existing(path: Path) -> None:
-    if path.exists():
-        raise _exists(path)
 
 
 def _exists(path: Path) -> ConfigError:

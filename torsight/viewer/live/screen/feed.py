@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.files.paths import LOOPBACK
+from torsight.core.files.small_pictures import encoded
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
@@ -122,10 +123,8 @@ def _packed(kind: str, *entry: Any) -> tuple[Any, ...]:
     """Return an entry as it is handed over: a picture as JPEG, which is quicker through the pipe."""
     if kind != "picture":
         return (kind, *entry)
-    import cv2
-
     time_s, frame, luma, drawn = entry
-    return (kind, time_s, frame, cv2.imencode(".jpg", luma, (cv2.IMWRITE_JPEG_QUALITY, 75))[1].tobytes(), drawn)
+    return (kind, time_s, frame, encoded(luma, ".jpg", quality=75), drawn)
 
 
 # --- in the process of its own ------------------------------------------------------------------------------------

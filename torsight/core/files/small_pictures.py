@@ -1,0 +1,27 @@
+"""Pictures as arrays: shrunk to be shown or compared, and as the bytes of a file."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+
+
+def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
+    """Return a picture (h, w, …) whose longer side is so long at most: by means over areas, so that thin marks stay."""
+    import cv2
+
+    scale = longest_px / max(pixels.shape[:2])
+    if scale >= 1.0:
+        return pixels
+    size = (max(1, round(scale * pixels.shape[1])), max(1, round(scale * pixels.shape[0])))
+    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def encoded(pixels: Pixels, suffix: str, *, quality: int | None = None) -> bytes:
+    """Return a picture as a file of a kind: ``.png``, or ``.jpg`` of a quality up to 100."""
+    import cv2
+
+    options = () if quality is None else (cv2.IMWRITE_JPEG_QUALITY, quality)
+    return bytes(cv2.imencode(suffix, pixels, options)[1].tobytes())
