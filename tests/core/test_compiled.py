@@ -66,7 +66,11 @@ def scaled(x: float, power: int) -> float:
 
 
 @pytest.mark.parametrize("decorate", [compiled, lending, inlined])
-def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(decorate: Callable[..., Dispatcher]) -> None:
+def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
+    decorate: Callable[..., Dispatcher], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Not beside this file: its machine code would be kept there, and more of it with every run.
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
     inner = decorate(scaled)
 
     @compiled
