@@ -5,12 +5,13 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.core.compiled import FOLDERS, drop_outdated, sources
+from torsight.core.compiled import FOLDERS, compiled, drop_outdated, inlined, lending, sources
 
 IMPORT = "from torsight.core.compiled import compiled"
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
@@ -58,6 +59,26 @@ def test_machine_code_goes_when_anything_that_is_in_it_has_changed_and_only_then
         (folder / f"{name}.py").write_text(content)
         assert gone()
         assert not gone()
+
+
+def scaled(x: float, power: int) -> float:
+    return x**power
+
+
+@pytest.mark.parametrize("decorate", [compiled, lending, inlined])
+def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
+    decorate: Callable[..., Dispatcher], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Not beside this file: its machine code would be kept there, and more of it with every run.
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+    inner = decorate(scaled)
+
+    @compiled
+    def caller(x: float) -> float:
+        return inner(x, 2) + inner(x, 3) + inner(x, power=4)
+
+    assert caller(2.0) == 28.0
+    assert len(inner.signatures) == 1
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -6,6 +6,9 @@ constants. So whoever imports this looks whether any source of a compiled functi
 changed since the code on the disk was made, and throws all of it away if so. A source of compiled functions is one
 that imports from here.
 
+Called with a number that is written out, a function is compiled for its type: numba would compile it again for each
+such number, which took a tenth of all compiling.
+
 None may add in an order of the compiler's choice: a function that was just compiled and the same one from the disk had
 been put together in two ways, and their sums ended in other digits.
 """
@@ -17,12 +20,13 @@ import hashlib
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, FileFinder
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
-from numba import njit
+from numba import njit, types
+from numba.core.dispatcher import Dispatcher
 from numba.core.options import DefaultOptions
 
 __all__ = ["compiled", "inlined", "lending", "njit"]
@@ -30,9 +34,24 @@ __all__ = ["compiled", "inlined", "lending", "njit"]
 F = TypeVar("F", bound=Callable[..., object])
 
 
-_KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
 _UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+
+
+def _for_types(function: Any) -> Any:
+    """Let compiled callers ask a function for the types of what they give, not for the numbers that they write out."""
+    if not isinstance(function, Dispatcher):
+        return function  # numba was told to compile nothing
+    ask: Any = function.get_call_template
+    plain: Any = types.unliteral
+
+    def ask_for_types(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> object:
+        return ask([plain(one) for one in args], {name: plain(one) for name, one in kws.items()})
+
+    vars(function)["get_call_template"] = ask_for_types
+    return function
 
 
 def compiled(function: F) -> F:
@@ -40,7 +59,7 @@ def compiled(function: F) -> F:
 
     A division by zero gives infinity, as in numpy.
     """
-    return cast("F", njit(**_KEPT)(function))
+    return cast("F", _for_types(njit(**_KEPT)(function)))
 
 
 def lending(function: F) -> F:
@@ -49,12 +68,12 @@ def lending(function: F) -> F:
     References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
     arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
     """
-    return cast("F", njit(**_UNCOUNTED)(function))
+    return cast("F", _for_types(njit(**_UNCOUNTED)(function)))
 
 
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
-    return cast("F", njit(forceinline=True, **_UNCOUNTED)(function))
+    return cast("F", _for_types(njit(forceinline=True, **_UNCOUNTED)(function)))
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
