@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import runs
+from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
 
-_FEWEST: Final = 50
-"""Frames that tell what is usual: a median is then known to a sixth of one frame's noise."""
 _FAR: Final = 15.0
 _QUIET: Final = 2.0
 """By how many standard deviations the base stick is off where one of its dots is displaced, and when it is back."""
@@ -57,7 +56,7 @@ def half_covered(rows: NDArray[np.void], *, radius_px: float) -> Flags:
     covered = np.zeros((len(rows), 2), bool)
     left = (rows["state"][:, :2] == CODE["seen"]).all(axis=1)
     offset = rows["position_px"][:, 1] - rows["position_px"][:, 0]
-    while left.sum() >= _FEWEST:
+    while left.sum() >= LEAST_FRAMES:
         away_px = np.linalg.norm(offset - np.median(offset[left], axis=0), axis=1)
         fit_px2 = float(np.median(rows["covariance_px2"][left][:, :2, [0, 2]].sum(axis=1)))
         usual = left & (away_px < np.median(away_px[left]))

@@ -32,35 +32,31 @@ few rounds is not of a dot."""
 
 
 @dataclass(frozen=True, slots=True)
-class DotShape:
-    """Shape of one dot, which does not change while it moves; ``radius_px`` is that of the circle of the same area.
+class Dot:
+    """A dot fitted in one picture; ``radius_px`` is that of the circle of the same area.
 
     ``edge_px``: standard deviation of the blur of its edge; ``stretch``: relative lengthening along x (and shortening
     along y), and along the diagonal; ``contrast``: brightness inside over that outside, less 1; ``window_px``: radius
-    of the window in which it is compared.
+    of the window in which it is compared. ``light`` is the brightness of the stick around it, ``residual`` the root
+    mean square of what the fit leaves, grey levels; ``explained`` the share of the window's variance that the fit
+    explains.
     """
 
+    x_px: float
+    y_px: float
     radius_px: float
     edge_px: float
     stretch: tuple[float, float]
     contrast: float
     window_px: float
-
-
-@dataclass(frozen=True, slots=True)
-class DotFit:
-    """A dot fitted in one picture.
-
-    ``light`` is the brightness of the stick around it, ``residual`` the root mean square of what the fit leaves, grey
-    levels; ``explained`` the share of the window's variance that the fit explains.
-    """
-
-    x_px: float
-    y_px: float
-    shape: DotShape
     light: float
     residual: float
     explained: float
+
+    @property
+    def step(self) -> float:
+        """Brightness inside against outside, grey levels."""
+        return abs(self.contrast) * self.light
 
 
 def window_for(radius_px: float, edge_px: float = EDGE_PX, room_px: float = np.inf) -> float:
@@ -81,7 +77,7 @@ def fit_dot(
     light_dot: bool,
     room_px: float = np.inf,
     ellipse: bool = True,
-) -> DotFit | None:
+) -> Dot | None:
     """Fit position, shape, contrast and light of the dot near a position in a picture (h, w), with its radius.
 
     ``room_px`` is the distance from its centre to the stick's edge, which the window must not pass; ``ellipse``: fit
@@ -101,8 +97,9 @@ def fit_dot(
     light, step = found.linear[:2].tolist()
     if light <= 0 or step * (1.0 if light_dot else -1.0) <= 0:
         return None
-    shape = DotShape(radius, edge, (across, diagonal), step / max(light, 1.0), window_for(radius, edge, room_px))
-    return DotFit(x, y, shape, light, math.sqrt(found.square / len(found.left)), found.explained)
+    window_px, residual = window_for(radius, edge, room_px), math.sqrt(found.square / len(found.left))
+    contrast = step / max(light, 1.0)
+    return Dot(x, y, radius, edge, (across, diagonal), contrast, window_px, light, residual, found.explained)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

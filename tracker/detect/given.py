@@ -8,7 +8,8 @@ from typing import Final
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.tracks import MARKERS
-from tracker.detect.dots import HUGE_PX, Dot, dot_near
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import HUGE_PX, dot_near
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick
 from tracker.frames.frame import Frame, FrameSource

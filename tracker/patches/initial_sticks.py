@@ -31,7 +31,6 @@ _WINDOWS_PX: Final = (8.0, 11.0, 15.0)
 _HOLDS: Final = 0.8
 """Share of the structure of the largest patch that a smaller one has to hold to be taken. Texture all around gives it a
 quarter or a half; around a spot on blank ground the larger one adds nothing but the shading, which does not turn."""
-_ROOM_PX: Final = 8.0
 _SPREAD: Final = 2.0
 """Grey levels of texture below which there is none: noise alone spreads as far."""
 _STRUCTURE_PX: Final = 2.0
@@ -67,12 +66,12 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     patches: list[Patch] = []
     for index, (x, y), window in zip(indices, points, windows, strict=True):
         where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
-        if window < _ROOM_PX - 2.0:
+        if window < _WINDOWS_PX[0] - 2.0:
             raise NoResultError(
                 "lies too close to the border of the picture",
                 where=where,
                 value=f"[{x:g}, {y:g}]",
-                limit=f"{_ROOM_PX:g} px of room",
+                limit=f"{_WINDOWS_PX[0]:g} px of room",
             )
         patches.append(texture_patch(first.luma, x, y, window_px=window))
         _check_texture(first.luma, x, y, window, spread=patches[-1].spread, where=where)

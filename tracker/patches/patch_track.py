@@ -25,8 +25,8 @@ _WINDOW_PX: Final = 21
 _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
 _BACK_PX: Final = 1.0
 """A point whose flow leads there and back to another place was not followed. A guess need not be better."""
-_AS_USUAL: Final = 0.05
-"""A correlation this near the usual one needs no second guess."""
+AS_USUAL: Final = 0.05
+"""A correlation this near the usual one is as good, and needs no second guess."""
 
 Judge = Callable[[Fit], str]
 """Takes how a patch was found and returns why it is not taken; empty where it is."""
@@ -72,7 +72,7 @@ class PatchTrack:
             reason = judge(fit)
             if best is None or (why and not reason) or (reason == why and fit.likeness > best.likeness):
                 best, why = fit, reason
-            if not why and best.likeness > self.usual - _AS_USUAL:
+            if not why and best.likeness > self.usual - AS_USUAL:
                 break
         return best, why
 

@@ -18,7 +18,7 @@ from tracker.follow.redetect import Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.patches.align import Fit, Patch
-from tracker.patches.patch_track import PatchTrack
+from tracker.patches.patch_track import AS_USUAL, PatchTrack
 from tracker.patches.stick import KEPT, put
 from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
@@ -161,7 +161,7 @@ class TextureStick:
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
             wrong = 0 if short[0] > short[1] else 1
             whys[wrong] = "hidden"
-            if abs(short[0] - short[1]) < 0.05:
+            if abs(short[0] - short[1]) < AS_USUAL:
                 whys[1 - wrong] = "hidden"
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
