@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-from tracker.appearance.disc import SHAPE, Floats, Record, disc_point
+from tracker.appearance.disc import MOST_STRETCH, SHAPE, Floats, Record, disc_point
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
@@ -25,6 +25,8 @@ _SHARPEST_PX: Final = 0.12
 _ROUNDS: Final = 15
 """Steps of Levenberg and Marquardt at most."""
 _LOOK: Final = 3
+_SMALL_PX: Final = 1e-3
+"""A step below which the next one changes nothing: steps shrink with their square."""
 _DOUBTFUL: Final = 0.3
 _HOPELESS: Final = 0.55
 """A start that explains less than the first share is not looked at; a fit that explains less than the second after a
@@ -162,10 +164,8 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
         if trial is None or trial.square > found.square:
             damping = 10.0 * max(damping, 1e-4)
             continue
-        gain = 1.0 - trial.square / max(found.square, 1e-12)
         found, damping = trial, 0.2 * damping
-        # Steps shrink with their square: what is left after one of a thousandth of a pixel is nothing.
-        if gain < 1e-5 or np.abs(delta).max() < 1e-3:
+        if np.abs(delta).max() < _SMALL_PX:
             break
     return found
 
@@ -199,5 +199,5 @@ def _is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> boo
         and math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
         and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
-        and math.hypot(trial[4], trial[5]) < 0.45
+        and math.hypot(trial[4], trial[5]) < MOST_STRETCH
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
@@ -11,16 +10,15 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
 from tracker.appearance.lucas_kanade import READING, Luma
+from tracker.appearance.motion_blur import RATE
 from tracker.follow.dots import DotState
-from tracker.follow.judgement import base_shift
-from tracker.follow.learning import RATE, write_row
+from tracker.follow.judgement import MOVED_RAD, base_shift
+from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, DARK, ROW, SEEN
 
-_MOVED_RAD: Final = math.radians(1.0)
-"""A stick that turned by this much, and three times as much as the other, is the moving one."""
 _SPARSE: Final = 16
 """Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
 _DARK_SHARE: Final = 0.4
@@ -157,7 +155,7 @@ class Follower:
         self._starts = self._starts or now
         angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
         for stick in (0, 1):
-            if angles[stick] > _MOVED_RAD + 3.0 * angles[1 - stick]:
+            if angles[stick] > MOVED_RAD + 3.0 * angles[1 - stick]:
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:

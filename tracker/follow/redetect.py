@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_of
 from tracker.follow.frame_step import stick_at
-from tracker.follow.innovation import passes
+from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.judgement import (
     NEAR,
     SHAKE_PX,
@@ -85,10 +85,10 @@ class Prediction:
     def region(self, ends: Sequence[int], size_px: tuple[int, int]) -> Region:
         """Return where some of its markers may be in a picture (width, height)."""
         middle = np.mean([self.ends[end] for end in ends], axis=0)
-        half = 3.0 * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
+        half = SIGMAS * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
         low, high = middle - half, middle + half
         if self.own["axis"]["known"] and not self.own["still"]:
-            reach = max(arm_px(self.own["axis"], end) + 3.0 * circle_sigma_px(self.own, end) for end in ends)
+            reach = max(arm_px(self.own["axis"], end) + SIGMAS * circle_sigma_px(self.own, end) for end in ends)
             centre = self.own["axis"]["centre"] + self.shift
             low, high = np.maximum(low, centre - reach), np.minimum(high, centre + reach)
         low, high = (np.clip(rim, 0.0, size_px).astype(int).tolist() for rim in (np.floor(low), np.ceil(high)))

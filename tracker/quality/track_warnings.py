@@ -13,13 +13,12 @@ from torsight.core.words.wording import counted
 from tracker.angle.plane import Orientation
 from tracker.angle.row_time import circles
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import circle_misfit
+from tracker.follow.judgement import MOVED_RAD, circle_misfit
 from tracker.follow.state import STICK
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _STICKS: Final = ("base", "moving")
-_TURNED_RAD: Final = np.deg2rad(1.0)
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""
 _CLEAR_SIGMA: Final = 10.0
@@ -73,7 +72,7 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     if len(both) <= _FEW:
         return []
     turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn in (base, moving)]
-    limit = max(float(_TURNED_RAD), _CLEAR_SIGMA * _direction_sigma(tracks, both))
+    limit = max(MOVED_RAD, _CLEAR_SIGMA * _direction_sigma(tracks, both))
     against = int((turned[0] > limit + 3.0 * turned[1]).sum())
     if against < _FEW or (turned[1] > limit + 3.0 * turned[0]).any():
         return []
