@@ -21,6 +21,7 @@ from torsight.core.series import runs
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
+from tracker.follow.innovation import SIGMAS
 from tracker.follow.judgement import SHAKE_PX
 
 Floats = NDArray[np.float64]
@@ -31,8 +32,6 @@ _FELT_PX: Final = 5.0 * USUAL_PX
 """Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
 _START: Final = 0.1
 """Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
-_SAME: Final = 2.0
-"""Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
 _BUMP_PX: Final = 1.5 * SHAKE_PX
 """Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
 shaking that is asked of the tracker."""
@@ -197,7 +196,7 @@ def _at_the_start(place: Floats) -> Floats:
     count = max(1, round(_START * len(place)))
     while 2 * count <= len(place):
         apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
-        if (apart > _SAME * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
+        if (apart > SIGMAS * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
             break
         count *= 2
     return np.asarray(np.median(place[:count], axis=0))

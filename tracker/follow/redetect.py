@@ -46,11 +46,9 @@ JUMP_PX: Final = 15.0
 _GROWTH: Final = 2.5
 """Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
 (Bar-Shalom and others, as in :mod:`tracker.follow.innovation`, section 6.2.3)."""
-_SLACK: Final = 0.05
-"""Share of the step allowed for smear: a marker that is found again may be moving."""
 _MOST: Final = 14
 """Places that are read, by correlation and contrast: four dots, and ten that look alike."""
-_EAGER, _SELDOM = 20, 3
+_EAGER, SELDOM = 20, 3
 """Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
 
 
@@ -106,7 +104,7 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
     both = slice(2 * stick, 2 * stick + 2)
     markers, readings = scene.markers[both], scene.readings[both]
     lost = int(markers["lost"].max())
-    if lost > _EAGER and lost % _SELDOM:
+    if lost > _EAGER and lost % SELDOM:
         return
     # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
@@ -186,9 +184,7 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
     out = np.zeros(len(places), READING)
     for name in ("predicted", "path"):
         out[name] = scene.readings[name][index]
-    return [
-        one for one, place in zip(out, places, strict=True) if read_at(scene, luma, index, place, _SLACK, one) == SEEN
-    ]
+    return [one for one, place in zip(out, places, strict=True) if read_at(scene, luma, index, place, one) == SEEN]
 
 
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.wording import counted
+from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
 from tracker.angle.row_time import circles
 from tracker.follow.innovation import passes
@@ -132,18 +133,12 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
 
     Its markers are held against their circles by the test that :mod:`tracker.follow` uses for a marker found again.
     """
+    tracks = unmoved(tracks).tracks
     axis = axis_px(tracks)
-    if axis is None or not tracks.valid[:, :2].any(axis=0).all():
+    both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
+    if axis is None or not len(both):
         return []
-    places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
-    # The camera's own motion is the base's.
-    away = places[:, :2] - np.nanmedian(places[:, :2], axis=0)
-    base_seen = tracks.valid[:, :2].sum(axis=1)
-    shift = np.nansum(away, axis=1) / np.maximum(base_seen, 1)[:, None]
-    both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & (base_seen > 0))
-    points = (places[:, 2:] - shift[:, None] - axis)[both][:: max(1, len(both) // _LOOKED_AT)]
-    if not len(points):
-        return []
+    points = tracks.position_px[both, 2:][:: max(1, len(both) // _LOOKED_AT)] - axis
     stick = np.zeros(1, STICK)
     stick["axis"]["known"], stick["shortest"], stick["longest"] = 1, 1.0, 1.0
     stick["axis"]["arm"][0, :, 0] = np.median(np.hypot(points[..., 0], points[..., 1]), axis=0)
