@@ -47,17 +47,13 @@ class Refused:
     reason: str
 
 
-def find_dots(
-    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
-) -> list[Dot]:
-    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``."""
-    return find_and_refuse(luma, radii_px=radii_px, known=known)[0]
-
-
 def find_and_refuse(
     luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
 ) -> tuple[list[Dot], list[Refused]]:
-    """Return the dots as :func:`find_dots` does, and the places that look like a dot but are none, likeliest first."""
+    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``.
+
+    Also the places that look like a dot but are none, likeliest first.
+    """
     dots = list(known)
     refused: list[Refused] = []
     smallest_px, largest_px = radii_px
@@ -79,8 +75,8 @@ def find_and_refuse(
 
 
 def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
-    """Return known dots and those that are larger than :func:`find_dots` looks for, the clearest first."""
-    return find_dots(luma, radii_px=_LARGE, known=known)
+    """Return known dots and those that are larger than are looked for at first, the clearest first."""
+    return find_and_refuse(luma, radii_px=_LARGE, known=known)[0]
 
 
 def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.dot_fit import Dot
-from tracker.detect.dots import find_dots, find_large_dots
+from tracker.detect.dots import find_and_refuse, find_large_dots
 
 CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
@@ -51,9 +51,9 @@ class Stick:
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
     """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs.
 
-    ``dots`` are those of :func:`tracker.detect.dots.find_dots`, where they were found already.
+    ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
     """
-    dots = find_dots(luma) if dots is None else dots
+    dots = find_and_refuse(luma)[0] if dots is None else dots
     found = choose_sticks(luma, dots)
     if found is not None and min(stick.score for stick in found) > CLEAR:
         return found
@@ -104,23 +104,16 @@ def clearest(dots: Sequence[Dot]) -> list[Dot]:
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
     """Order each stick's dots by their distance from where the two sticks' lines cross."""
     axis = crossing(one, two)
+    (one, back), (two, there) = ((stick, Stick(stick.outer, stick.inner, stick.score)) for stick in (one, two))
     if axis is None:
-        # Parallel sticks: the ends that lie closer together are the inner ones.
-        straight = _gap(one.inner, two.inner)
-        crossed = min(_gap(one.inner, two.outer), _gap(one.outer, two.inner))
-        if crossed < straight and crossed < _gap(one.outer, two.outer):
-            return (
-                (_turned(one), two) if _gap(one.outer, two.inner) < _gap(one.inner, two.outer) else (one, _turned(two))
-            )
-        return (one, two) if straight <= _gap(one.outer, two.outer) else (_turned(one), _turned(two))
-    ordered = [
-        stick
-        if math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
-        <= math.hypot(stick.outer.x_px - axis[0], stick.outer.y_px - axis[1])
-        else _turned(stick)
-        for stick in (one, two)
-    ]
-    return ordered[0], ordered[1]
+        # Parallel sticks: the ends that lie closest together are the inner ones.
+        pairs = (one, two), (back, there), (one, there), (back, two)
+        return min(pairs, key=lambda pair: _gap(pair[0].inner, pair[1].inner))
+
+    def away(stick: Stick) -> float:
+        return math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
+
+    return min(one, back, key=away), min(two, there, key=away)
 
 
 def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
@@ -172,10 +165,6 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
             if abs(profile[top] - middle) < 0.5 * steps[top]:
                 found.append(float(reach[top + 2]))
     return float(np.mean(found)) if found else math.inf
-
-
-def _turned(stick: Stick) -> Stick:
-    return Stick(stick.outer, stick.inner, stick.score)
 
 
 def _gap(a: Dot, b: Dot) -> float:

@@ -17,7 +17,7 @@ from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
-from tracker.rows import DAMAGED, DARK, ROW, SEEN
+from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
 
 _SPARSE: Final = 16
 """Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
@@ -98,9 +98,15 @@ class Follower:
 
     def step(self, frame: Frame) -> NDArray[np.void]:
         """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
-        readings = self._read(frame)
+        return self._row(self._read(frame), frame.time_s)
+
+    def pass_over(self, frame: Frame) -> NDArray[np.void]:
+        """Return the row of a frame before the sticks were found, which the next frame overwrites."""
+        return self._row(nothing(LOST, markers=4), frame.time_s)
+
+    def _row(self, readings: NDArray[np.void], time_s: float) -> NDArray[np.void]:
         write_row(readings, self._rows[0])
-        self._rows["time_s"] = frame.time_s
+        self._rows["time_s"] = time_s
         row: NDArray[np.void] = self._rows[0]
         return row
 

@@ -55,15 +55,17 @@ class FilmSource:
             self.size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
             self.frame_count = int(stream.frames) or None
             self.pixel_aspect = float(stream.sample_aspect_ratio or 1.0)
-            self.rate_fps = _number(stream.average_rate)
+            self.rate_fps = float(stream.average_rate) if stream.average_rate else None
             self.tick_s = float(stream.time_base or 0)
-            self.span_s = _span_s(container, stream)
+            whole_s = stream.duration * stream.time_base if stream.duration else 0
+            self.span_s = float(whole_s or (container.duration or 0) / av.time_base) or None
+            bit_rate = stream.bit_rate or container.bit_rate
             self._about: dict[str, Any] = {
                 "kind": "film",
                 "format": str(container.format.name),
                 "codec": str(stream.codec_context.name),
                 "pixel_format": str(stream.codec_context.pix_fmt),
-                "bit_rate_kbps": _kilo(stream.bit_rate or container.bit_rate),
+                "bit_rate_kbps": bit_rate / 1000.0 if bit_rate else None,
                 "fps": self.rate_fps,
             }
             self._note_streams(container, stream)
@@ -313,18 +315,3 @@ def _films_in(container: Any) -> list[Any]:
     """Return the video streams that are no cover pictures."""
     cover = av.stream.Disposition.attached_pic
     return [stream for stream in container.streams.video if not stream.disposition & cover]
-
-
-def _span_s(container: Any, stream: Any) -> float | None:
-    """Return how long the file says that it plays."""
-    if stream.duration:
-        return float(stream.duration * stream.time_base)
-    return container.duration / av.time_base if container.duration else None
-
-
-def _kilo(value: int | None) -> float | None:
-    return None if not value else value / 1000.0
-
-
-def _number(value: Fraction | None) -> float | None:
-    return None if not value else float(value)

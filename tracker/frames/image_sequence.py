@@ -111,7 +111,8 @@ class PictureSource:
             return picture.astype(np.uint8, copy=False)
         bits = self.bits or _DEPTHS[-1]
         top = int(picture.max())
-        if top >= 1 << bits and not self._overflown(index):
+        told = any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
+        if top >= 1 << bits and not told:
             self.damage.add(
                 index,
                 time_s,
@@ -121,9 +122,6 @@ class PictureSource:
                 kind="clipped",
             )
         return self._scaled(picture)
-
-    def _overflown(self, index: int) -> bool:
-        return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
 
     def describe(self) -> dict[str, Any]:
         """Return what is known of the pictures."""
