@@ -58,13 +58,14 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
 
 
 @compiled
-def read_at(scene: Scene, luma: Luma, index: int, place: Point, out: Record) -> int:
-    """Read a marker from a place and return its state there."""
+def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, out: Record) -> int:
+    """Read a marker from a place and return its state there; ``slack`` is added to that for its own speed."""
     marker, path, rig = scene.markers[index], scene.readings[index].path, scene.rig[0]
     smear = (rig.shutter_share * path[0], rig.shutter_share * path[1])
     if not read_dot(luma, place[0], place[1], marker, scene.looks[index], smear, out):
         return OUTSIDE
-    return SEEN if fits(marker, out, smear_slack(rig, math.hypot(path[0], path[1]))) else HIDDEN
+    loose = max(slack, smear_slack(rig, math.hypot(path[0], path[1])))
+    return SEEN if fits(marker, out, loose) else HIDDEN
 
 
 @compiled
@@ -72,7 +73,7 @@ def read_marker(scene: Scene, luma: Luma, index: int) -> None:
     """Read a marker from where it is predicted, and hold what is found against the prediction."""
     reading = scene.readings[index]
     x, y = reading.predicted[0], reading.predicted[1]
-    state = read_at(scene, luma, index, (x, y), reading)
+    state = read_at(scene, luma, index, (x, y), 0.0, reading)
     if state == SEEN:
         # It is asked to be within the basin of Lucas–Kanade, a dot's radius.
         variance = (scene.markers[index].shape.radius / SIGMAS) ** 2

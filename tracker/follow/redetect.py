@@ -46,6 +46,9 @@ JUMP_PX: Final = 15.0
 _GROWTH: Final = 2.5
 """Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
 (Bar-Shalom and others, as in :mod:`tracker.follow.innovation`, section 6.2.3)."""
+_SLACK: Final = 0.05
+"""Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
+the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
 _MOST: Final = 14
 """Places that are read, by correlation and contrast: four dots, and ten that look alike."""
 _EAGER, SELDOM = 20, 3
@@ -184,7 +187,9 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
     out = np.zeros(len(places), READING)
     for name in ("predicted", "path"):
         out[name] = scene.readings[name][index]
-    return [one for one, place in zip(out, places, strict=True) if read_at(scene, luma, index, place, one) == SEEN]
+    return [
+        one for one, place in zip(out, places, strict=True) if read_at(scene, luma, index, place, _SLACK, one) == SEEN
+    ]
 
 
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
 import cv2
@@ -11,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.words.wording import listed
 from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
-from tracker.detect.given import LOOKED_AT
+from tracker.detect.given import LOOKED_AT, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.dots import DotState
 from tracker.follow.follower import Stick
 from tracker.follow.marker import given_markers
-from tracker.frames.frame import Frame
+from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
@@ -128,7 +127,7 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
     return float(max(np.linalg.eigvalsh(tensor)[0], 0.0))
 
 
-def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, progress: Progress = silent) -> None:
+def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress) -> None:
     """Make sure that every tag that was named is seen in one of the first frames, and tell what is wrong otherwise.
 
     The family that is seen instead, the numbers that are, two tags of one number, or that the picture is a mirror's.
@@ -138,25 +137,19 @@ def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, pro
     kept: list[NDArray[np.uint8]] = []
     others: list[FoundTag] = []
     last = 0
-    for frame in frames:
-        if frame.index > LOOKED_AT[-1]:
-            break
-        last = frame.index
-        if frame.index not in LOOKED_AT or frame.luma is None:
-            continue
-        progress("looking for the tags", frame.index, LOOKED_AT[-1])
-        found = find_tags(frame.luma, hints.family)
-        _refuse_twins(found, wanted, where=f"{name}, frame {frame.index}")
+    for last, luma in looked_at(source, progress, what="the tags"):
+        found = find_tags(luma, hints.family)
+        _refuse_twins(found, wanted, where=f"{source.name}, frame {last}")
         for tag in found:
             missing.pop(tag.number, None)
         if not missing:
             break
         others += [tag for tag in found if tag.number not in wanted]
         if len(kept) < _TRIED:
-            kept.append(frame.luma.copy())
+            kept.append(luma.copy())
     progress("looking for the tags", LOOKED_AT[-1], LOOKED_AT[-1])
     if missing:
-        raise _not_found(missing, hints, kept, others, where=f"{name}, frames 0 to {last}")
+        raise _not_found(missing, hints, kept, others, where=f"{source.name}, frames 0 to {last}")
 
 
 def _refuse_twins(found: list[FoundTag], wanted: dict[int, str], *, where: str) -> None:
