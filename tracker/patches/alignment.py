@@ -69,7 +69,7 @@ def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tu
         if not abs(delta) < _FARTHEST * template.half_px:
             return False, warp
         change += delta * template.generators[k]
-    # Numba's own inverse takes all of scipy.linalg with it, a fifth of a second at the start.
+    # Numba's own inverse imports all of scipy.linalg, a tenth of a second of CPU at the start.
     inverse = np.eye(3)
     for i in range(3):
         eliminate(change, inverse, i)

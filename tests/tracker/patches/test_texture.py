@@ -192,6 +192,6 @@ print([name for name in sys.modules if name.startswith("scipy.linalg")])
 
 
 def test_a_patch_is_followed_without_the_whole_of_scipy_linalg() -> None:
-    # Numba's own inverse of a matrix imports it, which takes a fifth of a second at the start of every film.
+    # Numba's own inverse of a matrix imports it: a tenth of a second of CPU before a film of tags or texture begins.
     done = subprocess.run([sys.executable, "-c", ALIGN], capture_output=True, text=True, check=True)
     assert done.stdout.strip() in ("[]", "['scipy.linalg.cython_blas']")
