@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import base64
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import Point
+from tracker.appearance.motion_blur import RATE
 from tracker.follow.judgement import SOON
-from tracker.follow.learning import RATE
 from tracker.follow.motion_model import STALE
-from tracker.patches.align import Fit, Patch
-from tracker.patches.warps import Floats, place, similarity, turn_of
+from tracker.patches.align import Fit, Patch, cut_out
+from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
 from tracker.rows import SEEN
 
+_REACH_PX: Final = 32
+"""How far a patch may go between two frames: twice the fastest motion that is asked of the tracker."""
+_LEVELS: Final = 3
+"""Halvings of the picture for the flow: from its windows of 21 px they reach as far as a patch may go."""
+_WINDOW_PX: Final = 21
+_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
+_BACK_PX: Final = 1.0
+"""A point whose flow leads there and back to another place was not followed. A guess need not be better."""
 AS_USUAL: Final = 0.05
 """A correlation this near the usual one is as good, and needs no second guess."""
 KEPT: Final = 0.7
@@ -29,16 +39,18 @@ Judge = Callable[[Fit], str]
 class PatchTrack:
     """A patch, where it was last, and how well it usually fits.
 
-    ``warp`` is where it is, was seen last, or is looked for first; ``lost`` counts frames since it was seen; ``usual``
-    is the running mean of its correlation, 0 until it was seen.
+    ``points`` (n, 2) of its template are those that the flow follows; ``warp`` is where it is, was seen last, or is
+    looked for first; ``lost`` counts frames since it was seen; ``usual`` is the running mean of its correlation.
     """
 
-    def __init__(self, patch: Patch, warp: Floats) -> None:
-        self.patch = patch
+    def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
         self.warp = warp
         self.lost = 0
-        self.usual = 0.0
+        self.usual = 1.0
         self._history: list[tuple[float, Floats]] = []
+        self._seen: NDArray[np.uint8] | None = None
+        self._corner = (0, 0)
+        self.replace(patch, points, 1.0)
 
     def predict(self, time_s: float) -> Floats:
         """Return where its last motion carries it."""
@@ -57,7 +69,7 @@ class PatchTrack:
         best: Fit | None = None
         ahead = self.predict(time_s)
         why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
-        for guess in (ahead, self.warp) if len(self._history) > 1 else (ahead,):
+        for guess in self._guesses(luma, ahead):
             fit = self.patch.align(luma, guess)
             if fit is None:
                 continue
@@ -68,17 +80,56 @@ class PatchTrack:
                 break
         return best, why
 
-    def take(self, time_s: float, fit: Fit) -> None:
+    def _guesses(self, luma: NDArray[np.uint8], ahead: Floats) -> Iterator[Floats]:
+        yield ahead
+        flown = self._flow(luma, ahead)
+        if flown is not None:
+            yield flown
+        if len(self._history) > 1:
+            yield self.warp
+
+    def _flow(self, luma: NDArray[np.uint8], ahead: Floats) -> Floats | None:
+        """Return where Lucas–Kanade's flow from the last picture in which it was seen carries it."""
+        if self._seen is None or self.lost > 1:
+            return None
+        half = self._seen.shape[0] // 2
+        now = np.ascontiguousarray(cut_out(luma, self._corner[0] + half, self._corner[1] + half, half))
+        start, guess = (self._points_px(warp) for warp in (self.warp, ahead))
+        options: dict[str, Any] = {
+            "winSize": (_WINDOW_PX, _WINDOW_PX),
+            "maxLevel": _LEVELS,
+            "criteria": _STOP,
+            "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
+        }
+        there, good, _ = cv2.calcOpticalFlowPyrLK(self._seen, now, start, guess, **options)
+        back, also, _ = cv2.calcOpticalFlowPyrLK(now, self._seen, there, start.copy(), **options)
+        apart = np.hypot(*(back - start).reshape(-1, 2).T)
+        kept = (good.ravel() > 0) & (also.ravel() > 0) & (apart < _BACK_PX)
+        if kept.sum() < 2:
+            return None
+        one, two = (points.reshape(-1, 2)[kept].astype(np.float64) for points in (start, there))
+        return _carried(one + self._corner, two + self._corner) @ self.warp
+
+    def _points_px(self, warp: Floats) -> NDArray[np.float32]:
+        seen = warp @ self.points
+        return np.ascontiguousarray((seen[:2] / seen[2]).T - self._corner, dtype=np.float32).reshape(-1, 1, 2)
+
+    def take(self, luma: NDArray[np.uint8], time_s: float, fit: Fit) -> None:
         """Note where it is."""
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
-        self.usual += (RATE if self.usual else 1.0) * (fit.likeness - self.usual)
+        self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
         self.warp, self.lost = fit.warp, 0
         self._history = [*self._history[-1:], (time_s, fit.warp)]
+        half = math.ceil(math.sqrt(2.0) * self.patch.half_px * size_of(fit.warp)) + _REACH_PX
+        x, y = (round(value) for value in place(fit.warp))
+        self._corner = (x - half, y - half)
+        self._seen = cut_out(luma, x, y, half).copy()
 
-    def replace(self, patch: Patch, size: float) -> None:
+    def replace(self, patch: Patch, points: Floats, size: float) -> None:
         """Take a template of the same thing that is ``size`` times as large."""
         self.patch = patch
+        self.points = np.vstack([np.asarray(points, dtype=np.float64).T, np.ones(len(points))])
         smaller = np.diag([1.0 / size, 1.0 / size, 1.0])
         self.warp = self.warp @ smaller
         self._history = [(time_s, warp @ smaller) for time_s, warp in self._history]
@@ -89,11 +140,14 @@ class PatchTrack:
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
+        seen = self._seen
         return {
             "warp": self.warp.tolist(),
             "lost": self.lost,
             "usual": self.usual,
             "history": [[time_s, warp.tolist()] for time_s, warp in self._history],
+            "corner": list(self._corner),
+            "seen": None if seen is None else base64.b64encode(seen.tobytes()).decode(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -101,6 +155,12 @@ class PatchTrack:
         self.warp = np.array(state["warp"], dtype=np.float64)
         self.lost, self.usual = int(state["lost"]), float(state["usual"])
         self._history = [(float(time_s), np.array(warp, dtype=np.float64)) for time_s, warp in state["history"]]
+        x, y = state["corner"]
+        self._corner = (int(x), int(y))
+        self._seen = None
+        if state["seen"] is not None:
+            seen = np.frombuffer(base64.b64decode(state["seen"]), np.uint8)
+            self._seen = seen.reshape(math.isqrt(len(seen)), -1).copy()
 
 
 def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance: Floats, *, spread: float) -> None:
@@ -110,3 +170,12 @@ def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance:
     own["covariance"] = covariance[0, 0], covariance[0, 1], covariance[1, 1]
     own["light"], own["contrast"], own["step"] = fit.light, fit.gain, fit.gain * 2.0 * spread
     own["residual"], own["state"] = fit.residual, SEEN
+
+
+def _carried(one: Floats, two: Floats) -> Floats:
+    """Return the turn, scale and shift that carry points (n, 2) to others best."""
+    a, b = (points[:, 0] + 1j * points[:, 1] for points in (one, two))
+    from_mean, to_mean = a - a.mean(), b - b.mean()
+    factor = np.vdot(from_mean, to_mean) / max(float(np.vdot(from_mean, from_mean).real), 1e-12)
+    shift = b.mean() - factor * a.mean()
+    return similarity(shift.real, shift.imag, turn_rad=float(np.angle(factor)), scale=float(abs(factor)))

@@ -66,12 +66,12 @@ class TagStick:
             self.miss(time_s)
             return nothing(CODE[why or "lost"])
         tag, track = self._found
-        track.take(time_s, fit)
+        track.take(luma, time_s, fit)
         readings = _of_plane(fit, track.patch, tag.ends())
         size = size_of(track.warp)
         if not 1.0 / _GREW < size < _GREW:
             tag = Tag(self.family, self.number, tag.side_px * size, tag.soft)
-            track.replace(tag.patch(), size)
+            track.replace(tag.patch(), tag.corners(), size)
             self._found = tag, track
         return readings
 
@@ -93,7 +93,7 @@ class TagStick:
             return None, ""
         if self._found is None:
             tag = Tag.of(self.family, found[0], luma)
-            self._found = tag, PatchTrack(tag.patch(), tag.warp_of(found[0]))
+            self._found = tag, PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found[0]))
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
@@ -113,7 +113,7 @@ class TagStick:
         self._found = None
         if state:
             tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
-            self._found = tag, PatchTrack(tag.patch(), np.eye(3))
+            self._found = tag, PatchTrack(tag.patch(), tag.corners(), np.eye(3))
             self._found[1].restore(state["track"])
 
 

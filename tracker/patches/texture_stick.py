@@ -49,7 +49,11 @@ class TextureStick:
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
     ) -> None:
-        self._tracks = [PatchTrack(patch, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)]
+        reach = 0.6 * patches[0].half_px
+        corners = np.array([[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]])
+        self._tracks = [
+            PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
+        ]
         self._search = search
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
@@ -101,7 +105,7 @@ class TextureStick:
             if whys[index] or fit is None:
                 track.miss()
             else:
-                track.take(time_s, fit)
+                track.take(luma, time_s, fit)
                 slope = track.patch.slope(fit.warp, (0.0, 0.0))
                 covariance = slope @ fit.covariance @ slope.T
                 put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
