@@ -33,11 +33,11 @@ FILMS = (
 )
 CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
-    "appearance/motion_blur": ("RATE", "_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
+    "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/judgement": (
         "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
     ),
-    "follow/learning": ("_CHANGE_PX",),
+    "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),

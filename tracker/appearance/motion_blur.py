@@ -26,14 +26,17 @@ from tracker.appearance.lucas_kanade import (
 
 SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
 """Shares of the frame interval that are tried."""
-RATE: Final = 0.1
-"""Share of the new in running means, of the shutter's costs, of shape, fit, length, light and misses: ten frames, over
-which noise averages to a quarter."""
+_RATE: Final = 0.15
+"""Share of a new look in the account; of a path below ``_LONG_PX``, whose smears hardly differ, half of it."""
+_LONG_PX: Final = 4.0
 _CLEAR: Final = 0.15
 """By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
 and that looks a little like a smear."""
 _LEARNED: Final = 12
-"""Fast readings after which the shutter counts as known: by then the first looks have a weight of a quarter."""
+"""Fast readings after which the shutter counts as known: by then a first look has a weight below 0.15."""
+_OFTEN, _SELDOM = 4, 200
+"""Every so many fast readings are looked at once the shutter is known, and well known: a look costs as much as several
+frames, and a shutter seldom changes."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
 """Allowance for smear, before and after the shutter is known: share of the step, per root of the speed in px. While it
@@ -65,12 +68,13 @@ def smear_slack(rig: Record, length: float) -> float:
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
     """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
     rig.fast += 1
+    every = 1 if rig.fast <= 2 * _LEARNED else (_OFTEN if rig.fast <= 8 * _LEARNED else _SELDOM)
     costs = np.empty(len(SHARES))
-    # A look costs as much as several frames, and a shutter seldom changes: the better it is known, the rarer.
-    if rig.fast % (1 + rig.fast // (2 * _LEARNED)) or not smear_misfits(luma, place, shape, path, SHARES, costs):
+    if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return
     costs = np.log(costs + 1e-3)
-    rig.shutter_cost[:] += RATE * (np.minimum(costs - costs.min(), 2.0) - rig.shutter_cost)
+    weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
+    rig.shutter_cost[:] += weight * (np.minimum(costs - costs.min(), 2.0) - rig.shutter_cost)
     rig.shutter_share = best_share(rig.shutter_cost)
 
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
 from tracker.appearance.lucas_kanade import READING, Luma
-from tracker.appearance.motion_blur import RATE
 from tracker.follow.dots import DotState
 from tracker.follow.judgement import MOVED_RAD, base_shift
-from tracker.follow.learning import write_row
+from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame

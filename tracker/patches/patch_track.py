@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import Point
-from tracker.appearance.motion_blur import RATE
 from tracker.follow.judgement import SOON
+from tracker.follow.learning import RATE
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
