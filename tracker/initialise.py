@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,7 +14,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import tags_seen
-from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
+from tracker.detect.given_positions import LOOKED_AT, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
 from tracker.follow.followed_dots import DotState
@@ -79,7 +79,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     kept: list[NDArray[np.uint8]] = []
     best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
     last, tags = 0, ("", list[int]())
-    for last, luma in _looked_at(source, progress):
+    for last, lent in looked_at(source, progress, what="the markers"):
+        luma = lent.copy()
         # The first frame and the last two: markers may come into sight late.
         kept = [*kept[:1], *kept[1:][-1:], luma]
         found = sticks_in(luma)
@@ -107,16 +108,6 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     score, index, luma, sticks = best
     markers = [marker for stick in sticks for marker in markers_on(luma, stick)]
     return Start(markers, index, None, doubtful=score <= CLEAR)
-
-
-def _looked_at(source: FrameSource, progress: Progress) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    """Give the frames in which markers are looked for: their numbers, and pictures to keep."""
-    for frame in decoded(source):
-        if frame.index > LOOKED_AT[-1]:
-            return
-        if frame.index in LOOKED_AT and frame.luma is not None:
-            progress("looking for the markers", frame.index, LOOKED_AT[-1])
-            yield frame.index, frame.luma.copy()
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
@@ -147,5 +138,5 @@ def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) ->
     first = replace(first, luma=first.luma.copy())
     sticks_of(first, hints)
     if "tag" in hints.kinds:
-        look_for_tags((frame for frame in decoded(source)), hints, name=source.name, progress=progress)
+        look_for_tags(source, hints, progress=progress)
     return Start([], first.index, 1, hints.kinds, first=first, hints=hints)

@@ -24,7 +24,7 @@ from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
-from tracker.rows import CODE, ROW
+from tracker.rows import CODE
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
@@ -111,7 +111,7 @@ def track_film(
     total = source.frame_count
     for frame in source:
         if frame.index >= done:
-            store.add(_unseen(frame.time_s) if frame.index < start.frame else follower.step(frame))
+            store.add(follower.pass_over(frame) if frame.index < start.frame else follower.step(frame))
             if store.due:
                 store.checkpoint(follower.to_state())
         if frame.index % REPORT_EVERY == 0:
@@ -126,14 +126,6 @@ def _key(source: FrameSource, markers: MarkerHints | None) -> str:
     if markers is not None:
         given = [markers.position_px.tolist(), markers.kinds, markers.family, markers.ids]
     return source_key(source.files(), settings={"markers": given, "source": source.describe()})
-
-
-def _unseen(time_s: float) -> NDArray[np.void]:
-    row = np.zeros((), ROW)
-    row["time_s"] = time_s
-    row["position_px"] = row["covariance_px2"] = np.nan
-    row["state"] = CODE["lost"]
-    return row
 
 
 def _moves(table: NDArray[np.void], stick: int) -> bool:

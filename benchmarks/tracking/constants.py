@@ -32,13 +32,14 @@ FILMS = (
     "slow, H.264 CRF 30",
 )
 CONSTANTS = {
-    "appearance/motion_blur": ("SHARP_PX", "_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
+    "appearance/lucas_kanade": ("SHARP_PX",),
+    "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/judgement": (
-        "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OWN_PX", "_OFF_CIRCLE",
+        "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
     ),
     "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
-    "follow/reading": ("_DEVIATIONS", "_NEVER", "_BASIN"),
+    "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),
 }  # fmt: skip
 

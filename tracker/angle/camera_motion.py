@@ -21,6 +21,8 @@ from torsight.core.series import runs
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
+from tracker.follow.innovation import SIGMAS
+from tracker.follow.judgement import SHAKE_PX
 
 Floats = NDArray[np.float64]
 
@@ -30,11 +32,9 @@ _FELT_PX: Final = 5.0 * USUAL_PX
 """Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
 _START: Final = 0.1
 """Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
-_SAME: Final = 2.0
-"""Standard deviations by which two halves of a stretch may differ in which the camera only shakes."""
-_BUMP_PX: Final = 3.0
+_BUMP_PX: Final = 1.5 * SHAKE_PX
 """Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
-shaking that is asked of the tracker (see :data:`tracker.follow.judgement.SHAKE_PX`)."""
+shaking that is asked of the tracker."""
 _OFF: Final = 5.0
 """Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
@@ -75,7 +75,7 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     With a lens the motion is taken out of the rays, which is what a small turn of the camera does; without one, out of
     the picture.
     """
-    flat, covariance, pixel = _flat(tracks, intrinsics, pixel_aspect)
+    flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
     if shift is None:
         nothing = np.zeros(len(tracks))
@@ -91,7 +91,7 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
 
 
-def _flat(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
+def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
     """Return rays, or positions in square pixels (n, 4, 2), their covariances, and the size of a pixel among them."""
     if intrinsics is None:
         stretch = np.array([pixel_aspect, 1.0])
@@ -102,7 +102,7 @@ def _flat(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: flo
 
 
 def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float) -> Floats:
-    """Return the pixel positions of what :func:`_flat` makes of them."""
+    """Return the pixel positions of what :func:`flattened` makes of them."""
     return flat / np.array([pixel_aspect, 1.0]) if intrinsics is None else pixel_from_ray(flat, intrinsics)
 
 
@@ -196,7 +196,7 @@ def _at_the_start(place: Floats) -> Floats:
     count = max(1, round(_START * len(place)))
     while 2 * count <= len(place):
         apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
-        if (apart > _SAME * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
+        if (apart > SIGMAS * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
             break
         count *= 2
     return np.asarray(np.median(place[:count], axis=0))

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
-from torsight.core.optics.geometry import on_plane, ray_from_pixel, rotation_matrix
+from torsight.core.optics.geometry import on_plane, rotation_matrix
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
-from tracker.angle.camera_motion import Unmoved, unmoved
+from tracker.angle.camera_motion import Unmoved, flattened, unmoved
 from tracker.angle.length_noise import in_motion
 from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of, variance_by
 from tracker.angle.row_time import Readout
@@ -161,15 +161,15 @@ def _rolling_report(tilt: Tilt, readout: Readout) -> dict[str, Any]:
 
 def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:
     """Return the markers from the picture's middle in units of half its width, without the lens where it is known."""
+    places, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     width, height = tracks.size_px
-    half, middle = 0.5 * pixel_aspect * width, np.zeros(2)
+    half, middle = 0.5 * pixel * width, np.zeros(2)
     if intrinsics is None:
-        middle = np.array([0.5 * pixel_aspect * (width - 1), -0.5 * (height - 1)])
-        flat = [_picture_plane(tracks, marker, pixel_aspect) for marker in range(4)]
-    else:
-        half = 0.5 * width / float(intrinsics.matrix[0, 0])
-        flat = [_lens_plane(tracks, marker, intrinsics) for marker in range(4)]
-    return [((points - middle) / half, covariance / half**2) for points, covariance in flat]
+        half, middle = 0.5 * pixel_aspect * width, 0.5 * np.array([pixel_aspect * (width - 1), height - 1])
+    # From y down to y up.
+    up = np.array([1.0, -1.0])
+    places, covariance = (places - middle) * up / half, covariance * np.outer(up, up) / half**2
+    return [(places[:, marker], covariance[:, marker]) for marker in range(4)]
 
 
 def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> NDArray[np.float64]:
@@ -185,20 +185,6 @@ def _bridged(variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a variance that follows the stick's direction, also of frames in which one marker alone is seen."""
     known = np.flatnonzero(np.isfinite(variance))
     return np.interp(np.arange(len(variance)), known, variance[known]) if len(known) else variance
-
-
-def _picture_plane(tracks: MarkerTracks, marker: int, pixel_aspect: float) -> Points:
-    """Return positions with y up and square pixels."""
-    turn = np.array([[pixel_aspect, 0.0], [0.0, -1.0]])
-    return tracks.position_px[:, marker] @ turn.T, turn @ tracks.covariance_px2[:, marker] @ turn.T
-
-
-def _lens_plane(tracks: MarkerTracks, marker: int, intrinsics: Intrinsics) -> Points:
-    """Return positions with the lens taken out, y up."""
-    flip = np.array([[1.0, 0.0], [0.0, -1.0]])
-    rays, slopes = ray_from_pixel(tracks.position_px[:, marker], intrinsics)
-    slopes = flip @ slopes
-    return rays @ flip, _carried(tracks.covariance_px2[:, marker], slopes)
 
 
 def _carried(covariance_px2: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,17 +12,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import runs
+from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
 
-_FEWEST: Final = 50
-"""Frames that tell what is usual: a median is then known to a sixth of one frame's noise."""
 _FAR: Final = 15.0
 _QUIET: Final = 2.0
 """By how many standard deviations the base stick is off where one of its dots is displaced, and when it is back."""
-_FAR_PX: Final = 0.4
-"""Least distance that counts as far."""
 _WORSE: Final = 1.25
 """By how much the fit of a dot that is seen in part is worse than usual: residual over step."""
 _BESIDE_RADII: Final = 4.0
@@ -57,11 +55,11 @@ def half_covered(rows: NDArray[np.void], *, radius_px: float) -> Flags:
     covered = np.zeros((len(rows), 2), bool)
     left = (rows["state"][:, :2] == CODE["seen"]).all(axis=1)
     offset = rows["position_px"][:, 1] - rows["position_px"][:, 0]
-    while left.sum() >= _FEWEST:
+    while left.sum() >= LEAST_FRAMES:
         away_px = np.linalg.norm(offset - np.median(offset[left], axis=0), axis=1)
         fit_px2 = float(np.median(rows["covariance_px2"][left][:, :2, [0, 2]].sum(axis=1)))
         usual = left & (away_px < np.median(away_px[left]))
-        sigma_px = max(float(np.median(away_px[left])) / _RAYLEIGH, math.sqrt(fit_px2), _FAR_PX / _FAR)
+        sigma_px = max(float(np.median(away_px[left])) / _RAYLEIGH, math.sqrt(fit_px2), math.sqrt(2.0) * USUAL_PX)
         for begin, end in runs(left & (away_px > _QUIET * sigma_px)):
             run = np.arange(begin, end)[away_px[begin:end] > _FAR * sigma_px]
             for marker in (0, 1):

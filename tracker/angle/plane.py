@@ -184,8 +184,11 @@ def against_base(
         valid=valid,
         branch_certain=certain,
     )
-    noise = _noise_report(errors.base, errors.moving)
-    noise["angle_bound_deg"] = float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None
+    noise = {
+        "error_over_white_noise": {"base": errors.base.scale, "moving": errors.moving.scale},
+        "impossible_lengths": {"base": int(errors.base.outlier.sum()), "moving": int(errors.moving.outlier.sum())},
+        "angle_bound_deg": float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None,
+    }
     report = {"method": method, "noise": noise, "from_one_marker": int((valid & moving.alone).sum())}
     return Orientation(angles, position_mm, errors.scale, report)
 
@@ -238,13 +241,6 @@ def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
         known = length[np.isfinite(length)]
         found.append(2.0 * FLOOR_PX**2 / float(np.median(known)) ** 2 if len(known) else 0.0)
     return found[0], found[1]
-
-
-def _noise_report(base: LengthWitness, moving: LengthWitness) -> dict[str, Any]:
-    return {
-        "error_over_white_noise": {"base": base.scale, "moving": moving.scale},
-        "impossible_lengths": {"base": int(base.outlier.sum()), "moving": int(moving.outlier.sum())},
-    }
 
 
 def stick_direction(inner: Points, outer: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 
-_LONGEST: Final = 400
-"""Frames on each side that are averaged at most."""
 SIDE: Final = 8
 """Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.7 px."""
 _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
 """Frames over which drift is looked for: each about twice the last, up to half of what is averaged at most."""
+_LONGEST: Final = 2 * _LAGS[-1]
+"""Frames on each side that are averaged at most."""
 
 
 def steady_direction(

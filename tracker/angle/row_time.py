@@ -27,8 +27,6 @@ Complex = NDArray[np.complex128]
 
 SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)
 """Prior of the share of the time between two frames in which a picture is read: that of anything from −1 to 1."""
-_RIDGE: Final = 1e-9
-"""Weight of circles of no size about the origin, in frames: for paths that do not fix them."""
 _ONWARDS: Final = (("right", "left"), ("down", "up"))
 
 
@@ -118,13 +116,13 @@ def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
     """Return the common centre and both arms (3,) of markers that go around circles, and their normal matrix (3, 3).
 
     Least squares of p = c + q exp(i ψ) in the complex plane, linear in c and both q: inner and outer marker (n, 2, 2),
-    and the stick's direction ψ (n,), counter-clockwise.
+    and the stick's direction ψ (n,), counter-clockwise. Paths that do not fix them give the smallest ones.
     """
     place, unit = points[..., 0] + 1j * points[..., 1], np.exp(1j * direction_rad)
     n, turned = len(place), unit.sum()
     normal = np.array([[2 * n, turned, turned], [np.conj(turned), n, 0.0], [np.conj(turned), 0.0, n]])
     right = np.concatenate([[place.sum()], np.conj(unit) @ place])
-    return np.asarray(np.linalg.solve(normal + _RIDGE * np.eye(3), right)), normal
+    return np.asarray(np.linalg.pinv(normal, hermitian=True) @ right), normal
 
 
 def _turned(points: Floats, angle_rad: Floats) -> Floats:

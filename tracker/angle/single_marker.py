@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.optics.hanging import direction_bins, spread_rows
+from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.angle.row_time import Complex, circles
 
 Floats = NDArray[np.float64]
 Points = tuple[Floats, Floats]
 
-_FEWEST: Final = 20
-"""Frames with both markers from which axis and arms are found: eighty coordinates for six values."""
 _CORRELATED: Final = 4.0
 """Frames that share an error of a circle that is tilted."""
 _WORST_RAD: Final = np.deg2rad(1.0)
@@ -39,7 +38,7 @@ def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> 
     seen = [np.isfinite(points[:, 0]) for points, _ in moving]
     alone = [seen[0] & ~seen[1], seen[1] & ~seen[0]]
     both = np.flatnonzero(np.isfinite(pair_rad))
-    if not (alone[0].any() or alone[1].any()) or len(both) < _FEWEST:
+    if not (alone[0].any() or alone[1].any()) or len(both) < LEAST_FRAMES:
         return angle, variance
     places = [points for points, _ in moving]
     fitted = _axis_and_arms(places, pair_rad, spread_rows(pair_rad, np.isfinite(pair_rad)))

@@ -41,10 +41,10 @@ from tracker.angle.plane import (
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.row_time import Readout
 from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
+from tracker.detect.sticks import PARALLEL
 
 Floats = NDArray[np.float64]
 
-_PARALLEL: Final = 0.2
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
 """How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
@@ -205,7 +205,7 @@ def _rig_of_still_sticks(position: Floats) -> _Rig:
     base, moving = (stick / np.linalg.norm(stick) for stick in (mean[1] - mean[0], mean[3] - mean[2]))
     across = np.cross(base, moving)
     size = float(np.linalg.norm(across))
-    if not np.isfinite(size) or size < _PARALLEL:
+    if not np.isfinite(size) or size < PARALLEL:
         raise NoResultError(
             "the rotation axis cannot be found: the stick hardly turns, and both sticks point the same way",
             where="stereo pair",

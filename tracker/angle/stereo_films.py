@@ -80,7 +80,13 @@ class Film:
 
     def without(self, gone: NDArray[np.bool_]) -> Film:
         """Return the film without some positions (n, 4)."""
-        return replace(self, tracks=_blanked(self.tracks, gone))
+        tracks = replace(
+            self.tracks,
+            position_px=np.where(gone[..., None], np.nan, self.tracks.position_px),
+            covariance_px2=np.where(gone[..., None, None], np.nan, self.tracks.covariance_px2),
+            valid=self.tracks.valid & ~gone,
+        )
+        return replace(self, tracks=tracks)
 
     def scaled(self, errors: StickErrors) -> Film:
         """Return the film with the errors that its sticks' lengths show, without impossible lengths."""
@@ -130,16 +136,6 @@ def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:
     index = np.where(closer, before, nearest).astype(np.int64)
     step_s = float(np.median(np.diff(left.time_s))) if len(left) > 1 else np.inf
     return np.where(np.abs(right.time_s[index] - left.time_s) <= 0.5 * step_s, index, -1)
-
-
-def _blanked(tracks: MarkerTracks, gone: NDArray[np.bool_]) -> MarkerTracks:
-    """Return tracks without some positions (n, 4)."""
-    return replace(
-        tracks,
-        position_px=np.where(gone[..., None], np.nan, tracks.position_px),
-        covariance_px2=np.where(gone[..., None, None], np.nan, tracks.covariance_px2),
-        valid=tracks.valid & ~gone,
-    )
 
 
 def triangulated(films: list[Film]) -> SpacePoints:

@@ -44,16 +44,16 @@ _PERSPECTIVE: Final = 0.8
 _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _FEWEST: Final = 12
-KNOWN: Final = 1.0 / 300.0
-"""A tilt of which no more is left than can make 0.2 degrees is taken out, be it none."""
+KNOWN: Final = np.deg2rad(0.2)
+"""A tilt of which no more is left than can make this error of an angle is taken out, be it none."""
 _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
 _BELIEVED: Final = 0.95
 """Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_PINNED: Final = 1e-5
-"""Prior of what is known to be nought: it makes less than a thousandth of a degree."""
+_PINNED: Final = np.deg2rad(0.001)
+"""Prior of what is known to be nought: the error of an angle that it makes."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 

@@ -45,7 +45,8 @@ def unwrap(
     for number, run in enumerate(runs):
         local = locals_[number]
         if number == 0:
-            local = local + _into_first_turn(local[0]) - local[0]
+            # The same direction within (−π, π].
+            local = local + math.pi - (math.pi - local[0]) % math.tau - local[0]
         else:
             before = runs[number - 1][-1]
             ahead = _speed_ahead(time_s, runs, locals_, number)
@@ -64,11 +65,6 @@ def unwrap(
         certain[run] = sure
     certain[known[-1] + 1 :] = sure
     return whole, certain
-
-
-def _into_first_turn(angle_rad: float) -> float:
-    """Return the same direction within (−π, π]."""
-    return math.pi - (math.pi - angle_rad) % math.tau
 
 
 def _turns(

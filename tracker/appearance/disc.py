@@ -34,6 +34,8 @@ SHAPE: Final = np.dtype(
 lengthening along x (and shortening along y), and along the diagonal; brightness inside over that outside, less 1; half
 the width of the stick that carries it; radius of the window in which it is compared."""
 
+MOST_STRETCH: Final = 0.45
+"""Stretch up to which it is a dot's: that of a plane seen from 67 degrees aside."""
 SECTORS: Final = 8
 """Parts of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
 COLUMNS: Final = 7
@@ -131,6 +133,8 @@ def fill_beside(
 ) -> int:
     """Add columns for what lies beside the stick, left and right of it; return how many columns there are now.
 
+    A side of which no pixel shows half has none.
+
     With a smear across the stick it gets into the window: a step that is smeared is a ramp as long as the smear.
     """
     length = math.hypot(path[0], path[1])
@@ -142,7 +146,7 @@ def fill_beside(
             across = ((pixels[0, i] - dx) * path[0] + (pixels[1, i] - dy) * path[1]) / length
             rows[used, i] = min(max((side * across - strip) / ramp + 0.5, 0.0), 1.0)
             most = max(most, rows[used, i])
-        if most > 0.05:
+        if most > 0.5:
             used += 1
     return used
 

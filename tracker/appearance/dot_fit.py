@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-from tracker.appearance.disc import SHAPE, Floats, Record, disc_point
+from tracker.appearance.disc import MOST_STRETCH, SHAPE, Floats, Record, disc_point
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
@@ -25,6 +25,8 @@ _SHARPEST_PX: Final = 0.12
 _ROUNDS: Final = 15
 """Steps of Levenberg and Marquardt at most."""
 _LOOK: Final = 3
+_SMALL_PX: Final = 1e-3
+"""A step below which the next one changes nothing: steps shrink with their square."""
 _DOUBTFUL: Final = 0.3
 _HOPELESS: Final = 0.55
 """A start that explains less than the first share is not looked at; a fit that explains less than the second after a
@@ -32,35 +34,31 @@ few rounds is not of a dot."""
 
 
 @dataclass(frozen=True, slots=True)
-class DotShape:
-    """Shape of one dot, which does not change while it moves; ``radius_px`` is that of the circle of the same area.
+class Dot:
+    """A dot fitted in one picture; ``radius_px`` is that of the circle of the same area.
 
     ``edge_px``: standard deviation of the blur of its edge; ``stretch``: relative lengthening along x (and shortening
     along y), and along the diagonal; ``contrast``: brightness inside over that outside, less 1; ``window_px``: radius
-    of the window in which it is compared.
+    of the window in which it is compared. ``light`` is the brightness of the stick around it, ``residual`` the root
+    mean square of what the fit leaves, grey levels; ``explained`` the share of the window's variance that the fit
+    explains.
     """
 
+    x_px: float
+    y_px: float
     radius_px: float
     edge_px: float
     stretch: tuple[float, float]
     contrast: float
     window_px: float
-
-
-@dataclass(frozen=True, slots=True)
-class DotFit:
-    """A dot fitted in one picture.
-
-    ``light`` is the brightness of the stick around it, ``residual`` the root mean square of what the fit leaves, grey
-    levels; ``explained`` the share of the window's variance that the fit explains.
-    """
-
-    x_px: float
-    y_px: float
-    shape: DotShape
     light: float
     residual: float
     explained: float
+
+    @property
+    def step(self) -> float:
+        """Brightness inside against outside, grey levels."""
+        return abs(self.contrast) * self.light
 
 
 def window_for(radius_px: float, edge_px: float = EDGE_PX, room_px: float = np.inf) -> float:
@@ -81,7 +79,7 @@ def fit_dot(
     light_dot: bool,
     room_px: float = np.inf,
     ellipse: bool = True,
-) -> DotFit | None:
+) -> Dot | None:
     """Fit position, shape, contrast and light of the dot near a position in a picture (h, w), with its radius.
 
     ``room_px`` is the distance from its centre to the stick's edge, which the window must not pass; ``ellipse``: fit
@@ -101,8 +99,9 @@ def fit_dot(
     light, step = found.linear[:2].tolist()
     if light <= 0 or step * (1.0 if light_dot else -1.0) <= 0:
         return None
-    shape = DotShape(radius, edge, (across, diagonal), step / max(light, 1.0), window_for(radius, edge, room_px))
-    return DotFit(x, y, shape, light, math.sqrt(found.square / len(found.left)), found.explained)
+    window_px, residual = window_for(radius, edge, room_px), math.sqrt(found.square / len(found.left))
+    contrast = step / max(light, 1.0)
+    return Dot(x, y, radius, edge, (across, diagonal), contrast, window_px, light, residual, found.explained)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,10 +164,8 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
         if trial is None or trial.square > found.square:
             damping = 10.0 * max(damping, 1e-4)
             continue
-        gain = 1.0 - trial.square / max(found.square, 1e-12)
         found, damping = trial, 0.2 * damping
-        # Steps shrink with their square: what is left after one of a thousandth of a pixel is nothing.
-        if gain < 1e-5 or np.abs(delta).max() < 1e-3:
+        if np.abs(delta).max() < _SMALL_PX:
             break
     return found
 
@@ -202,5 +199,5 @@ def _is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> boo
         and math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
         and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
-        and math.hypot(trial[4], trial[5]) < 0.45
+        and math.hypot(trial[4], trial[5]) < MOST_STRETCH
     )

@@ -67,10 +67,10 @@ _ROUNDS: Final = 4
 """Steps at most: each goes no further than half a radius, so two radii are reached."""
 _CONVERGED: Final = 0.2
 """Last step, px, up to which a reading counts as converged."""
-_SMEARED_PX: Final = 2.0
-"""Smear from which a model of its own is made: a shorter one blurs a dot by less than 0.6 px (2/√12), evenly."""
-_NEAR_ENOUGH: Final = 0.08
-"""Offset from the model's place from which another step pays; half a step of the places, and a little."""
+SHARP_PX: Final = 1.5
+"""Speed, or smear, per frame up to which a marker shows its shape: it blurs a dot by less than 0.5 px (1.5/√12)."""
+_NEAR_PX: Final = math.sqrt(0.5) / PHASES
+"""Offset from the model's place up to which no other one is nearer: half a diagonal of the places' grid."""
 
 
 @lending
@@ -84,7 +84,7 @@ def eliminate(a: Floats, b: Floats, i: int) -> None:
     for j in range(n):
         a[i, j], a[best, j] = a[best, j], a[i, j]
         b[i, j], b[best, j] = b[best, j], b[i, j]
-    pivot = a[i, i] if abs(a[i, i]) > 1e-30 else 1e-30
+    pivot = a[i, i]
     for j in range(n):
         a[i, j] /= pivot
         b[i, j] /= pivot
@@ -197,37 +197,37 @@ def worst_sector(left: Floats, pixels: Pixels) -> float:
     return worst
 
 
-@compiled
-def solve_model(
-    values: Floats, model: Floats, extra: Floats, columns: int, pixels: Pixels, marker: Record, out: Record
-) -> None:
-    """Read one window by one linear step; ``out`` is from the model's place."""
-    n = values.shape[0]
-    found = np.empty(columns)
-    for k in range(columns):
+@lending
+def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, found: Floats) -> None:
+    """Find the coefficients of a window's columns by one linear step, the marker's slopes of the light taken out."""
+    for k in range(len(found)):
         found[k] = inner(model[k], values)
     scale = max(found[0], 1.0)
-    sx, sy = marker.slope[0] * scale, marker.slope[1] * scale
-    for k in range(columns):
-        found[k] -= extra[2 * k] * sx + extra[2 * k + 1] * sy
-    last = 2 * columns
+    for k in range(len(found)):
+        found[k] -= extra[2 * k] * marker.slope[0] * scale + extra[2 * k + 1] * marker.slope[1] * scale
+
+
+@compiled
+def take_reading(
+    values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Pixels, marker: Record, out: Record
+) -> None:
+    """Take all but the place from the coefficients of a window, and from what they leave of it."""
+    columns = len(found)
+    scale, last = max(found[0], 1.0), 2 * columns
     out.slope[0], out.slope[1] = inner(model[last + 2], values) / scale, inner(model[last + 3], values) / scale
     left = values.copy()
-    take_away(left, model[last], sx)
-    take_away(left, model[last + 1], sy)
+    take_away(left, model[last], marker.slope[0] * scale)
+    take_away(left, model[last + 1], marker.slope[1] * scale)
     for k in range(columns):
         take_away(left, model[columns + k], found[k])
     out.patch = worst_sector(left, pixels)
     light, step = found[0], found[1]
-    size = step if abs(step) > 1e-3 else math.copysign(1e-3, step)
-    variance = inner(left, left) / max(1, n - columns)
-    out.x, out.y = found[2] / size, found[3] / size
+    variance = inner(left, left) / max(1, len(values) - columns)
     for k in range(3):
-        out.covariance[k] = variance / (size * size) * extra[2 * columns + k]
-        out.change[k] = found[4 + k] / size
+        out.covariance[k] = variance / (step * step) * extra[last + k]
+        out.change[k] = found[4 + k] / step
     out.light, out.step, out.residual = light, step, math.sqrt(variance)
     out.contrast = step / (light * marker.shape.contrast) if light > 1.0 else 0.0
-    out.converged = abs(out.x) < _CONVERGED and abs(out.y) < _CONVERGED
 
 
 @lending
@@ -264,7 +264,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
     # Smear in whole pixels: half a pixel more or less changes the ends of a smear of several pixels, evenly.
     smear_x, smear_y = float(round(smear[0])), float(round(smear[1]))
     length = math.hypot(smear_x, smear_y)
-    if length < _SMEARED_PX:
+    if length < SHARP_PX:
         length = 0.0
     radius = shape.window + math.ceil(0.5 * length)
     if length > 0.0:
@@ -274,7 +274,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
     half = math.ceil(radius)
     values = np.empty(pixels.shape[1])
-    for _ in range(_ROUNDS):
+    for round_ in range(_ROUNDS):
         at_x, at_y = math.floor(x_px * PHASES + 0.5) / PHASES, math.floor(y_px * PHASES + 0.5) / PHASES
         cx, cy = math.floor(at_x + 0.5), math.floor(at_y + 0.5)
         if not take_values(luma, cx, cy, pixels, half, values):
@@ -287,11 +287,15 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
             fill_model(models[0], extras[0], columns, pixels, shape)
         else:
             slot = model_at(pixels, models, extras, (at_x - cx, at_y - cy), shape)
-        solve_model(values, models[slot], extras[slot], columns, pixels, marker, out)
+        found = np.empty(columns)
+        solve_model(values, models[slot], extras[slot], marker, found)
+        dx, dy = found[2] / found[1], found[3] / found[1]
+        out.x, out.y = at_x + dx, at_y + dy
         # The model is linear only close by: another step from the nearest place at which models are kept.
-        near = abs(out.x) < _NEAR_ENOUGH and abs(out.y) < _NEAR_ENOUGH
-        out.x, out.y = at_x + out.x, at_y + out.y
-        if near or not math.isfinite(out.x) or not math.isfinite(out.y):
+        near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
+        if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
+            out.converged = abs(dx) < _CONVERGED and abs(dy) < _CONVERGED
+            take_reading(values, found, models[slot], extras[slot], pixels, marker, out)
             break
         limit = 0.5 * shape.radius
         x_px += min(max(out.x - x_px, -limit), limit)

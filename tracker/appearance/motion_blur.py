@@ -13,12 +13,19 @@ import numpy as np
 
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record, fill_beside, smear_count, smeared_point, window_pixels
-from tracker.appearance.lucas_kanade import Luma, Point, invert, products, take_values
+from tracker.appearance.lucas_kanade import (
+    SHARP_PX,
+    Luma,
+    Point,
+    inner,
+    invert,
+    products,
+    take_away,
+    take_values,
+)
 
 SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
 """Shares of the frame interval that are tried."""
-SHARP_PX: Final = 1.5
-"""Speed, or smear, per frame up to which a marker shows its shape."""
 _RATE: Final = 0.15
 """Share of a new look in the account; of a path below ``_LONG_PX``, whose smears hardly differ, half of it."""
 _LONG_PX: Final = 4.0
@@ -80,7 +87,7 @@ def best_share(cost: Floats) -> float:
     if at == len(SHARES) - 1:
         return float(SHARES[at])
     bend = cost[at - 1] - 2.0 * cost[at] + cost[at + 1]
-    off = 0.0 if bend <= 1e-9 else 0.5 * (cost[at - 1] - cost[at + 1]) / bend
+    off = 0.0 if bend <= 0.0 else 0.5 * (cost[at - 1] - cost[at + 1]) / bend
     return float(SHARES[at] + max(-0.5, min(0.5, off)) * (SHARES[1] - SHARES[0]))
 
 
@@ -88,21 +95,13 @@ def best_share(cost: Floats) -> float:
 def residual_share(rows: Floats, values: Floats) -> float:
     """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
     columns, n = rows.shape
-    inverse = invert(products(rows, columns))
-    right, found = np.zeros(columns), np.zeros(columns)
+    inverse, right, left = invert(products(rows, columns)), np.empty(columns), values.copy()
     for m in range(columns):
-        for i in range(n):
-            right[m] += rows[m, i] * values[i]
+        right[m] = inner(rows[m], values)
     for m in range(columns):
-        for j in range(columns):
-            found[m] += inverse[m, j] * right[j]
-    square = 0.0
-    for i in range(n):
-        left = values[i]
-        for m in range(columns):
-            left -= rows[m, i] * found[m]
-        square += left * left
-    return -1.0 if abs(found[1]) <= 1.0 else math.sqrt(square / max(1, n - columns)) / abs(found[1])
+        take_away(left, rows[m], inner(inverse[m], right))
+    step = abs(inner(inverse[1], right))
+    return -1.0 if step <= 1.0 else math.sqrt(inner(left, left) / max(1, n - columns)) / step
 
 
 @compiled

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.words.wording import listed
-from tracker.detect.dots import HUGE_PX, Dot, Refused, find_and_refuse, find_large_dots
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse, find_large_dots
 from tracker.detect.fiducials import tags_seen
-from tracker.detect.sticks import Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
-
-_SHOWN: Final = 24
-"""Candidates that are listed: a person reads no more, and no more dots are compared in pairs."""
+from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +37,8 @@ class Sighting:
     """What automatic detection makes of one picture.
 
     ``candidates`` are first the markers that were taken, then other dots, then places that look like a dot from afar,
-    24 at most. ``sticks_px`` (2, 2, 2) are the markers on one stick and on the other, inner marker first, or None;
-    which stick moves is not seen in one picture. ``reason``: why no markers were found, or empty.
+    ``MOST`` at most. ``sticks_px`` (2, 2, 2) are the markers on one stick and on the other, inner marker first, or
+    None; which stick moves is not seen in one picture. ``reason``: why no markers were found, or empty.
     """
 
     candidates: tuple[Candidate, ...]
@@ -64,7 +61,7 @@ def look(luma: NDArray[np.uint8]) -> Sighting:
     rows += [(dot.x_px, dot.y_px, dot.radius_px, True, False, _why(luma, dot, dots, paired, found)) for dot in others]
     if found is None:  # what is no dot matters only where the markers may be among it
         rows += [(at.x_px, at.y_px, at.radius_px, False, False, at.reason) for at in _apart(refused, dots)]
-    candidates = tuple(Candidate(number, *row) for number, row in enumerate(rows[:_SHOWN], 1))
+    candidates = tuple(Candidate(number, *row) for number, row in enumerate(rows[:MOST], 1))
     if found is None:
         family, numbers = tags_seen([luma])
         reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""

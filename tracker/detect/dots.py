@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.appearance.dot_fit import DotFit, fit_dot, window_for
+from tracker.appearance.dot_fit import Dot, fit_dot
 
 SMALLEST_PX: Final = 2.6
 LARGEST_PX: Final = 23.0
 """Radius up to which dots are looked for at first: larger ones are mostly of the background."""
-HUGE_PX: Final = 46.0
+HUGE_PX: Final = 2.0 * LARGEST_PX
 """Radius of the largest dots that are found at all."""
+_LARGE: Final = (0.8 * LARGEST_PX, HUGE_PX)
+"""Radii of those that are looked for where smaller ones do not do."""
 _RATIO: Final = 1.22
 """From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
 _LIKELY: Final = 0.5
@@ -31,33 +33,8 @@ _SMALL_PX: Final = 7.5
 """Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to fit."""
 _EXPLAINED: Final = 0.75
 """Share of the window's variance that a dot has to explain."""
-_RANKED: Final = 600
-"""Places that are compared with each other."""
 _MOST: Final = 80
 """Places that are fitted in one picture."""
-
-
-@dataclass(frozen=True, slots=True)
-class Dot:
-    """A dot found in a picture: its fit, and the distance from its centre to where the stick that carries it ends."""
-
-    fit: DotFit
-    room_px: float
-
-    @property
-    def x_px(self) -> float:
-        """Centre, to the right."""
-        return self.fit.x_px
-
-    @property
-    def y_px(self) -> float:
-        """Centre, down."""
-        return self.fit.y_px
-
-    @property
-    def radius_px(self) -> float:
-        """Radius."""
-        return self.fit.shape.radius_px
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,17 +47,13 @@ class Refused:
     reason: str
 
 
-def find_dots(
-    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
-) -> list[Dot]:
-    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``."""
-    return find_and_refuse(luma, radii_px=radii_px, known=known)[0]
-
-
 def find_and_refuse(
     luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
 ) -> tuple[list[Dot], list[Refused]]:
-    """Return the dots as :func:`find_dots` does, and the places that look like a dot but are none, likeliest first."""
+    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``.
+
+    Also the places that look like a dot but are none, likeliest first.
+    """
     dots = list(known)
     refused: list[Refused] = []
     smallest_px, largest_px = radii_px
@@ -98,46 +71,45 @@ def find_and_refuse(
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
         dots.append(dot)
-    return sorted(dots, key=lambda dot: -dot.fit.explained), refused
+    return sorted(dots, key=lambda dot: -dot.explained), refused
 
 
 def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
-    """Return known dots and those that are larger than :func:`find_dots` looks for, the clearest first."""
-    return find_dots(luma, radii_px=(0.8 * LARGEST_PX, HUGE_PX), known=known)
+    """Return known dots and those that are larger than are looked for at first, the clearest first."""
+    return find_and_refuse(luma, radii_px=_LARGE, known=known)[0]
 
 
 def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
-    """Return the dot near a place, fitted and with the room around it, or in words why there is none."""
+    """Return the dot near a place, fitted as far as the ground around it is plain, or in words why there is none."""
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
     if close is None or close.explained < _EXPLAINED:
         return _unexplained(close)
     room = _room(luma, close)
-    radius = close.shape.radius_px
+    radius = close.radius_px
     if room < radius + 0.5:
         return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
     fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
     if fit is None or fit.explained < _EXPLAINED:
         return _unexplained(fit)
-    step, needed = abs(fit.shape.contrast) * fit.light, max(3.0 * fit.residual, 6.0)
-    if step < needed:
-        return f"its contrast is {step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
-    fit = replace(fit, shape=replace(fit.shape, window_px=window_for(fit.shape.radius_px, fit.shape.edge_px, room)))
-    return Dot(fit, room)
+    needed = max(3.0 * fit.residual, 6.0)
+    if fit.step < needed:
+        return f"its contrast is {fit.step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
+    return fit
 
 
-def _unexplained(fit: DotFit | None) -> str:
+def _unexplained(fit: Dot | None) -> str:
     if fit is None:
         return "no disc can be fitted: too close to the border, or nothing round"
     share = math.floor(100.0 * max(fit.explained, 0.0))
     return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * _EXPLAINED:.0f} % needed"
 
 
-def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float = 12.0) -> Dot | None:
+def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
     near = _dot_near(luma, x_px, y_px, reach_px, (SMALLEST_PX, LARGEST_PX))
-    return near or _dot_near(luma, x_px, y_px, reach_px, (0.8 * LARGEST_PX, HUGE_PX))
+    return near or _dot_near(luma, x_px, y_px, reach_px, _LARGE)
 
 
 def _dot_near(
@@ -158,7 +130,7 @@ def _dot_near(
         distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
         if distance > max(reach_px, dot.radius_px):
             continue
-        merit = distance - 6.0 * dot.fit.explained
+        merit = distance - 6.0 * dot.explained
         if best is None or merit < best[0]:
             best = (merit, dot)
     return None if best is None else best[1]
@@ -177,10 +149,9 @@ def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *,
     return float(reach[1 + int(np.argmax(steps))])
 
 
-def _room(luma: NDArray[np.uint8], fit: DotFit) -> float:
+def _room(luma: NDArray[np.uint8], fit: Dot) -> float:
     """Return how far the brightness around the dot stays that of the stick."""
-    radius = fit.shape.radius_px
-    step = abs(fit.shape.contrast) * fit.light
+    radius = fit.radius_px
     angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     reach = radius + 1.5
     level = None
@@ -192,7 +163,8 @@ def _room(luma: NDArray[np.uint8], fit: DotFit) -> float:
         ring = luma[y, x].astype(np.float64)
         level = float(np.median(ring)) if level is None else level
         # A quarter of the step: the outer edge of the stick, blurred, comes in sight.
-        if np.mean(np.abs(ring - level) > max(0.25 * step, 4.0 * fit.residual)) > 0.06:
+        # At three of the 48 places, which no noise does.
+        if np.sum(np.abs(ring - level) > max(0.25 * fit.step, 4.0 * fit.residual)) >= 3:
             break
         reach += 0.5
     return reach - 1.0
@@ -211,10 +183,12 @@ def _places(luma: NDArray[np.uint8], smallest_px: float, largest_px: float) -> l
         radius *= _RATIO
     found.sort(key=lambda place: -place[0])
     kept: list[Place] = []
-    for place in found[:_RANKED]:
+    # What is a dot of one radius looks like one of three steps less or more, too.
+    alike = 3.5 * math.log(_RATIO)
+    for place in found:
         if all(
             math.hypot(place[1] - other[1], place[2] - other[2]) > 0.6 * max(place[3], other[3])
-            or not 0.55 < place[3] / other[3] < 1.8
+            or abs(math.log(place[3] / other[3])) > alike
             for other in kept
         ):
             kept.append(place)

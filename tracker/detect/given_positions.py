@@ -6,9 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
-from tracker.detect.dots import HUGE_PX, Dot, dot_near
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import HUGE_PX, dot_near
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick
 from tracker.frames.frame import Frame, FrameSource
@@ -22,6 +27,16 @@ SNAP_PX: Final = 12.0
 def decoded(source: FrameSource) -> Iterator[Frame]:
     """Give the frames of a source that were decoded whole."""
     return (frame for frame in source if frame.luma is not None and not frame.damaged)
+
+
+def looked_at(source: FrameSource, progress: Progress, *, what: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Give the frames in which something is looked for, number and picture; ``progress`` is told before every look."""
+    for frame in decoded(source):
+        if frame.index > LOOKED_AT[-1]:
+            return
+        if frame.index in LOOKED_AT and frame.luma is not None:
+            progress(f"looking for {what}", frame.index, LOOKED_AT[-1])
+            yield frame.index, frame.luma
 
 
 def first_frame(source: FrameSource) -> Frame:

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracker.detect.dots import Dot, find_dots, find_large_dots
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import find_and_refuse, find_large_dots
 
 CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
@@ -23,8 +24,12 @@ _LIKE: Final = 1.6
 """Markers are of one make: size, brightness step and light differ by less than this factor."""
 _SIZES: Final = (1.8, 3.0)
 """Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
-_MOST: Final = 24
-"""Dots among which the sticks are looked for."""
+MOST: Final = 24
+"""Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
+PARALLEL: Final = 0.2
+"""Sine of the angle (12 degrees) at which two lines have to meet to tell a place, or a plane."""
+_AXIS_REACH: Final = 4.0
+"""How far beyond a stick's markers, in their distance, the axis may lie."""
 _STRIP: Final = 0.8
 """Share of the line between two dots that has to be stick."""
 
@@ -46,9 +51,9 @@ class Stick:
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
     """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs.
 
-    ``dots`` are those of :func:`tracker.detect.dots.find_dots`, where they were found already.
+    ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
     """
-    dots = find_dots(luma) if dots is None else dots
+    dots = find_and_refuse(luma)[0] if dots is None else dots
     found = choose_sticks(luma, dots)
     if found is not None and min(stick.score for stick in found) > CLEAR:
         return found
@@ -93,29 +98,22 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, 
 
 def clearest(dots: Sequence[Dot]) -> list[Dot]:
     """Return the dots among which the sticks are looked for, the clearest first."""
-    return sorted(dots, key=clearness, reverse=True)[:_MOST]
+    return sorted(dots, key=clearness, reverse=True)[:MOST]
 
 
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
     """Order each stick's dots by their distance from where the two sticks' lines cross."""
     axis = crossing(one, two)
+    (one, back), (two, there) = ((stick, Stick(stick.outer, stick.inner, stick.score)) for stick in (one, two))
     if axis is None:
-        # Parallel sticks: the ends that lie closer together are the inner ones.
-        straight = _gap(one.inner, two.inner)
-        crossed = min(_gap(one.inner, two.outer), _gap(one.outer, two.inner))
-        if crossed < straight and crossed < _gap(one.outer, two.outer):
-            return (
-                (_turned(one), two) if _gap(one.outer, two.inner) < _gap(one.inner, two.outer) else (one, _turned(two))
-            )
-        return (one, two) if straight <= _gap(one.outer, two.outer) else (_turned(one), _turned(two))
-    ordered = [
-        stick
-        if math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
-        <= math.hypot(stick.outer.x_px - axis[0], stick.outer.y_px - axis[1])
-        else _turned(stick)
-        for stick in (one, two)
-    ]
-    return ordered[0], ordered[1]
+        # Parallel sticks: the ends that lie closest together are the inner ones.
+        pairs = (one, two), (back, there), (one, there), (back, two)
+        return min(pairs, key=lambda pair: _gap(pair[0].inner, pair[1].inner))
+
+    def away(stick: Stick) -> float:
+        return math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
+
+    return min(one, back, key=away), min(two, there, key=away)
 
 
 def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
@@ -135,7 +133,7 @@ def crossing_point(
     ux, uy = b[0] - a[0], b[1] - a[1]
     vx, vy = d[0] - c[0], d[1] - c[1]
     cross = ux * vy - uy * vx
-    if abs(cross) < 0.2 * math.hypot(ux, uy) * math.hypot(vx, vy):
+    if abs(cross) < PARALLEL * math.hypot(ux, uy) * math.hypot(vx, vy):
         return None
     along = ((c[0] - a[0]) * vy - (c[1] - a[1]) * vx) / cross
     return a[0] + along * ux, a[1] + along * uy
@@ -161,7 +159,7 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
         middle = float(np.median(profile[reach < radius]))
         # Half way to the level two pixels on: the far background may have any brightness.
         steps = np.abs(profile[4:] - profile[:-4])
-        first = np.flatnonzero((steps > 0.25 * _step(stick.inner)) & (reach[2:-2] > radius))
+        first = np.flatnonzero((steps > 0.25 * stick.inner.step) & (reach[2:-2] > radius))
         if len(first):
             top = first[0] + int(np.argmax(steps[first[0] : first[0] + 5]))
             if abs(profile[top] - middle) < 0.5 * steps[top]:
@@ -169,32 +167,24 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
     return float(np.mean(found)) if found else math.inf
 
 
-def _turned(stick: Stick) -> Stick:
-    return Stick(stick.outer, stick.inner, stick.score)
-
-
 def _gap(a: Dot, b: Dot) -> float:
     return math.hypot(a.x_px - b.x_px, a.y_px - b.y_px)
 
 
-def _step(dot: Dot) -> float:
-    return abs(dot.fit.shape.contrast) * dot.fit.light
-
-
 def clearness(dot: Dot) -> float:
     """Return how clearly a dot stands out, by its fit and its step in brightness."""
-    return dot.fit.explained**4 * math.sqrt(_step(dot))
+    return dot.explained**4 * math.sqrt(dot.step)
 
 
 def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     """Return how clearly two dots lie on one stick, or in words why they do not."""
-    if (a.fit.shape.contrast > 0) != (b.fit.shape.contrast > 0):
+    if (a.contrast > 0) != (b.contrast > 0):
         return "one of the two is dark and the other light"
     likeness = 1.0
     for name, one, two in (
         ("radius", a.radius_px, b.radius_px),
-        ("contrast", _step(a), _step(b)),
-        ("light around them", a.fit.light, b.fit.light),
+        ("contrast", a.step, b.step),
+        ("light around them", a.light, b.light),
     ):
         ratio = max(one, two) / max(min(one, two), 1e-6)
         if ratio > _LIKE:
@@ -207,7 +197,7 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     if strip < _STRIP:
         share = math.floor(100.0 * strip)
         return f"{share} % of the line between them is as bright as a stick; {100.0 * _STRIP:.0f} % needed"
-    return likeness * strip * (a.fit.explained * b.fit.explained) ** 4 * math.sqrt(min(_step(a), _step(b)))
+    return likeness * strip * (a.explained * b.explained) ** 4 * math.sqrt(min(a.step, b.step))
 
 
 def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> float:
@@ -216,15 +206,15 @@ def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> fl
     along = np.linspace(first, last, max(8, int(last - first))) / distance
     x = np.rint(a.x_px + along * (b.x_px - a.x_px)).astype(np.int64)
     y = np.rint(a.y_px + along * (b.y_px - a.y_px)).astype(np.int64)
-    expected = a.fit.light + along * (b.fit.light - a.fit.light)
-    limit = max(0.3 * min(_step(a), _step(b)), 3.0 * max(a.fit.residual, b.fit.residual))
+    expected = a.light + along * (b.light - a.light)
+    limit = max(0.3 * min(a.step, b.step), 3.0 * max(a.residual, b.residual))
     return float(np.mean(np.abs(luma[y, x] - expected) < limit))
 
 
 def _couple_score(one: Stick, two: Stick) -> float:
     """Return how well two pairs go together as the sticks of one rig; negative where they cannot."""
     radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
-    steps = [_step(dot) for dot in (one.inner, one.outer, two.inner, two.outer)]
+    steps = [dot.step for dot in (one.inner, one.outer, two.inner, two.outer)]
     unlike = max(radii) / min(radii)
     if unlike > _SIZES[1] or max(steps) > 2.5 * min(steps):
         return -math.inf
@@ -239,5 +229,5 @@ def _couple_score(one: Stick, two: Stick) -> float:
     for stick in (one, two):
         ux, uy = stick.outer.x_px - stick.inner.x_px, stick.outer.y_px - stick.inner.y_px
         along = ((axis[0] - stick.inner.x_px) * ux + (axis[1] - stick.inner.y_px) * uy) / (ux * ux + uy * uy)
-        beyond += 1.0 if not 0.0 < along < 1.0 and -4.0 < along < 5.0 else -1.0
+        beyond += 1.0 if 0.0 <= max(-along, along - 1.0) < _AXIS_REACH else -1.0
     return beyond - unlikely

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
@@ -12,15 +11,13 @@ from numpy.typing import NDArray
 from torsight.core.compiled import lending
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import base_shift
+from tracker.follow.judgement import MOVED_RAD, base_shift
 from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
-from tracker.rows import DAMAGED, DARK, ROW, SEEN
+from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
 
-_MOVED_RAD: Final = math.radians(1.0)
-"""A stick that turned by this much, and three times as much as the other, is the moving one."""
 _SPARSE: Final = 16
 """Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
 _DARK_SHARE: Final = 0.4
@@ -100,9 +97,15 @@ class Follower:
 
     def step(self, frame: Frame) -> NDArray[np.void]:
         """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
-        readings = self._read(frame)
+        return self._row(self._read(frame), frame.time_s)
+
+    def pass_over(self, frame: Frame) -> NDArray[np.void]:
+        """Return the row of a frame before the sticks were found, which the next frame overwrites."""
+        return self._row(nothing(LOST, markers=4), frame.time_s)
+
+    def _row(self, readings: NDArray[np.void], time_s: float) -> NDArray[np.void]:
         write_row(readings, self._rows[0])
-        self._rows["time_s"] = frame.time_s
+        self._rows["time_s"] = time_s
         row: NDArray[np.void] = self._rows[0]
         return row
 
@@ -157,7 +160,7 @@ class Follower:
         self._starts = self._starts or now
         angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
         for stick in (0, 1):
-            if angles[stick] > _MOVED_RAD + 3.0 * angles[1 - stick]:
+            if angles[stick] > MOVED_RAD + 3.0 * angles[1 - stick]:
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:

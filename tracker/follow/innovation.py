@@ -1,8 +1,8 @@
 """The one test by which what was found is held against what was predicted: χ² of the innovation (compiled).
 
 An innovation is a vector of differences between found and predicted, each over its standard deviation. It passes where
-its χ² is one that three standard deviations of a normal variable allow: 99.73 % (Bar-Shalom, Li & Kirubarajan,
-Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
+its χ² is one that three standard deviations of a normal variable allow (Bar-Shalom, Li & Kirubarajan, Estimation with
+Applications to Tracking and Navigation, 2001, section 5.4).
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from typing import Final
 
 from torsight.core.compiled import lending
 
+SIGMAS: Final = 3.0
+"""Standard deviations of a normal variable that are allowed: 99.73 % of what is right passes."""
 _LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
-"""99.73 % quantiles of χ² with one to seven degrees of freedom."""
+"""Quantiles of χ² with one to seven degrees of freedom for the same probability."""
 
 
 @lending

@@ -15,10 +15,10 @@ import numpy as np
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Floats, Record
 from tracker.appearance.lucas_kanade import Point
-from tracker.follow.innovation import passes
+from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.motion_model import STALE, is_base
 from tracker.follow.rotation_axis import arm_px, on_circle, turned
-from tracker.follow.state import Scene
+from tracker.follow.state import KEPT, Scene
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
 SHAKE_PX: Final = 2.0
@@ -34,23 +34,23 @@ SURE_RAD: Final = math.radians(0.13)
 """The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
 _LENGTH_PX: Final = 0.8
 _LENGTH: Final = 0.01
-"""Three standard deviations of the distance of a stick's markers, px and share: noise of both ends, and the tilt of 8
-degrees that the sticks of a rig may have against each other."""
+"""Three standard deviations of where one marker of a stick is against the other, px: noise of both; and of their
+distance, share: the tilt of 8 degrees that the sticks of a rig may have against each other."""
 _CLOSE: Final = 0.6
 """Distance from a base dot, in radii, below which dots cannot be told apart."""
 NEAR: Final = 1.6
 """The same after a gap, and where a dot is to show which stick is above: two dots touch at 2."""
 UNSEEN_PX: Final = 2.0 * SHAKE_PX
 """How far a base dot may have gone with the picture since it was seen."""
-_OWN_RAD: Final = math.radians(1.0)
-"""Turn against the base from which both dots of the moving stick cannot be the base's."""
-_OWN_PX: Final = 0.6
-"""How far its dots may be off their circles, one against the other, and still both be its own."""
+MOVED_RAD: Final = math.radians(1.0)
+"""Turn that no base makes: of a stick from the start by which it is the moving one, or of the moving one against the
+base's last direction, by which its dots cannot be the base's."""
 KNOWN: Final = 2
 MOST_VOTES: Final = 20
 """Votes from which it is known which stick lies above, and how many are kept at most."""
-SOON: Final = 3
-"""Frames after which a lost marker is no longer taken to be next to where it is expected."""
+SOON: Final = KEPT - 1
+"""Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
+further."""
 _OFF_CIRCLE: Final = 0.1
 _OFF_CIRCLE_PX: Final = 5.0
 """Three standard deviations of a marker's distance from its axis, share and px: perspective of 10 %, and what a first
@@ -110,7 +110,7 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     if lost > 0:
         off = min(off, max(length - own.longest, own.shortest - length, 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
-    return 3.0 * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
+    return SIGMAS * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
 
 
 @lending
@@ -120,7 +120,7 @@ def circle_sigma_px(own: Record, end: int) -> float:
     Seen from aside circles are ellipses, as flat as the stick's own length varies.
     """
     varies = own.longest / own.shortest - 1.0
-    return ((_OFF_CIRCLE + varies) * arm_px(own.axis, end) + _OFF_CIRCLE_PX) / 3.0  # type: ignore[no-any-return]
+    return ((_OFF_CIRCLE + varies) * arm_px(own.axis, end) + _OFF_CIRCLE_PX) / SIGMAS  # type: ignore[no-any-return]
 
 
 @lending
@@ -339,9 +339,10 @@ def both_own(scene: Scene) -> bool:
     if scene.markers[i].lost or scene.markers[i + 1].lost or not circles_off(scene, off):
         return False
     (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
-    if turned(math.atan2(by - ay, bx - ax), scene.rig[0].last_rad) < _OWN_RAD:
+    if turned(math.atan2(by - ay, bx - ax), scene.rig[0].last_rad) < MOVED_RAD:
         return False
-    return math.hypot(off[1, 0] - off[0, 0], off[1, 1] - off[0, 1]) < _OWN_PX
+    apart = (off[1, 0] - off[0, 0]) ** 2 + (off[1, 1] - off[0, 1]) ** 2
+    return passes(apart / (_LENGTH_PX / SIGMAS) ** 2, 2)
 
 
 @compiled

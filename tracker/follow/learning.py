@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import Floats, Record
-from tracker.appearance.lucas_kanade import Luma
-from tracker.appearance.motion_blur import SHARP_PX, is_sharp, learn_shutter
+from tracker.appearance.disc import MOST_STRETCH, Floats, Record
+from tracker.appearance.lucas_kanade import SHARP_PX, Luma
+from tracker.appearance.motion_blur import is_sharp, learn_shutter
 from tracker.follow.judgement import SOON, at, circles_off, seen
 from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
@@ -29,8 +29,7 @@ which noise averages to a quarter."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
-_MOST_STRETCH: Final = 0.45
-"""Radius over the first one, and stretch, up to which a dot's shape is followed: a plane seen from 67 degrees aside."""
+"""Radius over the first one within which a dot's shape is followed."""
 
 
 @compiled
@@ -49,7 +48,7 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
         return
     e, f = shape.stretch[0] + e, shape.stretch[1] + f
     in_range = _RADIUS_RANGE[0] < radius / marker.first_radius < _RADIUS_RANGE[1]
-    if in_range and math.hypot(e, f) <= _MOST_STRETCH:
+    if in_range and math.hypot(e, f) <= MOST_STRETCH:
         shape.radius, shape.stretch[0], shape.stretch[1] = radius, e, f
         extras[:, -1] = 0.0
     marker.change[:] = 0.0

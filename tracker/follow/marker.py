@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS, window_pixels
-from tracker.appearance.dot_fit import DotShape
+from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
-from tracker.detect.dots import Dot
 from tracker.detect.given_positions import given_dots
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, half_width
@@ -31,14 +30,14 @@ _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
 class Marker:
     """A round dot as fitted in the first picture; ``strip_px`` is half the width of the stick that carries it."""
 
-    def __init__(self, shape: DotShape, *, strip_px: float = math.inf) -> None:
+    def __init__(self, dot: Dot, *, strip_px: float = math.inf) -> None:
         self.record = np.zeros(1, MARKER)
         own = self.record["shape"]
-        own["radius"], own["edge"], own["stretch"] = shape.radius_px, shape.edge_px, shape.stretch
-        own["contrast"], own["strip"], own["window"] = shape.contrast, strip_px, shape.window_px
-        self.record["first_radius"] = shape.radius_px
+        own["radius"], own["edge"], own["stretch"] = dot.radius_px, dot.edge_px, dot.stretch
+        own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
+        self.record["first_radius"] = dot.radius_px
         self.record["miss"] = _MISSES_PX2
-        pixels = window_pixels(shape.window_px)
+        pixels = window_pixels(dot.window_px)
         slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
         self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
 
@@ -80,7 +79,7 @@ def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
 
 
 def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
-    marker = Marker(dot.fit.shape, strip_px=strip_px)
+    marker = Marker(dot, strip_px=strip_px)
     reading = marker.read(luma, dot.x_px, dot.y_px)
     if reading is None:
         raise NoResultError(

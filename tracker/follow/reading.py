@@ -13,7 +13,7 @@ from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
-from tracker.follow.innovation import passes
+from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.state import Scene
 from tracker.rows import HIDDEN, OUTSIDE, SEEN
 
@@ -28,8 +28,6 @@ _NEVER: Final = 0.3
 """What is left above the marker's usual noise, in quadrature, is not of a dot from this share of the step."""
 _ALWAYS: Final = 0.015
 """A residual below this share of the step hides nothing: it is rounding for a step of 20 grey levels."""
-_BASIN: Final = 3.0
-"""A prediction is asked to be within the basin of Lucas–Kanade, a dot's radius: that is three standard deviations."""
 
 
 @lending
@@ -77,7 +75,8 @@ def read_marker(scene: Scene, luma: Luma, index: int) -> None:
     x, y = reading.predicted[0], reading.predicted[1]
     state = read_at(scene, luma, index, (x, y), 0.0, reading)
     if state == SEEN:
-        variance = (scene.markers[index].shape.radius / _BASIN) ** 2
+        # It is asked to be within the basin of Lucas–Kanade, a dot's radius.
+        variance = (scene.markers[index].shape.radius / SIGMAS) ** 2
         if not passes(((reading.x - x) ** 2 + (reading.y - y) ** 2) / variance, 2):
             state = HIDDEN
     reading.state = state

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_of
 from tracker.follow.frame_step import stick_at
-from tracker.follow.innovation import passes
+from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.judgement import (
     NEAR,
     SHAKE_PX,
@@ -47,10 +47,11 @@ _GROWTH: Final = 2.5
 """Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
 (Bar-Shalom and others, as in :mod:`tracker.follow.innovation`, section 6.2.3)."""
 _SLACK: Final = 0.05
-"""Share of the step allowed for smear: a marker that is found again may be moving."""
+"""Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
+the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
 _MOST: Final = 14
 """Places that are read, by correlation and contrast: four dots, and ten that look alike."""
-_EAGER, _SELDOM = 20, 3
+_EAGER, SELDOM = 20, 3
 """Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
 
 
@@ -85,10 +86,10 @@ class Prediction:
     def region(self, ends: Sequence[int], size_px: tuple[int, int]) -> Region:
         """Return where some of its markers may be in a picture (width, height)."""
         middle = np.mean([self.ends[end] for end in ends], axis=0)
-        half = 3.0 * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
+        half = SIGMAS * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
         low, high = middle - half, middle + half
         if self.own["axis"]["known"] and not self.own["still"]:
-            reach = max(arm_px(self.own["axis"], end) + 3.0 * circle_sigma_px(self.own, end) for end in ends)
+            reach = max(arm_px(self.own["axis"], end) + SIGMAS * circle_sigma_px(self.own, end) for end in ends)
             centre = self.own["axis"]["centre"] + self.shift
             low, high = np.maximum(low, centre - reach), np.minimum(high, centre + reach)
         low, high = (np.clip(rim, 0.0, size_px).astype(int).tolist() for rim in (np.floor(low), np.ceil(high)))
@@ -106,7 +107,7 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
     both = slice(2 * stick, 2 * stick + 2)
     markers, readings = scene.markers[both], scene.readings[both]
     lost = int(markers["lost"].max())
-    if lost > _EAGER and lost % _SELDOM:
+    if lost > _EAGER and lost % SELDOM:
         return
     # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))

@@ -40,8 +40,6 @@ _PRIOR: Final = 0.05
 """Weight of the first guess of the axis, in frames: two frames outweigh it forty times."""
 _STEP_RAD: Final = math.radians(3.0)
 """How far the stick has to turn before another frame is added: closer ones tell the same."""
-_ENOUGH: Final = 12
-"""Frames that are added of each part: four swings past it."""
 _ARC: Final = 3
 """Parts of ten degrees in which the stick was seen from which the axis is known well enough to look around it."""
 
@@ -72,8 +70,6 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     if turned(angle, axis.last_rad) < _STEP_RAD:
         return
     part = int((angle % (2.0 * math.pi)) / (2.0 * math.pi) * PARTS) % PARTS
-    if axis.seen[part] >= _ENOUGH:
-        return
     axis.seen[part] += 1
     axis.last_rad = angle
     unit, one, two = cmath.exp(1j * angle), complex(inner[0], inner[1]), complex(outer[0], outer[1])

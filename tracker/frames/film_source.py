@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
-from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, pictures_of, time_from_table
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes, pictures_of
 
 _FROM_KEY: Final = 300
 """Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
@@ -30,7 +30,9 @@ _SLOWER: Final = 1.5
 class FilmSource:
     """A film file; every pass over it decodes it again.
 
-    No film, no video, or a codec that cannot be decoded here is an :class:`InputError`.
+    ``given`` are times other than those of the film's own stamps, ``display`` says how its frames are turned; the rest
+    is in :class:`tracker.frames.frame.FrameSource`. No film, no video, or a codec that cannot be decoded here is an
+    :class:`InputError`.
     """
 
     def __init__(
@@ -43,27 +45,27 @@ class FilmSource:
         self.path = path
         self.name = str(path)
         self.damage = Damage()
-        self._fps = fps
-        self._times_s = times_s
+        self.given = GivenTimes(fps=fps, times_s=times_s, name=self.name)
         self.display = Display()
         self.pts: list[int | None] = []
         self._keep: frozenset[int] = frozenset()
         self._kept: dict[int, NDArray[np.uint8]] = {}
         with self.open() as container:
             stream = self.stream(container)
-            self._size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
-            self._count = int(stream.frames) or None
-            aspect = stream.sample_aspect_ratio
-            self._aspect = float(aspect) if aspect else 1.0
-            self.rate_fps = _number(stream.average_rate)
+            self.size_px = (int(stream.codec_context.width), int(stream.codec_context.height))
+            self.frame_count = int(stream.frames) or None
+            self.pixel_aspect = float(stream.sample_aspect_ratio or 1.0)
+            self.rate_fps = float(stream.average_rate) if stream.average_rate else None
             self.tick_s = float(stream.time_base or 0)
-            self.span_s = _span_s(container, stream)
+            whole_s = stream.duration * stream.time_base if stream.duration else 0
+            self.span_s = float(whole_s or (container.duration or 0) / av.time_base) or None
+            bit_rate = stream.bit_rate or container.bit_rate
             self._about: dict[str, Any] = {
                 "kind": "film",
                 "format": str(container.format.name),
                 "codec": str(stream.codec_context.name),
                 "pixel_format": str(stream.codec_context.pix_fmt),
-                "bit_rate_kbps": _kilo(stream.bit_rate or container.bit_rate),
+                "bit_rate_kbps": bit_rate / 1000.0 if bit_rate else None,
                 "fps": self.rate_fps,
             }
             self._note_streams(container, stream)
@@ -85,10 +87,10 @@ class FilmSource:
                     self._about["pixel_format"] = str(frames[0].format.name)
                     if (transfer := transfer_of(frames[0])) is not None:
                         self._about["transfer"] = transfer
-                    self._size_px = (frames[0].width, frames[0].height)
+                    self.size_px = (frames[0].width, frames[0].height)
                     if self.display.transposed:
-                        self._size_px = self._size_px[::-1]
-                        self._aspect = 1.0 / self._aspect
+                        self.size_px = self.size_px[::-1]
+                        self.pixel_aspect = 1.0 / self.pixel_aspect
                     return
         except (av.error.FFmpegError, OSError) as error:
             message = str(error)
@@ -103,36 +105,16 @@ class FilmSource:
         """Return the files that the frames come from."""
         return [self.path]
 
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height as displayed."""
-        return self._size_px
-
-    @property
-    def frame_count(self) -> int | None:
-        """Number of frames that the file declares, where it does."""
-        return self._count
-
-    @property
-    def times_given(self) -> bool:
-        """Whether the times are those of a table or of a given rate, and not the film's own stamps."""
-        return self._fps is not None or self._times_s is not None
-
-    @property
-    def pixel_aspect(self) -> float:
-        """Width of a pixel over its height as displayed."""
-        return self._aspect
-
     def describe(self) -> dict[str, Any]:
         """Return format, codec, bit rate, size and rate of the film."""
-        about: dict[str, Any] = {**self._about, "width_px": self._size_px[0], "height_px": self._size_px[1]}
+        about: dict[str, Any] = {**self._about, "width_px": self.size_px[0], "height_px": self.size_px[1]}
         about |= self.display.describe()
-        if not self.times_given:
+        if not self.given:
             about["tick_s"] = self.tick_s
-        if self._fps is not None:
-            about["capture_fps"] = self._fps
-        if abs(self._aspect - 1.0) > 1e-6:
-            about["pixel_aspect"] = self._aspect
+        if self.given.fps is not None:
+            about["capture_fps"] = self.given.fps
+        if self.pixel_aspect != 1.0:
+            about["pixel_aspect"] = self.pixel_aspect
         return about
 
     def __iter__(self) -> Iterator[Frame]:
@@ -155,12 +137,12 @@ class FilmSource:
                 last_s = time_s
                 if damaged or luma is None:
                     self._note(index, time_s, decoder, missing=luma is None)
-                if luma is not None and (luma.shape[1], luma.shape[0]) != self._size_px:
+                if luma is not None and (luma.shape[1], luma.shape[0]) != self.size_px:
                     raise InputError(
                         "changes its picture size",
                         where=f"{self.name}, frame {index}",
                         value=f"{luma.shape[1]} × {luma.shape[0]}",
-                        limit=f"{self._size_px[0]} × {self._size_px[1]}",
+                        limit=f"{self.size_px[0]} × {self.size_px[1]}",
                         do="cut the film where its size changes",
                     )
                 if luma is not None and index in self._keep:
@@ -171,10 +153,8 @@ class FilmSource:
 
     def times_of(self, pts: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the times (n,) of all frames from their stamps, s, or from the table or the rate that was given."""
-        if self._times_s is not None:
-            return np.array([time_from_table(self._times_s, index, name=self.name) for index in range(len(pts))])
-        if self._fps is not None:
-            return np.arange(len(pts)) / self._fps
+        if self.given:
+            return np.array([self.given.of(index) for index in range(len(pts))])
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
     def keep(self, indices: Iterable[int]) -> None:
@@ -224,10 +204,9 @@ class FilmSource:
         return found
 
     def _time_s(self, index: int, pts: int | None, start: int | None, base: Fraction, last_s: float) -> float:
-        if self._times_s is not None:
-            return time_from_table(self._times_s, index, name=self.name)
-        if self._fps is not None:
-            return index / self._fps
+        given_s = self.given.of(index)
+        if given_s is not None:
+            return given_s
         step = 1.0 / (self.rate_fps or DEFAULT_FPS)
         if pts is None or start is None:
             return last_s + step if np.isfinite(last_s) else 0.0
@@ -245,7 +224,7 @@ class FilmSource:
         self.damage.add(index, time_s, f"frame {index} {text}{more}; nothing is taken from here to the next key frame")
 
     def _note_end(self, count: int, last_s: float, decoder: Decoder) -> None:
-        note_rows_left(self.damage, self._times_s, count)
+        self.given.note_rows_left(self.damage, count)
         self._note_interlaced(decoder, count)
         if decoder.fatal:
             self.damage.add(
@@ -253,11 +232,11 @@ class FilmSource:
                 last_s,
                 f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept",
             )
-        elif self._count is not None and count < self._count - decoder.hidden:
+        elif self.frame_count is not None and count < self.frame_count - decoder.hidden:
             self.damage.add(
                 count,
                 last_s,
-                f"the film ends after frame {count - 1}, but {self._count} frames are declared: it was cut",
+                f"the film ends after frame {count - 1}, but {self.frame_count} frames are declared: it was cut",
             )
 
     def _note_interlaced(self, decoder: Decoder, count: int) -> None:
@@ -322,7 +301,7 @@ class FilmSource:
         except ValueError:
             return
         self._about["camera_says_fps"] = capture_fps
-        if not self.rate_fps or not capture_fps > _SLOWER * self.rate_fps or self._fps or self._times_s is not None:
+        if not self.rate_fps or not capture_fps > _SLOWER * self.rate_fps or self.given:
             return
         text = (
             f"the camera filmed {capture_fps:g} frames a second (its own note in the file) and the film plays "
@@ -336,18 +315,3 @@ def _films_in(container: Any) -> list[Any]:
     """Return the video streams that are no cover pictures."""
     cover = av.stream.Disposition.attached_pic
     return [stream for stream in container.streams.video if not stream.disposition & cover]
-
-
-def _span_s(container: Any, stream: Any) -> float | None:
-    """Return how long the file says that it plays."""
-    if stream.duration:
-        return float(stream.duration * stream.time_base)
-    return container.duration / av.time_base if container.duration else None
-
-
-def _kilo(value: int | None) -> float | None:
-    return None if not value else value / 1000.0
-
-
-def _number(value: Fraction | None) -> float | None:
-    return None if not value else float(value)

@@ -60,9 +60,6 @@ class FrameSource(Protocol):
     damage: Damage
     name: str
 
-    def files(self) -> list[Path]:
-        """Return the files that the frames come from."""
-
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height as displayed."""
@@ -74,6 +71,9 @@ class FrameSource(Protocol):
     @property
     def pixel_aspect(self) -> float:
         """Width of a pixel over its height as displayed."""
+
+    def files(self) -> list[Path]:
+        """Return the files that the frames come from."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames in the order in which they are displayed."""
@@ -93,27 +93,41 @@ def pictures_of(frames: Iterable[Frame], indices: Iterable[int]) -> dict[int, ND
     return found
 
 
-def note_rows_left(damage: Damage, times_s: NDArray[np.float64] | None, count: int) -> None:
-    """Note that a table of times goes on after the last frame: it may be of another film, or frames may be missing."""
-    if times_s is None or len(times_s) <= count:
-        return
-    rows = int(np.isfinite(times_s[count:]).sum())
-    damage.add(
-        max(count - 1, 0),
-        float(times_s[count - 1]) if count else 0.0,
-        f"the table of --timestamps has {int(np.isfinite(times_s).sum())} rows for {count} frames: the last {rows} are "
-        "not used; if frames were lost while filming, every time after the first lost one is wrong",
-        kind="timestamps",
-    )
+class GivenTimes:
+    """When frames are shown by what a person gives: a table ``times_s`` (n,), NaN without a row, or a rate ``fps``."""
 
+    def __init__(self, *, fps: float | None, times_s: NDArray[np.float64] | None, name: str) -> None:
+        self.fps = fps
+        self.name = name
+        self.times_s = times_s
 
-def time_from_table(times_s: NDArray[np.float64], index: int, *, name: str) -> float:
-    """Return the time of a frame from a table of times; without a row for it that is an :class:`InputError`."""
-    if index < len(times_s) and np.isfinite(times_s[index]):
-        return float(times_s[index])
-    raise InputError(
-        "has no time for this frame",
-        where=f"--timestamps for {name}, frame {index}",
-        limit=f"one row for every frame; the table ends with frame {len(times_s) - 1}",
-        do="complete the table, or leave --timestamps away",
-    )
+    def __bool__(self) -> bool:
+        """Whether anything was given."""
+        return self.fps is not None or self.times_s is not None
+
+    def of(self, index: int) -> float | None:
+        """Return the time of a frame; None where nothing was given, :class:`InputError` without a row for it."""
+        if self.times_s is None:
+            return None if self.fps is None else index / self.fps
+        if index < len(self.times_s) and np.isfinite(self.times_s[index]):
+            return float(self.times_s[index])
+        raise InputError(
+            "has no time for this frame",
+            where=f"--timestamps for {self.name}, frame {index}",
+            limit=f"one row for every frame; the table ends with frame {len(self.times_s) - 1}",
+            do="complete the table, or leave --timestamps away",
+        )
+
+    def note_rows_left(self, damage: Damage, count: int) -> None:
+        """Note that the table goes on after the last frame: it may be of another film, or frames may be missing."""
+        if self.times_s is None or len(self.times_s) <= count:
+            return
+        known = np.isfinite(self.times_s)
+        damage.add(
+            max(count - 1, 0),
+            float(self.times_s[count - 1]) if count else 0.0,
+            f"the table of --timestamps has {int(known.sum())} rows for {count} frames: the last "
+            f"{int(known[count:].sum())} are not used; if frames were lost while filming, every time after the first "
+            "lost one is wrong",
+            kind="timestamps",
+        )

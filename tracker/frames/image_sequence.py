@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, require_content
-from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, note_rows_left, time_from_table
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
 """Bits per pixel of cameras."""
@@ -44,9 +44,7 @@ class PictureSource:
         self.name = name
         self.paths = tuple(paths)
         self.damage = Damage()
-        self.fps_given = fps is not None or times_s is not None
-        self.fps = fps or DEFAULT_FPS
-        self.times_s = times_s
+        self.given = GivenTimes(fps=fps, times_s=times_s, name=name)
         if not self.paths:
             raise InputError(
                 "has no pictures",
@@ -58,46 +56,38 @@ class PictureSource:
         if first is None:
             require_content(self.paths[0])
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
-        self._size_px = (first.shape[1], first.shape[0])
+        self.size_px = (first.shape[1], first.shape[0])
+        self.frame_count = len(self.paths)
+        self.pixel_aspect = 1.0
         self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)
 
     def files(self) -> list[Path]:
         """Return the files that the frames come from."""
         return list(self.paths)
 
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height."""
-        return self._size_px
-
-    @property
-    def frame_count(self) -> int | None:
-        """Number of pictures."""
-        return len(self.paths)
-
-    @property
-    def pixel_aspect(self) -> float:
-        """Pictures have square pixels."""
-        return 1.0
+    def time_s(self, index: int) -> float:
+        """Return the time of a picture: as it was given, or at 30 pictures a second."""
+        given_s = self.given.of(index)
+        return index / DEFAULT_FPS if given_s is None else given_s
 
     def __iter__(self) -> Iterator[Frame]:
         """Give one frame per picture; one that cannot be read has no luma."""
         for index, path in enumerate(self.paths):
-            time_s = index / self.fps if self.times_s is None else time_from_table(self.times_s, index, name=self.name)
+            time_s = self.time_s(index)
             picture = _read(path)
             luma = None if picture is None else self._to_bytes(picture, index, time_s)
             if luma is None:
                 self.damage.add(index, time_s, f"{path.name} is not a readable picture")
-            elif (luma.shape[1], luma.shape[0]) != self._size_px:
+            elif (luma.shape[1], luma.shape[0]) != self.size_px:
                 raise InputError(
                     "has another size than the first picture",
                     where=f"{path}, frame {index}",
                     value=f"{luma.shape[1]} × {luma.shape[0]}",
-                    limit=f"{self._size_px[0]} × {self._size_px[1]}",
+                    limit=f"{self.size_px[0]} × {self.size_px[1]}",
                     do="keep one size per folder",
                 )
             yield Frame(index, time_s, luma, damaged=luma is None)
-        note_rows_left(self.damage, self.times_s, len(self.paths))
+        self.given.note_rows_left(self.damage, len(self.paths))
 
     def keep(self, indices: Iterable[int]) -> None:
         """Keep nothing: single pictures are read again as fast."""
@@ -121,7 +111,8 @@ class PictureSource:
             return picture.astype(np.uint8, copy=False)
         bits = self.bits or _DEPTHS[-1]
         top = int(picture.max())
-        if top >= 1 << bits and not self._overflown(index):
+        told = any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
+        if top >= 1 << bits and not told:
             self.damage.add(
                 index,
                 time_s,
@@ -132,22 +123,19 @@ class PictureSource:
             )
         return self._scaled(picture)
 
-    def _overflown(self, index: int) -> bool:
-        return any(entry["kind"] == "clipped" and entry["frame"] < index for entry in self.damage.entries)
-
     def describe(self) -> dict[str, Any]:
         """Return what is known of the pictures."""
         content: dict[str, Any] = {
             "kind": "pictures",
             "format": self.paths[0].suffix.lower().lstrip("."),
             "codec": "jpeg" if self.paths[0].suffix.lower() in (".jpg", ".jpeg", ".webp", ".jp2") else "none",
-            "width_px": self._size_px[0],
-            "height_px": self._size_px[1],
-            "fps": None if self.times_s is not None else self.fps,
+            "width_px": self.size_px[0],
+            "height_px": self.size_px[1],
+            "fps": None if self.given.times_s is not None else self.given.fps or DEFAULT_FPS,
         }
         if self.bits is not None:
             content["bits_in_use"] = self.bits
-        if not self.fps_given:
+        if not self.given:
             content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} pictures per second are taken"
         return content
 

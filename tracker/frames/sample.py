@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torsight.core.progress import Progress, silent
 from tracker.frames.display import Closed, luma_of
 from tracker.frames.film_source import FilmSource
-from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of, time_from_table
+from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
 from tracker.frames.image_sequence import PictureSource
 
 _DECODED_PX: Final = 3e9
@@ -49,13 +49,8 @@ def read_stamps(source: FilmSource | PictureSource, *, progress: Progress = sile
     packets are listed that its edit list shows.
     """
     if isinstance(source, PictureSource):
-        number = np.arange(len(source.paths), dtype=np.int64)
-        times = source.times_s
-        if times is None:
-            return Stamps(number / source.fps, number, decoded=True)
-        return Stamps(
-            np.array([time_from_table(times, int(at), name=source.name) for at in number]), number, decoded=True
-        )
+        number = range(source.frame_count)
+        return Stamps(np.array([source.time_s(at) for at in number]), np.array(number, np.int64), decoded=True)
     about = source.frame_count or (source.span_s or 0.0) * (source.rate_fps or 0.0)
     if not about or about * np.prod(source.size_px) <= _DECODED_PX:
         return _decoded(source, about=int(about), progress=progress)
@@ -93,28 +88,14 @@ class Clip:
         self._source = source
         self._stamps = stamps
         self.first = first
-        self.count = min(count, len(stamps) - first)
+        self.frame_count = min(count, len(stamps) - first)
+        self.size_px, self.pixel_aspect = source.size_px, source.pixel_aspect
         self.damage = Damage()
-        self.name = f"{source.name}, frames {first} to {first + self.count - 1}"
+        self.name = f"{source.name}, frames {first} to {first + self.frame_count - 1}"
 
     def files(self) -> list[Path]:
         """Return the files that the frames come from."""
         return self._source.files()
-
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height as displayed."""
-        return self._source.size_px
-
-    @property
-    def frame_count(self) -> int | None:
-        """Number of frames of the clip."""
-        return self.count
-
-    @property
-    def pixel_aspect(self) -> float:
-        """Width of a pixel over its height as displayed."""
-        return self._source.pixel_aspect
 
     def describe(self) -> dict[str, Any]:
         """Return what is known of the whole source."""
@@ -134,17 +115,17 @@ class Clip:
     def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
         # The depth of the whole row: a few pictures of it may be darker than the rest.
         for frame in PictureSource(
-            source.paths[self.first : self.first + self.count], name=self.name, bits=source.bits
+            source.paths[self.first : self.first + self.frame_count], name=self.name, bits=source.bits
         ):
             yield self.first + frame.index, frame.luma
 
     def _decoded(self, source: FilmSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
         pts = self._stamps.pts
         if pts is None:
-            for frame in islice(source, self.first, self.first + self.count):
+            for frame in islice(source, self.first, self.first + self.frame_count):
                 yield frame.index, None if frame.damaged else frame.luma
             return
-        wanted, closed = pts[self.first : self.first + self.count], Closed()
+        wanted, closed = pts[self.first : self.first + self.frame_count], Closed()
         with source.open() as container:
             stream = source.stream(container)
             stream.thread_type = "AUTO"

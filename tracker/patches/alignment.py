@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
+from tracker.appearance.lucas_kanade import eliminate
 from tracker.patches.warps import Floats, project
 
 
@@ -68,7 +69,11 @@ def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tu
         if not abs(delta) < _FARTHEST * template.half_px:
             return False, warp
         change += delta * template.generators[k]
-    after = np.dot(warp, np.linalg.inv(change))
+    # Numba's own inverse imports all of scipy.linalg, a tenth of a second of CPU at the start.
+    inverse = np.eye(3)
+    for i in range(3):
+        eliminate(change, inverse, i)
+    after = np.dot(warp, inverse)
     after /= after[2, 2]
     return in_part(after, template.rim, part), after
 

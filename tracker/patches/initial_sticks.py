@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
 import cv2
@@ -11,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.words.wording import listed
 from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
-from tracker.detect.given_positions import LOOKED_AT
+from tracker.detect.given_positions import LOOKED_AT, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
 from tracker.follow.marker import given_markers
-from tracker.frames.frame import Frame
+from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
@@ -31,7 +30,6 @@ _WINDOWS_PX: Final = (8.0, 11.0, 15.0)
 _HOLDS: Final = 0.8
 """Share of the structure of the largest patch that a smaller one has to hold to be taken. Texture all around gives it a
 quarter or a half; around a spot on blank ground the larger one adds nothing but the shading, which does not turn."""
-_ROOM_PX: Final = 8.0
 _SPREAD: Final = 2.0
 """Grey levels of texture below which there is none: noise alone spreads as far."""
 _STRUCTURE_PX: Final = 2.0
@@ -67,12 +65,12 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     patches: list[Patch] = []
     for index, (x, y), window in zip(indices, points, windows, strict=True):
         where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
-        if window < _ROOM_PX - 2.0:
+        if window < _WINDOWS_PX[0] - 2.0:
             raise NoResultError(
                 "lies too close to the border of the picture",
                 where=where,
                 value=f"[{x:g}, {y:g}]",
-                limit=f"{_ROOM_PX:g} px of room",
+                limit=f"{_WINDOWS_PX[0]:g} px of room",
             )
         patches.append(texture_patch(first.luma, x, y, window_px=window))
         _check_texture(first.luma, x, y, window, spread=patches[-1].spread, where=where)
@@ -129,7 +127,7 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
     return float(max(np.linalg.eigvalsh(tensor)[0], 0.0))
 
 
-def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, progress: Progress = silent) -> None:
+def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress) -> None:
     """Make sure that every tag that was named is seen in one of the first frames, and tell what is wrong otherwise.
 
     The family that is seen instead, the numbers that are, two tags of one number, or that the picture is a mirror's.
@@ -139,25 +137,19 @@ def look_for_tags(frames: Iterable[Frame], hints: MarkerHints, *, name: str, pro
     kept: list[NDArray[np.uint8]] = []
     others: list[FoundTag] = []
     last = 0
-    for frame in frames:
-        if frame.index > LOOKED_AT[-1]:
-            break
-        last = frame.index
-        if frame.index not in LOOKED_AT or frame.luma is None:
-            continue
-        progress("looking for the tags", frame.index, LOOKED_AT[-1])
-        found = find_tags(frame.luma, hints.family)
-        _refuse_twins(found, wanted, where=f"{name}, frame {frame.index}")
+    for last, luma in looked_at(source, progress, what="the tags"):
+        found = find_tags(luma, hints.family)
+        _refuse_twins(found, wanted, where=f"{source.name}, frame {last}")
         for tag in found:
             missing.pop(tag.number, None)
         if not missing:
             break
         others += [tag for tag in found if tag.number not in wanted]
         if len(kept) < _TRIED:
-            kept.append(frame.luma.copy())
+            kept.append(luma.copy())
     progress("looking for the tags", LOOKED_AT[-1], LOOKED_AT[-1])
     if missing:
-        raise _not_found(missing, hints, kept, others, where=f"{name}, frames 0 to {last}")
+        raise _not_found(missing, hints, kept, others, where=f"{source.name}, frames 0 to {last}")
 
 
 def _refuse_twins(found: list[FoundTag], wanted: dict[int, str], *, where: str) -> None:

@@ -11,11 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracker.appearance.lucas_kanade import Point
 from tracker.follow.judgement import SOON
 from tracker.follow.learning import RATE
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
+from tracker.rows import SEEN
 
 _REACH_PX: Final = 32
 """How far a patch may go between two frames: twice the fastest motion that is asked of the tracker."""
@@ -25,8 +27,10 @@ _WINDOW_PX: Final = 21
 _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
 _BACK_PX: Final = 1.0
 """A point whose flow leads there and back to another place was not followed. A guess need not be better."""
-_AS_USUAL: Final = 0.05
-"""A correlation this near the usual one needs no second guess."""
+AS_USUAL: Final = 0.05
+"""A correlation this near the usual one is as good, and needs no second guess."""
+KEPT: Final = 0.7
+"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 
 Judge = Callable[[Fit], str]
 """Takes how a patch was found and returns why it is not taken; empty where it is."""
@@ -72,7 +76,7 @@ class PatchTrack:
             reason = judge(fit)
             if best is None or (why and not reason) or (reason == why and fit.likeness > best.likeness):
                 best, why = fit, reason
-            if not why and best.likeness > self.usual - _AS_USUAL:
+            if not why and best.likeness > self.usual - AS_USUAL:
                 break
         return best, why
 
@@ -157,6 +161,15 @@ class PatchTrack:
         if state["seen"] is not None:
             seen = np.frombuffer(base64.b64decode(state["seen"]), np.uint8)
             self._seen = seen.reshape(math.isqrt(len(seen)), -1).copy()
+
+
+def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance: Floats, *, spread: float) -> None:
+    """Put a fit into readings as that of a point of its template."""
+    own = readings[index]
+    own["x"], own["y"] = at
+    own["covariance"] = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    own["light"], own["contrast"], own["step"] = fit.light, fit.gain, fit.gain * 2.0 * spread
+    own["residual"], own["state"] = fit.residual, SEEN
 
 
 def _carried(one: Floats, two: Floats) -> Floats:

@@ -12,8 +12,7 @@ from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.fiducials import find_tags
 from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Patch
-from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import KEPT, put
+from tracker.patches.patch_track import KEPT, PatchTrack, put
 from tracker.patches.tag_template import Tag
 from tracker.patches.warps import Floats, place, size_of
 from tracker.rows import CODE

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit, rigid_misfit
-from tracker.follow.redetect import Prediction, jump_px
+from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.patches.align import Fit, Patch
-from tracker.patches.patch_track import PatchTrack
-from tracker.patches.stick import KEPT, put
+from tracker.patches.patch_track import AS_USUAL, KEPT, PatchTrack, put
 from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
@@ -35,9 +34,6 @@ _FLAT: Final = 0.5
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
 sides and its diagonals bent by 11 degrees against each other."""
-_OFTEN: Final = 3
-"""Every so many frames a lost stick is looked for, for what that costs: 15 times as much as to follow it around its
-axis, and 100 times in the whole picture."""
 
 
 class TextureStick:
@@ -161,7 +157,7 @@ class TextureStick:
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
             wrong = 0 if short[0] > short[1] else 1
             whys[wrong] = "hidden"
-            if abs(short[0] - short[1]) < 0.05:
+            if abs(short[0] - short[1]) < AS_USUAL:
                 whys[1 - wrong] = "hidden"
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
@@ -186,8 +182,9 @@ class TextureStick:
 
     def _find(self, luma: NDArray[np.uint8], ahead: Sequence[Point]) -> tuple[Fit, Fit] | None:
         """Look for the stick where it may be, which is in the whole picture soon after it was lost."""
+        # To look for it costs 15 times as much as to follow it around its axis, and 100 times in the whole picture.
         lost = min(track.lost for track in self._tracks) + 1
-        if lost > 1 and lost % _OFTEN:
+        if lost > 1 and lost % SELDOM:
             return None
         expected = Prediction((ahead[0], ahead[1]), jump_px(lost), self._own[0], self._shift)
         height, width = luma.shape

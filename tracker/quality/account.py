@@ -13,7 +13,7 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG
 from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
-from tracker.quality.events import events_of_right, find_events
+from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
 from tracker.quality.gaps import Causes, find_causes, gap_advice
 from tracker.rows import CODE, STATES
@@ -63,14 +63,16 @@ def account(
         "noise": noise_account(rows, orientation.with_errors(result.tracks), angles, noise),
         "compression": compression_account(result.report["source"], noise),
     }
-    events = [_remark(angles, text) for text in remarks] + find_events(rows, angles, result.damage)
+    events = [event(angles, angles.frame, "camera", text) for text in remarks] + find_events(
+        rows, angles, result.damage
+    )
     if right is not None:
         content["right_film"] = {
             **right.report,
             "frames": len(right.rows),
             "error_over_white_noise": noise.get("error_over_white_noise_right"),
         }
-        events = sorted(events + events_of_right(right, angles), key=lambda event: event["frame"])
+        events = sorted(events + events_of_right(right, angles), key=lambda one: one["frame"])
     markers = result.report["markers"]
     # What makes the angles doubtful comes before what would make them better.
     content["advice"] = list(doubts)
@@ -84,18 +86,6 @@ def account(
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events
     return content
-
-
-def _remark(angles: StickAngles, text: str) -> dict[str, Any]:
-    first_s, last_s = (float(angles.time_s[at]) if len(angles) else 0.0 for at in (0, -1))
-    return {
-        "time_s": first_s,
-        "frame": 0,
-        "kind": "camera",
-        "text": text,
-        "end_time_s": last_s,
-        "end_frame": max(len(angles) - 1, 0),
-    }
 
 
 def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
@@ -191,7 +181,7 @@ def advice(
     contrast = noise["marker_contrast_grey"]
     if radius_px is not None and contrast is not None and contrast < _FAINT:
         words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
-    kinds = {event["kind"] for event in events}
+    kinds = {one["kind"] for one in events}
     if "bump" in kinds:
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
     if "light" in kinds:

@@ -33,12 +33,12 @@ def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[s
     """
     events = [dict(entry) for entry in damage]
     dark = (rows["state"] == CODE["dark"]).any(axis=1)
-    events += [_event(angles, run, "light", "the light is off") for run in _runs(dark)]
+    events += [event(angles, run, "light", "the light is off") for run in _runs(dark)]
     for marker, name in enumerate(MARKERS):
         events += _of_marker(rows["state"][:, marker], angles, name.replace("_", " "))
     events += _bumps(rows, angles)
     events += _angle_events(angles)
-    return sorted(events, key=lambda event: (event["frame"], event["kind"]))
+    return sorted(events, key=lambda one: (one["frame"], one["kind"]))
 
 
 def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, Any]]:
@@ -53,11 +53,11 @@ def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, A
     # Whether there is an angle is asked, and what the angle itself did is told of both films together.
     known = np.zeros(len(time_s))
     seen = StickAngles(np.arange(len(time_s)), time_s, known, known, angles.valid[at], np.ones(len(time_s), np.bool_))
-    events = [event for event in find_events(right.rows, seen, right.damage) if event["kind"] != "angle unknown"]
-    for event in events:
-        event["text"] = f"right film: {event['text']}"
-        for key in {"frame", "end_frame"} & event.keys():
-            event[key] = int(at[min(event[key], len(at) - 1)])
+    events = [one for one in find_events(right.rows, seen, right.damage) if one["kind"] != "angle unknown"]
+    for one in events:
+        one["text"] = f"right film: {one['text']}"
+        for key in {"frame", "end_frame"} & one.keys():
+            one[key] = int(at[min(one[key], len(at) - 1)])
     return events
 
 
@@ -70,10 +70,10 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
         counts = np.bincount(state[run], minlength=len(CODE))
         reason = max(_KINDS, key=lambda key: int(counts[CODE[key]]))
         kind, words = _KINDS[reason]
-        events.append(_event(angles, run, kind, words.format(name=name)))
+        events.append(event(angles, run, kind, words.format(name=name)))
         if kind != "crossing" and run[-1] + 1 < len(state):
             back = run[-1] + 1
-            events.append(_event(angles, np.array([back]), "found", f"{name} is found again"))
+            events.append(event(angles, np.array([back]), "found", f"{name} is found again"))
     return events
 
 
@@ -81,25 +81,26 @@ def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
     """Return where the camera was moved for good."""
     base = np.where((rows["state"][:, :2] == CODE["seen"])[..., None], rows["position_px"][:, :2], np.nan)
     return [
-        _event(angles, np.array([frame]), "bump", f"the camera was moved: {size_px:.1f} px in the picture")
+        event(angles, np.array([frame]), "bump", f"the camera was moved: {size_px:.1f} px in the picture")
         for frame, size_px in bumps(base)
     ]
 
 
 def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:
     events = [
-        _event(angles, run, "angle unknown", f"no angle for {len(run)} frames")
+        event(angles, run, "angle unknown", f"no angle for {len(run)} frames")
         for run in _runs(~angles.valid)
         if len(run) > 1
     ]
     unsure = np.flatnonzero(~angles.branch_certain)
     if len(unsure):
         words = "from here on the whole turn is not certain: the motion around a gap allows more than one"
-        events.append(_event(angles, unsure[:1], "turn uncertain", words))
+        events.append(event(angles, unsure[:1], "turn uncertain", words))
     return events
 
 
-def _event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) -> dict[str, Any]:
+def event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) -> dict[str, Any]:
+    """Return what ``track.json`` says of one event, which lasts for a run of frames."""
     first, last = int(run[0]), int(run[-1])
     return {
         "time_s": float(angles.time_s[first]),

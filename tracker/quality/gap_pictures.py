@@ -39,10 +39,9 @@ FAST: Final = 2.0
 LEAST_FAST_DEG: Final = 3.0
 SMEARED: Final = 0.4
 """Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
-_PAIRS: Final = 5
-"""Frames without an angle that are looked at, each with the next one."""
-_KNOWN: Final = 5
-"""Frames with an angle that they are held against."""
+_LOOKED_AT: Final = 5
+"""Frames without an angle that are looked at, each with the next one; and frames with one that they are held against.
+"""
 _ALIKE: Final = 0.5
 """Correlation of two layouts from which they show one thing at two places."""
 
@@ -90,10 +89,10 @@ def look_at_gaps(
     known = np.flatnonzero(angles.valid)
     if not len(unknown) or not len(known):
         return []
-    chosen = unknown[np.unique(np.linspace(0, len(unknown) - 1, _PAIRS).astype(int))]
+    chosen = unknown[np.unique(np.linspace(0, len(unknown) - 1, _LOOKED_AT).astype(int))]
     # Places all over the stroke: in their median the moving stick is nowhere.
     by_angle = known[np.argsort(angles.angle_rad[known])]
-    held = by_angle[np.unique(np.linspace(0, len(known) - 1, _KNOWN).astype(int))]
+    held = by_angle[np.unique(np.linspace(0, len(known) - 1, _LOOKED_AT).astype(int))]
     found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held.tolist()} & set(range(len(angles)))))
     layout = _Layout.of(tracks, found)
     reference = [found[index] for index in held.tolist() if index in found]

@@ -12,6 +12,7 @@ import numpy as np
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.words.wording import counted
+from tracker.follow.motion_model import STALE
 from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
 from tracker.track import TrackResult
 
@@ -19,8 +20,6 @@ _FELT: Final = 0.02
 """Share of the frames without an angle from which something is said."""
 _SECOND: Final = 0.25
 """Share of the frames without an angle from which a cause is named beside the commonest one."""
-_AROUND: Final = 15
-"""Steps on each side of a gap that tell how fast the stick was."""
 _DO: Final = {
     "hand": "something lies over the markers; keep hands and wires off them.",
     "file": "the film's file is damaged there; copy it from the camera again.",
@@ -167,7 +166,7 @@ def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:
     around: list[float] = []
     for begin, end in runs(~angles.valid):
         at, past = np.searchsorted(known, (begin, end))
-        near = np.concatenate([known[max(0, at - _AROUND) : at], known[past : past + _AROUND]])
+        near = np.concatenate([known[max(0, at - STALE) : at], known[past : past + STALE]])
         if len(near):
             around += [float(step[near].max())] * (end - begin)
     return share * float(np.median(around)) if around else 0.0

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.wording import counted
-from tracker.angle.plane import Orientation
+from tracker.angle.camera_motion import unmoved
+from tracker.angle.plane import Orientation, stick_direction
 from tracker.angle.row_time import circles
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import circle_misfit
+from tracker.follow.judgement import MOVED_RAD, circle_misfit
 from tracker.follow.state import STICK
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _STICKS: Final = ("base", "moving")
-_TURNED_RAD: Final = np.deg2rad(1.0)
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""
 _CLEAR_SIGMA: Final = 10.0
@@ -68,12 +68,12 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     """Tell that the stick given as base turns while the one given as moving rests."""
-    base, moving = (_direction(tracks, first) for first in (0, 2))
-    both = np.flatnonzero(np.isfinite(base) & np.isfinite(moving))
+    sticks = [_direction(tracks, first) for first in (0, 2)]
+    both = np.flatnonzero(np.isfinite(sticks[0][0]) & np.isfinite(sticks[1][0]))
     if len(both) <= _FEW:
         return []
-    turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn in (base, moving)]
-    limit = max(float(_TURNED_RAD), _CLEAR_SIGMA * _direction_sigma(tracks, both))
+    turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn, _ in sticks]
+    limit = max(MOVED_RAD, *(_CLEAR_SIGMA * float(np.median(np.sqrt(variance[both]))) for _, variance in sticks))
     against = int((turned[0] > limit + 3.0 * turned[1]).sum())
     if against < _FEW or (turned[1] > limit + 3.0 * turned[0]).any():
         return []
@@ -133,18 +133,12 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
 
     Its markers are held against their circles by the test that :mod:`tracker.follow` uses for a marker found again.
     """
+    tracks = unmoved(tracks).tracks
     axis = axis_px(tracks)
-    if axis is None or not tracks.valid[:, :2].any(axis=0).all():
+    both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
+    if axis is None or not len(both):
         return []
-    places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
-    # The camera's own motion is the base's.
-    away = places[:, :2] - np.nanmedian(places[:, :2], axis=0)
-    base_seen = tracks.valid[:, :2].sum(axis=1)
-    shift = np.nansum(away, axis=1) / np.maximum(base_seen, 1)[:, None]
-    both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & (base_seen > 0))
-    points = (places[:, 2:] - shift[:, None] - axis)[both][:: max(1, len(both) // _LOOKED_AT)]
-    if not len(points):
-        return []
+    points = tracks.position_px[both, 2:][:: max(1, len(both) // _LOOKED_AT)] - axis
     stick = np.zeros(1, STICK)
     stick["axis"]["known"], stick["shortest"], stick["longest"] = 1, 1.0, 1.0
     stick["axis"]["arm"][0, :, 0] = np.median(np.hypot(points[..., 0], points[..., 1]), axis=0)
@@ -165,7 +159,7 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
 
 def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     """Return the common centre (2,) of both moving markers' circles; None where they turn too little."""
-    turn = _direction(tracks, 2)
+    turn, _ = _direction(tracks, 2)
     seen = np.isfinite(turn)
     if seen.sum() < 5:
         return None
@@ -176,21 +170,11 @@ def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     return np.array([centre.real, centre.imag])
 
 
-def _direction(tracks: MarkerTracks, first: int) -> NDArray[np.float64]:
-    """Return a stick's direction in the picture (n,), y down; NaN where one of its markers is not valid."""
-    offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
-    both = tracks.valid[:, first] & tracks.valid[:, first + 1]
-    return np.where(both, np.arctan2(offset[:, 1], offset[:, 0]), np.nan)
-
-
-def _direction_sigma(tracks: MarkerTracks, frames: NDArray[np.int64]) -> float:
-    """Return the larger usual error of both sticks' directions as the fits of the markers tell it, rad."""
-    found: list[float] = []
-    for first in (0, 2):
-        offset = tracks.position_px[frames, first + 1] - tracks.position_px[frames, first]
-        variance = 0.5 * np.trace(tracks.covariance_px2[frames, first : first + 2], axis1=2, axis2=3).sum(axis=1)
-        found.append(float(np.median(np.sqrt(variance) / np.hypot(offset[:, 0], offset[:, 1]))))
-    return max(found)
+def _direction(tracks: MarkerTracks, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a stick's direction in the picture (n,), y down, and its variance; NaN where a marker is not valid."""
+    places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
+    inner, outer = ((places[:, marker], tracks.covariance_px2[:, marker]) for marker in (first, first + 1))
+    return stick_direction(inner, outer)
 
 
 def _file_faults(result: TrackResult) -> list[str]:

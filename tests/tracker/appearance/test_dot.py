@@ -31,8 +31,8 @@ def test_a_sharp_dot_is_read_within_a_few_thousandths_of_a_pixel(radius: float) 
         if template is None:
             fit = fit_dot(picture, x + 0.4, y - 0.3, radius_px=1.07 * radius, light_dot=False)
             assert fit is not None
-            assert fit.shape.radius_px == pytest.approx(radius, abs=0.05)
-            template = Marker(fit.shape)
+            assert fit.radius_px == pytest.approx(radius, abs=0.05)
+            template = Marker(fit)
         reading = template.read(picture, x + 0.3, y + 0.2)
         assert reading is not None
         assert reading["converged"]
@@ -79,7 +79,7 @@ def test_errors_reach_the_bound_and_are_told_honestly(*, light_dot: bool) -> Non
     first = stick + step * brute_disc(15.0, 15.0, radius, size=size)
     fit = fit_dot(np.rint(first).astype(np.uint8), 15.3, 14.8, radius_px=radius, light_dot=light_dot)
     assert fit is not None
-    template = Marker(fit.shape)
+    template = Marker(fit)
     errors, sigmas = [], []
     for _ in range(150):
         x, y = 15 + rng.uniform(-1, 1, 2)
@@ -102,7 +102,7 @@ def test_uneven_light_does_not_shift_a_dot() -> None:
     picture = np.rint((185.0 - 140.0 * brute_disc(x, y, 7.0, size=size)) * column[None, :]).astype(np.uint8)
     fit = fit_dot(picture, x + 0.5, y, radius_px=6.5, light_dot=False)
     assert fit is not None
-    template = Marker(fit.shape)
+    template = Marker(fit)
     reading = template.read(picture, x, y)
     assert reading is not None
     assert reading["slope"][0] == pytest.approx(0.006, abs=0.001)
@@ -117,8 +117,8 @@ def test_a_shape_seen_from_aside_is_measured() -> None:
     picture = np.rint(185.0 - 140.0 * brute_disc(20.1, 20.4, 8.0, size=41, stretch=1.06)).astype(np.uint8)
     fit = fit_dot(picture, 20.0, 20.0, radius_px=8.0, light_dot=False)
     assert fit is not None
-    assert fit.shape.stretch[0] == pytest.approx(0.06, abs=0.01)
-    assert fit.shape.stretch[1] == pytest.approx(0.0, abs=0.01)
+    assert fit.stretch[0] == pytest.approx(0.06, abs=0.01)
+    assert fit.stretch[1] == pytest.approx(0.0, abs=0.01)
 
 
 def test_noise_alone_is_no_dot() -> None:

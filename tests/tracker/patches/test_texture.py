@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -172,3 +174,24 @@ def test_an_axis_that_moves_is_told(kind: type[FlatFilm], tmp_path: Path) -> Non
     _, result = tracked(made, tmp_path / "film.mkv")
     assert result.tracks.valid[:, 2:].all(axis=1).mean() > 0.5
     assert any("no fixed axis" in text for text in doubts(result)) == (kind is Rolling)
+
+
+ALIGN = """
+import sys
+import numpy as np
+from tracker.patches.align import Patch
+from tracker.patches.warps import similarity
+
+y, x = np.mgrid[:60, :60]
+luma = np.rint(127 + 100 * np.sin(x / 3) * np.cos(y / 4)).astype(np.uint8)
+patch = Patch(lambda u, v: np.sin((u + 30) / 3) * np.cos((v + 30) / 4), half_px=10.0)
+fit = patch.align(luma, similarity(30.4, 29.7))
+np.testing.assert_allclose(fit.warp[:2, 2], 30.0, atol=0.01)
+print([name for name in sys.modules if name.startswith("scipy.linalg")])
+"""
+
+
+def test_a_patch_is_followed_without_the_whole_of_scipy_linalg() -> None:
+    # Numba's own inverse of a matrix imports it: a tenth of a second of CPU before a film of tags or texture begins.
+    done = subprocess.run([sys.executable, "-c", ALIGN], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() in ("[]", "['scipy.linalg.cython_blas']")

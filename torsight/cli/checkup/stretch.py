@@ -99,9 +99,9 @@ def track_stretches(
 
 def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: str, total: int) -> Finding:
     """Return the finding that no stretch gave an angle."""
-    if sum(clip.count for clip in clips) >= total:
+    if sum(clip.frame_count for clip in clips) >= total:
         return refusal(about, errors[0])
-    tried = " and ".join(f"{clip.first} to {clip.first + clip.count - 1}" for clip in clips)
+    tried = " and ".join(f"{clip.first} to {clip.first + clip.frame_count - 1}" for clip in clips)
     error = NoResultError(
         "no frame has an angle in the stretches that were tracked, where a run begins and where most is seen to move",
         where=f"{clips[0].name.rpartition(', ')[0]}, frames {tried}",
