@@ -175,3 +175,17 @@ def test_a_law_at_the_reading_of_its_own_row_is_refused(rows_before: int, refuse
         return
     with pytest.raises(InputError, match="calls the law 'hidden' with 'y' as it was read in the same row"):
         find_missing(problem)
+
+
+def test_a_law_of_a_state_that_is_measured_is_called_with_the_state() -> None:
+    """Its driver has the output's name; what it is called with is what the model computes: nothing is to be told."""
+
+    def predict(p: Any, record: Any) -> Array:
+        level = p.offset + p.gain * record.u
+        return np.asarray(level + p.hidden(level))
+
+    made = table()
+    for driver in ("y", "ys"):
+        found = find_missing(model_problem(predict, made, PARAMETERS, [law("hidden", driver=driver)], output="y"))
+        assert not any("the law 'hidden'" in one for one in found.warnings)
+        assert not any(one.startswith("'y' ") for one in found.warnings)

@@ -9,7 +9,7 @@ from row to row goes with what is new in the residual, which of noise nothing el
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -21,7 +21,9 @@ from scipy.optimize import minimize_scalar
 
 from torsight.core.series import correlation_time
 from torsight.discovery.inference.fitting import Fit
+from torsight.discovery.own.model.evaluate import call
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.records import Record
 
 Array = NDArray[np.float64]
 Pieces = Sequence[Array]
@@ -35,6 +37,8 @@ _SURE: Final = 3.1
 """Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
 _REACH: Final = 4
 """Standard deviations of a bell curve at which it is cut off, as SciPy's is."""
+_FAR_OFF: Final = 10.0
+"""Times its range by which a value is moved to see what depends on it: beyond all other rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,28 +142,55 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
     """
     predicted = problem.layout.native(base.solution.prediction)
     measured, records = problem.measured(), problem.model.records
-    declared = [port.driver for port in problem.ports if all(port.driver in one for one in records)]
-    columns = {name: [one[name] for one in records] for name in (*problem.drivers, *declared) if name in records[0]}
+    declared = {port.driver for port in problem.ports} - {*problem.drivers, *problem.model.outputs}
     told, kept = [], dict(problem.drivers)
-    for name, column in columns.items():
-        for k, output in enumerate(problem.model.outputs):
-            made = [one[:, k] for one in predicted]
-            left = [one[:, k] - own for one, own in zip(measured, made, strict=True)]
-            if not all(np.isfinite(one).all() for one in column) or not holds_reading_error(column, made, left):
-                continue
-            law = "" if name not in declared else f"; the law '{_law_over(problem, name)}' over it explains noise, too"
-            out = "it was left out of the drivers, because it" if name in kept else "it"
-            told.append(
-                f"'{name}' is made of '{output}' as it was read, noise included: {out} would explain the residual by "
-                f"itself{law}; give what the model computes, or the variable from another sensor"
-            )
-            kept.pop(name, None)
-            break
+    for name in (*problem.drivers, *sorted(declared)):
+        if not all(name in record and np.isfinite(record[name]).all() for record in records):
+            continue
+        column = [record[name] for record in records]
+        output = next(
+            (
+                own
+                for k, own in enumerate(problem.model.outputs)
+                if holds_reading_error(
+                    column,
+                    [one[:, k] for one in predicted],
+                    [one[:, k] - made[:, k] for one, made in zip(measured, predicted, strict=True)],
+                )
+            ),
+            None,
+        )
+        if output is None:
+            continue
+        left_out = kept.pop(name, None) is not None
+        laws = laws_called_with(problem, base.values, name)
+        if not (left_out or laws):
+            continue
+        out = "it was left out of the drivers, because it" if left_out else "it"
+        beside = "".join(f"; the law '{law}' over it explains noise, too" for law in laws)
+        told.append(
+            f"'{name}' is made of '{output}' as it was read, noise included: {out} would explain the residual by "
+            f"itself{beside}; give what the model computes, or the variable from another sensor"
+        )
     return replace(problem, drivers=kept), told
 
 
-def _law_over(problem: ModelProblem, driver: str) -> str:
-    return next(port.name for port in problem.ports if port.driver == driver)
+def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column: str) -> list[str]:
+    """Return the laws that the model calls with what a column holds in the same row, or in later ones.
+
+    What stands in rows before, and how a record begins, is another thing: so it is the last row that is moved.
+    """
+    found = []
+    for k, own in enumerate(problem.given(values, ()) if problem.ports else ()):
+        record = problem.model.records[k]
+        asked = call(problem.model, k, own, {}).asked
+        for side in (-_FAR_OFF, _FAR_OFF):
+            moved = record[column].copy()
+            moved[-1] = np.nanmean(moved) + side * np.ptp(moved[np.isfinite(moved)])
+            model = replace(problem.model, records=(Record({**record, column: moved}, record.label_),))
+            now = call(model, 0, own, {}).asked
+            found += [name for name in asked if now[name] != asked[name]]
+    return list(dict.fromkeys(found))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
-from torsight.discovery.own.model.evaluate import call, place_of
+from torsight.discovery.own.model.evaluate import place_of
 from torsight.discovery.own.model.problem import ModelProblem
-from torsight.discovery.own.records import Record
+from torsight.discovery.own.reading_error import laws_called_with
 
 Array = NDArray[np.float64]
 
@@ -24,9 +23,6 @@ _NULL_SHARE: Final = 1e-6
 """Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
 _ELSEWHERE: Final = 0.3
 """Share of its range by which a parameter is moved to see whether it counts."""
-
-_FAR_OFF: Final = 10.0
-"""Times its range by which a reading is moved to see what depends on it: beyond all other rows."""
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
@@ -148,27 +144,15 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]
 
 
 def _check_laws(problem: ModelProblem, start: dict[str, float]) -> None:
-    """Refuse a model that calls a law with an output as it was read in the same row: the law would explain the noise.
-
-    What was read before, and how a record begins, hold no error of the row. So the last reading must not count.
-    """
-    for k, values in enumerate(problem.given(start, ()) if problem.ports else ()):
-        asked = call(problem.model, k, values, {}).asked
-        for name in problem.model.outputs:
-            record = problem.model.records[k]
-            for side in (-_FAR_OFF, _FAR_OFF):
-                column = record[name].copy()
-                column[-1] = np.nanmean(column) + side * np.ptp(column[np.isfinite(column)])
-                moved = Record({**record, name: column}, record.label_)
-                found = call(replace(problem.model, records=(moved,)), 0, values, {}).asked
-                law = next((one for one in asked if found.get(one, asked[one]) != asked[one]), None)
-                if law is not None:
-                    raise InputError(
-                        f"calls the law '{law}' with '{name}' as it was read in the same row: such a law explains the "
-                        "noise, and whatever is missing with it",
-                        where=place_of(problem.model.predict),
-                        do="call it with what the model computes, with a row before, or with another sensor's column",
-                    )
+    """Refuse a model that calls a law with an output as it was read in the same row: it would explain the noise."""
+    for name in problem.model.outputs:
+        for law in laws_called_with(problem, start, name):
+            raise InputError(
+                f"calls the law '{law}' with '{name}' as it was read in the same row: such a law explains the noise, "
+                "and whatever is missing with it",
+                where=place_of(problem.model.predict),
+                do="call it with what the model computes, with a row before, or with another sensor's column",
+            )
 
 
 def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:
