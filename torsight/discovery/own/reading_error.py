@@ -37,6 +37,9 @@ _SURE: Final = 3.1
 """Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
 _REACH: Final = 4
 """Standard deviations of a bell curve at which it is cut off, as SciPy's is."""
+_WIDEST: Final = 64
+"""Rows to each side of the widest smoothing that is looked for: the mean of as many leaves less than a tenth of the
+noise."""
 _FAR_OFF: Final = 10.0
 """Times its range by which a value is moved to see what depends on it: beyond all other rows."""
 
@@ -107,7 +110,7 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
 
 def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
     """Return the smoothing by which least is left: the best width of each kind, none as well."""
-    widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(rows / 16, 1))) + 1)]
+    widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(min(rows / 16, _WIDEST), 1))) + 1)]
     mean, bell = (min((_Smoothing(kind, width) for width in widths), key=left_by) for kind in ("mean", "bell"))
     means = [_Smoothing("mean", k) for k in range(max(round(mean.width / 2**0.5), 1), round(mean.width * 2**0.5) + 1)]
     fine = minimize_scalar(
