@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -12,6 +13,9 @@ import pytest
 
 from tests.command_line import leave
 from tests.discovery.own_models import spring_record
+from torsight.report.figures.own import is_ours
+from torsight.report.plots.interactive import library
+from torsight.report.write import write_page
 
 MODEL = """
 import time
@@ -62,9 +66,28 @@ def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None
     assert [effect["id"] for effect in content["effects"]] == ["hardening"]
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "hardening is missing" in page
-    assert page.count("data:image/png;base64,") == 3
-    assert "http" not in page.replace("http://www.w3.org", "")
+    drawn = {"before_after_1", "before_after_2", "candidates", "residual_u", "residual_time_s", "residual_reading_v"}
+    assert {path.stem for path in (results / "figures").iterdir()} == drawn
+    assert all(f'<div class="plot" id="plot-{name}">' in page for name in drawn)
+    assert page.count('<img class="still" src="data:image/svg+xml') == len(
+        drawn
+    )  # for paper, and where scripts are off
+    own = page.replace(library(), "").replace("http://www.w3.org/", "")
+    assert not re.search(r"https?://|url\((?!#|%23)|@import", own)
     assert not (results / "model_errors.txt").exists()
+
+
+def test_figures_show_the_residual_over_every_driver_and_those_of_an_earlier_answer_go(
+    world: Path, tmp_path: Path
+) -> None:
+    results = shutil.copytree(world / "results", tmp_path / "results")
+    means = pd.read_csv(results / "figures" / "residual_u.csv").groupby("residual")["mean"].std()
+    assert means["before"] > 2.0 * means["after"]
+    kept, gone = results / "figures" / "for_the_paper.svg", results / "figures" / "residual_old.svg"
+    for path in (kept, gone):
+        path.write_text("<svg/>", encoding="utf-8")
+    write_page(results, {"figures": {}, "errors": []}, template="own_report.html", ours=is_ours)
+    assert [path.name for path in (results / "figures").iterdir()] == [kept.name]
 
 
 def test_its_model_predicts_another_record(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,6 +114,8 @@ def test_how_a_planned_record_begins_is_given_or_its_absence_told(
     assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
     assert leave(*words, "--initial", "x0_mm") == 2
     assert "write --initial x0=1.5" in capsys.readouterr().err
+    assert leave(*words, "--initial", "x0_mm=1.5", "--initial", "x0_mm = 2") == 2
+    assert "--initial: 'x0_mm' is given twice" in capsys.readouterr().err
 
 
 def test_a_model_file_that_has_changed_is_not_used(

@@ -272,21 +272,25 @@ def by_steps(p: Any, record: Any) -> np.ndarray:
 
 @pytest.mark.usefixtures("always_worth_it")
 @pytest.mark.parametrize(
-    ("words", "is_compiled"),
+    ("words", "why_not"),
     [
-        ("", True),
-        ("    v = p.get('none', 0.0) + p['stop'] + record['force'][0]\n", True),
-        ("    v = sum(p.keys())\n", False),
-        ("    print(v)\n", False),
+        ("", None),
+        ("    v = p.get('none', 0.0) + p['stop'] + record['force'][0]\n", None),
+        ("    v = float('{}'.format(v))\n", "numba says: "),
+        ("    print(v)\n", "'by_steps' calls itself, or prints"),
     ],
 )
-def test_a_loop_over_rows_is_compiled_where_numba_can(words: str, *, is_compiled: bool) -> None:
+def test_a_loop_over_rows_is_compiled_where_numba_can_and_else_told_why(words: str, why_not: str | None) -> None:
     source = inspect.getsource(by_steps).replace("    return", f"{words}    return")
     scope = dict(globals())
     exec(compile(source, "by_steps.py", "exec"), scope)  # noqa: S102 - the same function with one line more
     problem = asked_at(by_steps, by_steps_alone())
     problem = replace(problem, model=replace(problem.model, predict=scope["by_steps"]))
-    assert isinstance(quicken.quickened(problem).model.predict, CompiledPredict) is is_compiled
+    quick = quicken.quickened(problem)
+    assert isinstance(quick.model.predict, CompiledPredict) is (why_not is None)
+    told = quick.warnings[len(problem.warnings) :]
+    assert len(told) == (why_not is not None)
+    assert all(why_not in one and "by_steps.py, line 1, by_steps) was not compiled" in one for one in told)
 
 
 def by_steps_alone() -> np.ndarray:
@@ -306,4 +310,14 @@ def test_what_is_another_model_once_it_is_compiled_stays_plain() -> None:
 
     problem = asked_at(by_steps, by_steps_alone())
     problem = replace(problem, model=replace(problem.model, predict=counting))
-    assert quicken.quickened(problem).model.predict is counting
+    plain = quicken.quickened(problem)
+    assert plain.model.predict is counting
+    assert "numba says: " in plain.warnings[-1]
+
+    def whole(p: Any, record: Any) -> np.ndarray:
+        big = 2 ** int(70.0 + min(p.stop, 0.0))  # whole numbers of Python have no end, those of machines have 64 bits
+        return 1e-21 * big * record.force + p.friction_n + p.stiffness + p.more(0.0)
+
+    own = quicken.quickened(replace(problem, model=replace(problem.model, predict=whole)))
+    assert own.model.predict is whole
+    assert "compiled it gives something else" in own.warnings[-1]

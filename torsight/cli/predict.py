@@ -77,8 +77,14 @@ def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path
     from torsight.discovery.own.model.quiet import heard
 
     require_apart([out], [model, record])
+    begins = [_named_value(words) for words in initial]
+    names = [name for name, _ in begins]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        both = ", ".join(words.strip() for words, name in zip(initial, names, strict=True) if name == twice)
+        raise ConfigError(f"'{twice}' is given twice", where="--initial", value=both, do="give it once")
     with heard():
-        found = read_model(model, record).predict(record, initial=dict(map(_named_value, initial)))
+        found = read_model(model, record).predict(record, initial=dict(begins))
     for doubt in found.warnings:
         say(f"note: {doubt}")
     write_table(out, found)

@@ -167,9 +167,14 @@ class OptionalMembers(Protocol):
         return ()
 
     @cached_property
-    def over_floor(self: NeededMembers) -> float:
+    def sigma_known(self: NeededMembers) -> bool:
+        """Whether the reading noise was given, and not measured from the scatter of neighbours."""
+        return bool(np.any(self.sigma))
+
+    @cached_property
+    def over_floor(self: Problem) -> float:
         """Noise floors that are left from which something is missing although nothing that is offered explains it."""
-        return OVER_GIVEN if np.any(self.sigma) else OVER_ESTIMATED
+        return OVER_GIVEN if self.sigma_known else OVER_ESTIMATED
 
     @cached_property
     def rest(self: NeededMembers) -> NDArray[np.bool_]:

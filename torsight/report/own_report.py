@@ -4,31 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
-from torsight.core.files.storage import write_text
 from torsight.core.words.wording import estimate, number
 
 if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
-_DPI: Final = 110
-"""Resolution of the pictures in the page."""
-
 
 def write_own_report(found: Findings, folder: Path, *, model: Path, records: Sequence[Path]) -> Path:
-    """Write ``report.html``: one page that needs no other file and no network."""
-    from torsight.report.write import from_template
+    """Write ``report.html``, one page that needs no other file and no network, and its figures in ``figures/``."""
+    from torsight.report.figures.own import figures_of, is_ours
+    from torsight.report.write import write_page
 
     shown = {"name": model.stem, "records": [path.name for path in records], **contents(found)}
-    path = folder / "report.html"
-    write_text(path, from_template("own_report.html", shown))
-    return path
+    return write_page(folder, shown | {"figures": figures_of(found)}, template="own_report.html", ours=is_ours)
 
 
 def contents(found: Findings) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.discovery.own.answer import pictures, words
+    from torsight.discovery.own.answer import words
 
     return {
         "verdict": found.verdict,
@@ -36,11 +31,11 @@ def contents(found: Findings) -> dict[str, Any]:
         "errors": [
             (name, *(number(value) for value in _row(before, after))) for name, (before, after) in found.errors.items()
         ],
+        "not_foretold": words.not_foretold(found),
         "effects": [
             (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in _own(found, name)])
             for name in found.effects
         ],
-        "pictures": [(title, pictures.as_image(figure, dpi=_DPI)) for title, figure in pictures.pages(found)],
         "parameters": [
             (
                 name,

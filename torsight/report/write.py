@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
@@ -55,26 +55,41 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
     OutputError
         When the page cannot be written.
     """
-    from torsight.report.figures.export import write_figures
-    from torsight.report.plots.interactive import drawing
-    from torsight.report.plots.still import still
-
     folder = Path(folder)
     progress("report", 0, _PARTS)
     results = read_results(folder)
-    shown = contents(results, progress=progress)
-    figures = [figure for some in shown["figures"].values() for figure in some]
-    pictures = {figure.name: still(figure.panels) for figure in figures}
-    path = folder / "report.html"
-    write_figures(folder, figures, pictures)
-    drawn = drawing({figure.name: figure.panels for figure in figures}) if figures else None
-    write_text(path, page(shown, pictures=pictures, drawn=drawn))
+    path = write_page(folder, contents(results, progress=progress))
     progress("report", _PARTS, _PARTS)
     return path
 
 
+def write_page(
+    folder: Path,
+    shown: Mapping[str, Any],
+    *,
+    template: str = "report.html",
+    ours: Callable[[str], bool] | None = None,
+) -> Path:
+    """Write ``report.html`` that shows some contents, and its figures beside it; on ``ours`` see ``write_figures``."""
+    from torsight.report.figures.export import NAMES, write_figures
+    from torsight.report.plots.interactive import drawing
+    from torsight.report.plots.still import still
+
+    figures = [figure for some in shown["figures"].values() for figure in some]
+    pictures = {figure.name: still(figure.panels) for figure in figures}
+    write_figures(folder, figures, pictures, ours=ours or NAMES.__contains__)
+    drawn = drawing({figure.name: figure.panels for figure in figures}) if figures else None
+    path = folder / "report.html"
+    write_text(path, page(shown, pictures=pictures, drawn=drawn, template=template))
+    return path
+
+
 def page(
-    shown: Mapping[str, Any], *, pictures: Mapping[str, str] = MappingProxyType({}), drawn: Drawing | None = None
+    shown: Mapping[str, Any],
+    *,
+    pictures: Mapping[str, str] = MappingProxyType({}),
+    drawn: Drawing | None = None,
+    template: str = "report.html",
 ) -> str:
     """Return the text of the page that shows some :func:`contents`.
 
@@ -88,7 +103,7 @@ def page(
     from torsight.report.plots.still import picture_data
 
     return from_template(
-        "report.html",
+        template,
         shown,
         pictures={name: picture_data(svg) for name, svg in pictures.items()},
         drawn=drawn,

@@ -27,6 +27,7 @@ from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
 from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.reading_error import without_readings
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,9 @@ def prepare(problem: ModelProblem) -> Prepared:
                 "time is given by ode(…, solver=Solver(restart_s=…))"
             )
             return replace(again, warnings=(note, *again.warnings))
+    problem, left_out = without_readings(problem, base)
     problem, told = _once(problem, fitter, base)
+    told += left_out
     told += _apart(problem, fitter, base)
     told += _each_its_own(problem, fitter, base)
     started = _started(problem, base)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.actuator.quantities import plain_symbol
 from torsight.core.files.results import column
@@ -18,6 +19,8 @@ from torsight.report.sections.prior_pulls import Prior, common_reach
 if TYPE_CHECKING:
     import pandas as pd
 
+Array = NDArray[np.float64]
+
 _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two."""
 _MOST_CANDIDATES: Final = 8
@@ -29,20 +32,23 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
-    span = Axis.along("", time_s)
-    motion = Panel(span, Axis.around(ANGLE, angle, plain, extended), width=720, height=225)
+    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, angle, plain, extended), width=720, height=225)
     shade_held_out(motion, curves)
     models(motion, time_s, angle, plain, extended, ordered=True)
     left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=245)
     shade_held_out(left, curves)
-    left.rule(0.0, "zero", upright=False)
     shade_floor(left, floor_deg)
-    alike = is_plain(curves)
+    errors(left, time_s, before, after, alike=is_plain(curves))
+    title = "The motion, and the error of the plain and of the extended model"
+    return Figure("before_after", "Before and after", "", (motion, left), title, CURVES)
+
+
+def errors(left: Panel, time_s: Array, before: Array, after: Array, *, alike: bool) -> None:
+    """Draw what either model leaves over time; once, where both are alike."""
+    left.rule(0.0, "zero", upright=False)
     left.line(time_s, before, "before", label="error" if alike else "error before")
     if not alike:
         left.line(time_s, after, "after", label="error after")
-    title = "The motion, and the error of the plain and of the extended model"
-    return Figure("before_after", "Before and after", "", (motion, left), title, CURVES)
 
 
 def candidates(discovery: Mapping[str, Any]) -> Figure | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -19,11 +19,17 @@ NAMES: Final = frozenset(
 """Every figure that a report may hold, but for the laws; only files of these names are ever removed."""
 
 
-def write_figures(folder: Path, figures: Iterable[Figure], pictures: Mapping[str, str]) -> None:
+def write_figures(
+    folder: Path,
+    figures: Iterable[Figure],
+    pictures: Mapping[str, str],
+    *,
+    ours: Callable[[str], bool] = NAMES.__contains__,
+) -> None:
     """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
 
     ``pictures`` holds each figure's SVG by its name. Files of figures that an earlier page showed and this one does not
-    are removed; what others put there stays.
+    are removed, as far as their names are ``ours``; what others put there stays.
     """
     target = folder / FOLDER
     written = set()
@@ -33,9 +39,9 @@ def write_figures(folder: Path, figures: Iterable[Figure], pictures: Mapping[str
         if figure.data is not None:
             write_table(target / f"{figure.name}.csv", figure.data)
             written.add(f"{figure.name}.csv")
-    for name in (f"{figure}{suffix}" for figure in NAMES for suffix in (".svg", ".csv")):
-        if name not in written:
-            (target / name).unlink(missing_ok=True)
+    for path in [*target.glob("*.svg"), *target.glob("*.csv")]:
+        if path.name not in written and ours(path.stem):
+            path.unlink(missing_ok=True)
 
 
 def data_link(figure: Figure) -> str:

@@ -54,16 +54,20 @@ def law_figure(law: MeasuredLaw) -> Figure:
 
 def _gives(law: MeasuredLaw) -> str:
     """Return what a law gives, in a few words."""
-    return "lead of the temperature log's clock" if law.unit == "s" else PORTS.get(law.port, law.port)
+    return (
+        "lead of the temperature log's clock"
+        if law.unit == "s" and law.port in PORTS
+        else PORTS.get(law.port, law.port)
+    )
 
 
-def law_panel(law: MeasuredLaw) -> Panel:
-    """Return the plot of one law."""
+def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
+    """Return the plot of one law; ``across`` names its driver with the unit where the driver's id does not."""
     x, half = law.driver_values, REACH * law.sigma
     low, high = law.value - half, law.value + half
     counts = law.driver == "spring"
     unit = _UNITS.get(law.driver)
-    across = variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
+    across = across or variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
     panel = Panel(
         Axis.around(across, x, margin=0.3 if counts else 0.0),
         Axis.around(_gives(law) + (f" ({law.unit})" if law.unit else ""), low, high),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,10 +25,10 @@ def is_plain(curves: pd.DataFrame) -> bool:
     return not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
 
 
-def shade_floor(plot: Panel, floor_deg: float | None) -> None:
+def shade_floor(plot: Panel, floor: float | None, *, unit: str = "°") -> None:
     """Shade the noise floor, where it is known."""
-    if floor_deg:
-        plot.band(-floor_deg, floor_deg, "floor", label=f"± noise floor {number(floor_deg, 2)}°", upright=False)
+    if floor:
+        plot.band(-floor, floor, "floor", label=f"± noise floor {number(floor, 2)}{unit}", upright=False)
 
 
 def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | None:
@@ -103,38 +103,59 @@ def slope(
 
 def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.float64]) -> Figure | None:
     """Residual of both models against one variable, with the mean of every branch in twenty-five bins."""
+    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
+    made = over_variable(values, before, after, branches(curves), label=LABELS[variable], residual=RESIDUAL)
+    if made is None:
+        return None
+    plot, means = made
+    title = f"Against {LABELS[variable].split(' (')[0]}"
+    words = f"Residual before and after against {LABELS[variable]}"
+    data = {"residual": means["residual"], "branch": means["branch"]}
+    data |= {variable: means["place"], "mean_deg": means["mean"]}
+    return Figure(f"residual_{variable}", title, "", (plot,), words, data=data)
+
+
+def over_variable(
+    values: NDArray[np.float64],
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    parts: Mapping[str, NDArray[np.bool_]],
+    *,
+    label: str,
+    residual: str,
+) -> tuple[Panel, dict[str, list[Any]]] | None:
+    """Return both residuals over a variable (n,) with the mean of every branch, and these means; None where it stays.
+
+    ``label`` and ``residual`` name the two axes.
+    """
     known = np.isfinite(values)
     if known.sum() < 10 or np.ptp(values[known]) <= 0:
         return None
-    before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     low, high = np.quantile(values[known], [0.001, 0.999])
     inside = known & (values >= low) & (values <= high)
     plot = Panel(
-        Axis.around(LABELS[variable], values[inside]),
-        Axis.around(RESIDUAL, before[inside], after[inside]),
+        Axis.around(label, values[inside]),
+        Axis.around(residual, before[inside], after[inside]),
         width=370,
         height=240,
     )
-    for residual, kind, label in ((before, "before", "before"), (after, "after", "after")):
-        good = inside & np.isfinite(residual)
+    for left, kind in ((before, "before"), (after, "after")):
+        good = inside & np.isfinite(left)
         if good.any():
-            plot.points(values[good], residual[good], f"{kind} faint", label=label)
-    data: dict[str, list[float | str]] = {"residual": [], "branch": [], variable: [], "mean_deg": []}
-    parts = branches(curves)
-    for residual, kind in ((before, "before"), (after, "after")):
+            plot.points(values[good], left[good], f"{kind} faint", label=kind)
+    data: dict[str, list[Any]] = {"residual": [], "branch": [], "place": [], "mean": []}
+    for left, kind in ((before, "before"), (after, "after")):
         for name, branch in parts.items():
-            good = inside & branch & np.isfinite(residual)
+            good = inside & branch & np.isfinite(left)
             if good.sum() > 2:
-                centre, mean = bin_means(values[good], residual[good], bins=25)
+                centre, mean = bin_means(values[good], left[good], bins=25)
                 plot.line(centre, mean, f"{kind} mean")
                 kept = np.isfinite(mean)
                 data["residual"] += [kind] * int(kept.sum())
                 data["branch"] += [name] * int(kept.sum())
-                data[variable] += centre[kept].tolist()
-                data["mean_deg"] += mean[kept].tolist()
-    title = f"Against {LABELS[variable].split(' (')[0]}"
-    words = f"Residual before and after against {LABELS[variable]}"
-    return Figure(f"residual_{variable}", title, "", (plot,), words, data=data)
+                data["place"] += centre[kept].tolist()
+                data["mean"] += mean[kept].tolist()
+    return plot, data
 
 
 def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:

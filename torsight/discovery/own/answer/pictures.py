@@ -31,9 +31,14 @@ class Series:
     def __init__(self, title: str, unit: str, time: Array, measured: Array, before: Array, after: Array) -> None:
         self.title = title
         self.unit = unit
-        step = max(1, len(time) // _MOST_POINTS)
-        self.time, self.measured = time[::step], measured[::step]
-        self.before, self.after = before[::step], after[::step]
+        self.time, self.measured, self.before, self.after = time, measured, before, after
+
+    @property
+    def thinned(self) -> Series:
+        """The same with as many rows as a picture shows."""
+        step = max(1, len(self.time) // _MOST_POINTS)
+        rows = (one[::step] for one in (self.time, self.measured, self.before, self.after))
+        return Series(self.title, self.unit, *rows)
 
 
 def series_of(found: Findings) -> list[Series]:
@@ -57,6 +62,18 @@ def series_of(found: Findings) -> list[Series]:
         for r, (record, time) in enumerate(zip(problem.model.records, problem.times(), strict=True))
         for k, name in enumerate(problem.model.outputs)
     ]
+
+
+def left_of(found: Findings, output: int) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return the rows (k,) of one output in the problem, and what the plain and the extended model leave there (k,)."""
+    problem, fits = found.problem, (found.field.base, found.decision.chosen)
+    rows, scale = np.arange(len(problem.observed)), 1.0
+    if isinstance(problem, ModelProblem):
+        rows = np.concatenate([rows[place] for _, k, place in problem.layout.places if k == output])
+        scale = float(problem.layout.scale[output])
+    rows = rows[problem.valid[rows]]
+    before, after = ((problem.observed - one.fit.solution.prediction)[rows] * scale for one in fits)
+    return rows, before, after
 
 
 def table_of(found: Findings) -> dict[str, NDArray[Any]]:
@@ -105,28 +122,6 @@ def overview(found: Findings) -> Figure:
     return figure
 
 
-def pages(found: Findings) -> list[tuple[str, Figure]]:
-    """Return the report's pictures with their titles: one per record and output, gains, residual over a driver."""
-    made = []
-    for one in series_of(found):
-        figure, axes = _figure(2, 1, height=5.2)
-        draw_motion(axes[0][0], one)
-        axes[0][0].legend(loc="best", fontsize="small", frameon=False)
-        draw_residual(axes[1][0], one)
-        made.append((f"Measured and modelled: {one.title}", figure))
-    for law in found.laws:
-        if law.chosen:
-            figure, axes = _figure(1, 1, height=3.4)
-            draw_law(axes[0][0], law)
-            made.append((f"The law '{law.id}' over {law.driver}", figure))
-    if found.ranked(1):
-        figure, axes = _figure(1, 2, height=3.2)
-        draw_gains(axes[0][0], found)
-        draw_by_driver(axes[0][1], found)
-        made.append(("Candidates, and what is left", figure))
-    return made
-
-
 def draw_law(axis: Any, law: MeasuredCurve) -> None:
     """Draw a measured law with twice its standard deviation, grey where the record did not reach."""
     known = law.covered
@@ -140,6 +135,7 @@ def draw_law(axis: Any, law: MeasuredCurve) -> None:
 
 def draw_motion(axis: Any, one: Series) -> None:
     """Draw what was measured and both models over time."""
+    one = one.thinned
     axis.plot(one.time, one.measured, ".", ms=2, color=COLOURS["measured"], label="measured")
     axis.plot(one.time, one.before, "--", lw=1, color=COLOURS["before"], label="model")
     axis.plot(one.time, one.after, "-", lw=1, color=COLOURS["after"], label="extended model")
@@ -148,6 +144,7 @@ def draw_motion(axis: Any, one: Series) -> None:
 
 def draw_residual(axis: Any, one: Series) -> None:
     """Draw measured less model, of both models."""
+    one = one.thinned
     axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
     axis.plot(one.time, one.measured - one.before, "--", lw=0.8, color=COLOURS["before"])
     axis.plot(one.time, one.measured - one.after, "-", lw=0.8, color=COLOURS["after"])

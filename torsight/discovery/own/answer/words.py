@@ -68,7 +68,7 @@ def lines(found: Findings) -> list[tuple[str, str]]:
     made = [("Missing", verdict_words(found))]
     for name, (before, after) in found.errors.items():
         made.append((f"Error of {name}", _errors(before, after)))
-    made += [("", text) for text in _noise(found)]
+    made += [("", text) for text in (*not_foretold(found), *_noise(found))]
     for name in found.effects:
         own = found.field.base.fitter.candidates[name].parameters
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
@@ -101,12 +101,29 @@ def _errors(before: Errors, after: Errors) -> str:
     return f"{number(before.rmse_held_out)} → {number(after.rmse_held_out)} rms on blocks that the fit did not see"
 
 
+def not_foretold(found: Findings) -> list[str]:
+    """Return a doubt for every output whose unseen blocks the answer foretells no better than the model as it is.
+
+    The answer is more probable all the same where it says of itself how little is known there: of a law over time, say.
+    """
+    if not found.decision.chosen.members:
+        return []
+    return [
+        f"of {name}, {' and '.join(found.decision.chosen.members)} describes what was recorded, but foretells unseen "
+        "blocks no better: something changes there, and what it changes with is not known"
+        for name, (before, after) in found.errors.items()
+        if after.rmse_held_out >= before.rmse_held_out
+    ]
+
+
 def _noise(found: Findings) -> list[str]:
     """Return how the error compares with the noise of one reading."""
-    problem = found.problem
     ratio = found.decision.over_floor
-    known = problem.sigma_known if isinstance(problem, ModelProblem) else np.any(problem.sigma)
-    whose = "the noise that was given" if known else "the noise of a reading, measured from the scatter of neighbours"
+    whose = (
+        "the noise that was given"
+        if found.problem.sigma_known
+        else "the noise of a reading, measured from the scatter of neighbours"
+    )
     return [] if ratio > _NO_FLOOR else [f"what is left is {number(ratio)} times {whose}"]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dis
 import operator
+import re
 from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
 from typing import Any
@@ -36,6 +37,15 @@ from torsight.discovery.own.model.values import KINDS, Curve
 
 class CannotCompileError(Exception):
     """What stands in the way, in one line."""
+
+
+def reason_in(told: str) -> str:
+    """Return why numba could not compile, out of what it says, and the line if it names one."""
+    # One "Failed in …" per function on the way; the reason comes after them, and may go on below a colon.
+    lines = [line.strip() for line in told.splitlines() if line.strip() and not line.startswith("Failed in")]
+    reason = " ".join(lines[:2]) if lines and lines[0].endswith(":") else "".join(lines[:1]) or told
+    places = re.findall(r"line (\d+)", told)
+    return f"{reason} (line {places[-1]})" if places else reason
 
 
 def compiled(function: Callable[..., Any], *, within: tuple[CodeType, ...] = ()) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.discovery.own.follow import anew, shortest_s
-from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call
+from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call, place_of
 from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -34,8 +34,10 @@ def quickened(problem: ModelProblem) -> ModelProblem:
     at_start = evaluator(problem.given(start, ()), {})
     if evaluator.seconds < _WORTH_S * evaluator.calls or any(one.failure is not None for one in at_start):
         return problem
-    quick = _compiled(problem.model.predict)
-    model = problem.model if quick is None else replace(problem.model, predict=quick)
+    quick, why_not = _compiled(problem.model.predict)
+    if quick is None:
+        return _told(problem, why_not)
+    model = replace(problem.model, predict=quick)
     everything = {p.name: p.value for one in problem.candidates for p in one.parameters}
     names = [one.id for one in problem.candidates]
     asked = [*problem.given(start, ()), *problem.given({**start, **everything}, names)]
@@ -43,10 +45,23 @@ def quickened(problem: ModelProblem) -> ModelProblem:
         warnings.simplefilter("ignore")  # of numba, on a way that is not gone then
         # Where small errors grow, integrators part over a record.
         short_s = shortest_s(problem)
-        if quick is None or not _gives_the_same(anew(problem.model, short_s), anew(model, short_s), asked):
-            return problem
+        usable, why_not = _gives_the_same(anew(problem.model, short_s), anew(model, short_s), asked)
+    if not usable:
+        return _told(problem, why_not)
     evaluator.change(model)
     return replace(problem, model=model)
+
+
+def _told(problem: ModelProblem, why_not: str) -> ModelProblem:
+    """Return a problem whose model stays plain, with a note of why where something can be done about it."""
+    if not why_not:
+        return problem
+    each_ms = 1e3 * problem.evaluator.seconds / problem.evaluator.calls
+    note = (
+        f"the model ({place_of(problem.model.predict)}) was not compiled and takes {each_ms:.2g} ms a call: {why_not}; "
+        "numbers, arrays, math, numpy and functions of your own that work on them alone can be compiled"
+    )
+    return replace(problem, warnings=(*problem.warnings, note))
 
 
 def is_compiled(predict: Predict) -> bool:
@@ -54,31 +69,40 @@ def is_compiled(predict: Predict) -> bool:
     return isinstance(predict, CompiledPredict) or (isinstance(predict, Ode) and predict.stepper is not None)
 
 
-def _compiled(predict: Predict) -> Predict | None:
+def _compiled(predict: Predict) -> tuple[Predict | None, str]:
+    """Return the model compiled, or None with the reason; without a reason where it was not to be."""
     from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 
-    if isinstance(predict, Ode):
-        return predict.quick if predict.stepper is None and predict.solver.method == Solver.method else None
     try:
-        return CompiledPredict(predict, compiled(predict))
-    except CannotCompileError:
-        return None
+        if not isinstance(predict, Ode):
+            return CompiledPredict(predict, compiled(predict)), ""
+        wanted = predict.stepper is None and predict.solver.method == Solver.method
+        return (predict.compiled(), "") if wanted else (None, "")
+    except CannotCompileError as error:
+        return None, str(error)
 
 
-def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> bool:
-    """Return whether both models give the same for these values of each record, one after the other, and how soon."""
+def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> tuple[bool, str]:
+    """Return whether both models give the same for these values of each record, one after the other, and how soon.
+
+    If not, then why, where the compiled one fails or gives something else.
+    """
+    from torsight.discovery.own.compiled.functions import reason_in
+
     if isinstance(quick.predict, CompiledPredict):
         quick = replace(quick, predict=quick.predict.alone)
     for k, values in enumerate(asked):
         record = k % len(plain.records)
         one, other = call(plain, record, values, {}), call(quick, record, values, {})
-        if one.outputs is None or other.outputs is None:
-            return False
+        if one.outputs is None:
+            return False, ""
+        if other.outputs is None:
+            return False, "" if other.failure is None else f"numba says: {reason_in(other.failure.message)}"
         spread = np.nanstd(np.column_stack([plain.records[record][name] for name in plain.outputs]), axis=0)
         if np.any(np.abs(one.outputs - other.outputs) > _SAME * spread):
-            return False
+            return False, "compiled it gives something else, as where it keeps or reads what changes outside of it"
         begun = time.thread_time()
         call(quick, record, values, {})
         if time.thread_time() - begun > _QUICKER * one.seconds:
-            return False
-    return True
+            return False, ""
+    return True, ""

@@ -13,6 +13,7 @@ from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembe
 from torsight.discovery.own.model.declare import check_declarations
 from torsight.discovery.own.model.evaluate import place_of
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.reading_error import laws_called_with
 
 Array = NDArray[np.float64]
 
@@ -104,6 +105,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
         told += _check_candidate(problem, one, start, plain, least)
     check_same(problem, start, plain)
     _check_unchanged(problem, before)
+    _check_laws(problem, start)
     told += _unheard(problem, start, plain, least)
     return told
 
@@ -139,6 +141,18 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]
                     where=place_of(problem.model.predict),
                     do=f"work on a copy: record['{name}'].copy()",
                 )
+
+
+def _check_laws(problem: ModelProblem, start: dict[str, float]) -> None:
+    """Refuse a model that calls a law with an output as it was read in the same row: it would explain the noise."""
+    for name in problem.model.outputs:
+        for law in laws_called_with(problem, start, name):
+            raise InputError(
+                f"calls the law '{law}' with '{name}' as it was read in the same row: such a law explains the noise, "
+                "and whatever is missing with it",
+                where=place_of(problem.model.predict),
+                do="call it with what the model computes, with a row before, or with another sensor's column",
+            )
 
 
 def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:

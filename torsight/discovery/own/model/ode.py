@@ -219,11 +219,10 @@ class Ode:
         try:
             return stepper.integrate(time, anew, inputs, p, limits=limits)
         except NumbaError as error:
-            lines = str(error).splitlines()
-            # One "Failed in …" per function on the way; the reason comes after them.
-            reason = next((line for line in lines if not line.startswith("Failed in")), lines[0])
+            from torsight.discovery.own.compiled.functions import reason_in
+
             raise InputError(
-                f"numba cannot compile the right-hand side: {reason}",
+                f"numba cannot compile the right-hand side: {reason_in(str(error))}",
                 where=getattr(self.rhs, "__name__", "rhs"),
                 do="change it, or leave off @njit",
             ) from error

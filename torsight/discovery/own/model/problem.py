@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, OptionalMembers
+from torsight.discovery.interface import Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
@@ -197,11 +197,6 @@ class ModelProblem(OptionalMembers):
     def times(self) -> list[Array]:
         """Return the time (rows,) of every record."""
         return [time_of(record, self.time_name) for record in self.model.records]
-
-    @property
-    def over_floor(self) -> float:
-        """How many times the floor a residual exceeds before something must be missing."""
-        return OVER_GIVEN if self.sigma_known else OVER_ESTIMATED
 
     @property
     def failures(self) -> tuple[Failure, ...]:

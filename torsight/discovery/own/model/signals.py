@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.series import scatter
 from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.own_records import Record, column_of, time_column
 
 Array = NDArray[np.float64]
 
-_SAME: Final = 0.3
-"""Share of the noise that is left of the measured signal by another one that is the same: of one that only moves
-alike the whole noise is left."""
+_SAME: Final = 1e-6
+"""Share of the measured signal's spread that is left by another one that is the same in other units: the digits of a
+table. What is made of it otherwise is seen once the model is fitted (:mod:`torsight.discovery.own.reading_error`)."""
 _MUCH_STILL: Final = 0.5
 """Share of a record at rest that is worth a warning where no rest is marked."""
 
@@ -92,4 +91,4 @@ def _same(values: Array, measured: Array) -> bool:
         return False
     columns = np.column_stack([values - values.mean(), np.ones(len(values))])
     left = measured - columns @ np.linalg.lstsq(columns, measured)[0]
-    return float(np.std(left)) < max(_SAME * scatter(measured), 1e-9 * float(np.std(measured)))
+    return float(np.std(left)) < _SAME * float(np.std(measured))

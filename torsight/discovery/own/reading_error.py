@@ -1,0 +1,226 @@
+"""Drivers that hold the reading error of an output: they would explain the noise, and with it whatever is missing.
+
+Two things tell such a driver from a cause. It follows what was *read*: one function of the output gives it better than
+the model's prediction alone, better than what the model leaves alone, and as well as both of them each by itself (a
+cause of what is missing follows what the model leaves, an input of the model its prediction). And what is new in it
+from row to row goes with what is new in the residual, which of noise nothing else does (Haugh, JASA 71, 1976).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.optimize import minimize_scalar
+
+from torsight.core.series import correlation_time
+from torsight.discovery.inference.fitting import Fit
+from torsight.discovery.own.model.evaluate import call
+from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.own_records import Record
+
+Array = NDArray[np.float64]
+Pieces = Sequence[Array]
+
+_PARTS: Final = 8
+"""Pieces of third order of which a function of the output is made: a law's free forms bend less often."""
+_ORDER: Final = 3
+"""Order of the differences between rows by which noise is told from a course, as in ``scatter``; each one shares rows
+with as many more."""
+_SURE: Final = 3.1
+"""Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
+_REACH: Final = 4
+"""Standard deviations of a bell curve at which it is cut off, as SciPy's is."""
+_WIDEST: Final = 64
+"""Rows to each side of the widest smoothing that is looked for: the mean of as many leaves less than a tenth of the
+noise."""
+_FAR_OFF: Final = 10.0
+"""Times its range by which a value is moved to see what depends on it: beyond all other rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Smoothing:
+    """A way in which a column may have been made from another one: a moving average or a bell curve of so many rows.
+
+    Both hold rows before and after. What lags, as instruments do, is no other than a state that the output acts on,
+    which may well be a cause of what is missing. A width of 0 leaves a column as it is.
+    """
+
+    kind: Literal["mean", "bell"] = "mean"
+    width: float = 0.0
+
+    @property
+    def reach(self) -> int:
+        """Rows at a record's ends at which it depends on what lies outside."""
+        return math.ceil(self.width if self.kind == "mean" else _REACH * self.width)
+
+    def __call__(self, values: Array) -> Array:
+        if not self.width:
+            return values
+        if self.kind == "mean":
+            return np.asarray(uniform_filter1d(values, 2 * round(self.width) + 1, mode="nearest"))
+        return np.asarray(gaussian_filter1d(values, self.width, mode="nearest", truncate=_REACH))
+
+    def inner(self, rows: int) -> NDArray[np.bool_]:
+        """Return the rows (rows,) that are made of the record alone."""
+        own = np.arange(rows)
+        return (own >= self.reach) & (own < rows - self.reach)
+
+
+def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> bool:
+    """Return whether a driver is made of the output as it was read, noise included.
+
+    Parameters
+    ----------
+    driver, predicted, residual : sequence of (rows,) arrays, one per record
+        Driver, prediction of the output, and measured less predicted; the latter NaN where nothing was measured.
+    """
+    known = [np.isfinite(one) for one in residual]
+    left = [np.where(has, one, 0.0) for has, one in zip(known, residual, strict=True)]
+    read = [a + b for a, b in zip(predicted, left, strict=True)]
+    values, ends = np.concatenate(list(driver)), np.cumsum([len(one) for one in driver])[:-1]
+    smallest = np.finfo(float).eps * float(np.var(values))
+    if sum(map(np.sum, known)) < 8 * _PARTS or smallest <= 0.0:
+        return False
+
+    def made(smoothing: _Smoothing, some: Pieces) -> _Functions:
+        rows = [has & smoothing.inner(len(has)) for has in known]
+        return _Functions.of(np.concatenate([smoothing(one) for one in some]), np.concatenate(rows))
+
+    def left_by(way: _Smoothing) -> float:
+        return made(way, read).left(values)[0]
+
+    way = _nearest(left_by, max(map(len, driver)))
+    y, m, r = (made(way, some) for some in (read, predicted, left))
+    (by_read, remains), by_both = y.left(values), y.together(m, r).left(values)[0] + smallest
+    by_read, by_one = by_read + smallest, min(m.left(values)[0], r.left(values)[0]) + smallest
+    count = y.rows.sum() / correlation_time([one[np.isfinite(one)] for one in np.split(remains, ends)])
+    # Of so many values more, in log likelihood times two.
+    price = _PARTS * math.log(max(count, math.e))
+    if count * math.log(by_one / by_read) < price or count * math.log(by_read / by_both) > price:
+        return False
+    return _go_together(driver, [a - b for a, b in zip(driver, np.split(remains, ends), strict=True)])
+
+
+def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
+    """Return the smoothing by which least is left: the best width of each kind, none as well."""
+    widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(min(rows / 16, _WIDEST), 1))) + 1)]
+    mean, bell = (min((_Smoothing(kind, width) for width in widths), key=left_by) for kind in ("mean", "bell"))
+    means = [_Smoothing("mean", k) for k in range(max(round(mean.width / 2**0.5), 1), round(mean.width * 2**0.5) + 1)]
+    fine = minimize_scalar(
+        lambda width: left_by(_Smoothing("bell", width)),
+        bounds=(bell.width / 2**0.5, bell.width * 2**0.5),
+        method="bounded",
+    )
+    return min([_Smoothing(), *means, _Smoothing("bell", float(fine.x))], key=left_by)
+
+
+def _go_together(driver: Pieces, function: Pieces) -> bool:
+    """Return whether what a driver does from row to row is what the function does: noise is what is fast in any record.
+
+    With the function taken off, less of it is left, and that not by chance.
+    """
+    pairs = [(np.diff(a, _ORDER), np.diff(b, _ORDER)) for a, b in zip(driver, function, strict=True)]
+    one, other = (np.concatenate(some) for some in zip(*pairs, strict=True))
+    rows = np.isfinite(other)
+    one, other = one[rows], other[rows]
+    square = float(other @ other)
+    if square <= 0.0:
+        return False
+    slope = float(one @ other) / square
+    spread = math.sqrt(float(np.mean((one - slope * other) ** 2)) * (_ORDER + 1) / square)
+    return slope > 0.5 and slope > _SURE * spread
+
+
+def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, list[str]]:
+    """Return a problem without the drivers that hold an output's reading error, and what a person should know of that.
+
+    ``base`` is the fit of the model as it is. A declared law over such a column cannot be left out: it is told alone.
+    """
+    predicted = problem.layout.native(base.solution.prediction)
+    measured, records = problem.measured(), problem.model.records
+    declared = {port.driver for port in problem.ports} - {*problem.drivers, *problem.model.outputs}
+    told, kept = [], dict(problem.drivers)
+    for name in (*problem.drivers, *sorted(declared)):
+        if not all(name in record and np.isfinite(record[name]).all() for record in records):
+            continue
+        column = [record[name] for record in records]
+        output = next(
+            (
+                own
+                for k, own in enumerate(problem.model.outputs)
+                if holds_reading_error(
+                    column,
+                    [one[:, k] for one in predicted],
+                    [one[:, k] - made[:, k] for one, made in zip(measured, predicted, strict=True)],
+                )
+            ),
+            None,
+        )
+        if output is None:
+            continue
+        left_out = kept.pop(name, None) is not None
+        laws = laws_called_with(problem, base.values, name)
+        if not (left_out or laws):
+            continue
+        out = "it was left out of the drivers, because it" if left_out else "it"
+        beside = "".join(f"; the law '{law}' over it explains noise, too" for law in laws)
+        told.append(
+            f"'{name}' is made of '{output}' as it was read, noise included: {out} would explain the residual by "
+            f"itself{beside}; give what the model computes, or the variable from another sensor"
+        )
+    return replace(problem, drivers=kept), told
+
+
+def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column: str) -> list[str]:
+    """Return the laws that the model calls with what a column holds in the same row, or in later ones.
+
+    What stands in rows before, and how a record begins, is another thing: so it is the last row that is moved.
+    """
+    found = []
+    for k, own in enumerate(problem.given(values, ()) if problem.ports else ()):
+        record = problem.model.records[k]
+        asked = call(problem.model, k, own, {}).asked
+        for side in (-_FAR_OFF, _FAR_OFF):
+            moved = record[column].copy()
+            moved[-1] = np.nanmean(moved) + side * np.ptp(moved[np.isfinite(moved)])
+            model = replace(problem.model, records=(Record({**record, column: moved}, record.label_),))
+            now = call(model, 0, own, {}).asked
+            found += [name for name in asked if now[name] != asked[name]]
+    return list(dict.fromkeys(found))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Functions:
+    """Smooth functions of one signal: their values (n, k), over the rows (n,) that count."""
+
+    columns: Array
+    rows: NDArray[np.bool_]
+
+    @staticmethod
+    def of(values: Array, rows: NDArray[np.bool_]) -> _Functions:
+        """Return splines of third order with as many rows in each piece."""
+        inner = np.unique(np.quantile(values[rows], np.linspace(0.0, 1.0, _PARTS + 1))) if rows.any() else np.zeros(1)
+        if len(inner) < 2:
+            return _Functions(np.ones((len(values), 1)), rows)
+        places = np.concatenate([[inner[0]] * 3, inner, [inner[-1]] * 3])
+        at = np.clip(values, inner[0], inner[-1])
+        return _Functions(BSpline(places, np.eye(len(places) - 4), 3)(at), rows)
+
+    def together(self, *others: _Functions) -> _Functions:
+        """Return the sums of functions of other signals, over the same rows."""
+        return _Functions(np.hstack([one.columns for one in others]), self.rows)
+
+    def left(self, values: Array) -> tuple[float, Array]:
+        """Return the mean square that the nearest function leaves, what it leaves (n,; NaN elsewhere)."""
+        if not self.rows.any():
+            return math.inf, np.full(len(values), np.nan)
+        weights = np.linalg.lstsq(self.columns[self.rows], values[self.rows])[0]
+        remains = np.where(self.rows, values - self.columns @ weights, np.nan)
+        return float(np.nanmean(remains**2)), remains

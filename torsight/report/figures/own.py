@@ -1,0 +1,117 @@
+"""Figures of a model of one's own: before and after for each record and output, residuals over drivers, laws."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.discovery.measured_law import MeasuredLaw
+from torsight.report.figures.evidence import candidates, errors
+from torsight.report.figures.law_plots import law_panel
+from torsight.report.figures.motion import CURVES, Figure, models
+from torsight.report.figures.residuals import over_variable, shade_floor
+from torsight.report.plots.panels import Axis, Panel
+
+if TYPE_CHECKING:
+    from torsight.discovery.own.answer.findings import Findings
+    from torsight.discovery.own.answer.laws import MeasuredCurve
+    from torsight.discovery.own.answer.pictures import Series
+
+Array = NDArray[np.float64]
+
+
+def is_ours(name: str) -> bool:
+    """Return whether a figure's file is of this report: those of an earlier answer go."""
+    return name == "candidates" or re.fullmatch(r"(before_after|residual|law)_.+", name) is not None
+
+
+def figures_of(found: Findings) -> dict[str, list[Figure]]:
+    """Return the figures by the section that they stand in; a section without any is absent."""
+    from torsight.discovery.own.answer.pictures import series_of
+
+    answer = found.to_json()
+    floors = answer["noise_floor"]
+    several = len(found.problem.laws) + len(found.problem.candidates) > 1
+    made: dict[str, list[Figure | None]] = {
+        "hero": [
+            before_and_after(one, k, floor=floors.get(one.unit) if np.isfinite(floors.get(one.unit, np.nan)) else None)
+            for k, one in enumerate(series_of(found), start=1)
+        ],
+        "laws": [law_drawn(law) for law in found.laws if law.chosen],
+        "candidates": [candidates(answer)] if several else [],
+        "against": [
+            residual_over(found, output, name, values)
+            for output in range(len(found.errors))
+            for name, values in found.problem.drivers.items()
+        ],
+    }
+    kept = {section: [one for one in some if one is not None] for section, some in made.items()}
+    return {section: some for section, some in kept.items() if some}
+
+
+def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
+    """Draw one output of one record: measured and both models above, what either leaves below."""
+    before, after = one.measured - one.before, one.measured - one.after
+    quantity = one.unit or "observed"
+    motion = Panel(
+        Axis.along("", one.time, clock=one.title),
+        Axis.around(quantity, one.measured, one.before, one.after),
+        height=225,
+    )
+    models(motion, one.time, one.measured, one.before, one.after, ordered=True)
+    left = Panel(
+        Axis.along("time", one.time, clock=one.title), Axis.around("measured − model", before, after), height=245
+    )
+    shade_floor(left, floor, unit="")
+    errors(left, one.time, before, after, alike=np.array_equal(one.before, one.after))
+    title = f"Measured and modelled: {one.title}"
+    words = f"{one.title}: measured, both models, and what either leaves"
+    return Figure(f"before_after_{count}", title, "", (motion, left), words, CURVES)
+
+
+def law_drawn(law: MeasuredCurve) -> Figure:
+    """Draw a measured law with its 95 % band, shaded where the record reached its driver."""
+    named = "No candidate has this form." if law.effect is None else f"The candidate is {law.effect}."
+    told = law.told()
+    shown = MeasuredLaw(
+        effect=law.effect,
+        port=law.id,
+        driver=law.driver,
+        spring="both",
+        unit=law.unit,
+        share=math.nan,
+        driver_values=law.nodes,
+        value=law.values,
+        sigma=law.sigma,
+        covered=law.covered,
+        sentence=told,
+    )
+    across = f"{law.driver} ({law.driver_unit})" if law.driver_unit else law.driver
+    return Figure(
+        law.csv_name.removesuffix(".csv"),
+        f"The law {law.id} over {law.driver}",
+        f"{told[:1].upper()}{told[1:]}. {named}",
+        (law_panel(shown, across=across),),
+        source=law.csv_name,
+    )
+
+
+def residual_over(found: Findings, output: int, name: str, values: Array) -> Figure | None:
+    """Draw what both models leave of an output over one variable on which an effect may depend."""
+    from torsight.discovery.own.answer.pictures import left_of
+
+    quantity = list(found.errors)[output]
+    rows, before, after = left_of(found, output)
+    everywhere = {"all": np.ones(len(before), bool)}
+    made = over_variable(values[rows], before, after, everywhere, label=name, residual=f"measured − model ({quantity})")
+    if made is None:
+        return None
+    plot, means = made
+    data = {"residual": means["residual"], name: means["place"], "mean": means["mean"]}
+    place = re.sub(r"\W+", "_", f"{quantity}_{name}").strip("_") if len(found.errors) > 1 else re.sub(r"\W+", "_", name)
+    words = f"What both models leave of {quantity} over {name}"
+    return Figure(f"residual_{place}", f"{quantity} against {name}", "", (plot,), words, data=data)
